@@ -16,7 +16,8 @@ from hypothesis import settings
 
 from physic_core.cache.folders import cache_folder
 
-# Two threads of torch beside another busy process are far slower than one; it reads this when it is first imported.
+# Two threads of torch beside another busy process are far slower than one; it reads this when it is
+# first imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The user's answers are not for the tests, nor the tests' for the user.
@@ -26,7 +27,9 @@ os.environ["PHYSIC_CACHE"] = "off"
 os.environ.setdefault("PHYSIC_WORLD_CACHE", str(cache_folder("worlds") or "off"))
 
 # Nor are its settings of plugins, tracebacks and configuration.
-for name in [n for n in os.environ if n in ("PHYSIC_PLUGINS", "PHYSIC_DEBUG") or n.startswith("PHYSIC__")]:
+for name in [
+    n for n in os.environ if n in ("PHYSIC_PLUGINS", "PHYSIC_DEBUG") or n.startswith("PHYSIC__")
+]:
     del os.environ[name]
 
 # A shell starts background jobs with Ctrl-C ignored, and tests press it.
@@ -49,7 +52,10 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fail a test that connects to another machine, or looks up its name, in this process."""
 
     def refuse_others(host: Any) -> None:
-        if not (host in (None, "", b"", "localhost", b"localhost", "::", "::1", "0.0.0.0") or str(host)[:4] == "127."):
+        if not (
+            host in (None, "", b"", "localhost", b"localhost", "::", "::1", "0.0.0.0")
+            or str(host)[:4] == "127."
+        ):
             pytest.fail(f"the test uses the network: {host!r}")
 
     def connect(own: socket.socket, address: Any, original: Callable[..., Any]) -> Any:
@@ -62,14 +68,18 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
         return original(host, *arguments, **options)
 
     for name in ("connect", "connect_ex"):
-        monkeypatch.setattr(socket.socket, name, partialmethod(connect, original=getattr(socket.socket, name)))
+        monkeypatch.setattr(
+            socket.socket, name, partialmethod(connect, original=getattr(socket.socket, name))
+        )
     for name in ("getaddrinfo", "gethostbyname"):
         monkeypatch.setattr(socket, name, partial(look_up, original=getattr(socket, name)))
 
 
 @pytest.fixture(scope="module")
 def few_steps() -> Iterator[None]:
-    """Two steps of the optimiser in each run of a pipeline, for tests of what is around the engine."""
+    """Two steps of the optimiser in each run of a pipeline, for tests of what is around the
+    engine.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PHYSIC__ENGINE__JOINT__OPTIMISER__STEPS", "2")
         yield
@@ -84,7 +94,9 @@ def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     world = build_world("sit_side_by_side", 0, (160, 120))
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]  # enough for the files
     folder = tmp_path_factory.mktemp("saved") / "out"
-    reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(str(folder), "pictures")
+    reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(
+        str(folder), "pictures"
+    )
     return folder
 
 
@@ -95,7 +107,9 @@ def repository() -> Path:
 
 @pytest.fixture(scope="session")
 def module_at() -> Callable[[str], ModuleType]:
-    """A function that imports a file of the repository, such as "tools/sbom.py", under a name of its own."""
+    """A function that imports a file of the repository, such as "tools/sbom.py", under a name of
+    its own.
+    """
 
     @cache
     def load(path: str) -> ModuleType:
@@ -134,9 +148,15 @@ class Site:
         self.folder = folder
 
     def install(
-        self, distribution: str, source: str, version: str = "1.0", entry: str = "", group: str = "physic.plugins"
+        self,
+        distribution: str,
+        source: str,
+        version: str = "1.0",
+        entry: str = "",
+        group: str = "physic.plugins",
     ) -> str:
-        """Add a distribution with one module and one group of entry points, or all if ``entry`` begins with one.
+        """Add a distribution with one module and one group of entry points, or all if ``entry``
+        begins with one.
 
         Return the module's name.
         """
@@ -144,9 +164,13 @@ class Site:
         (self.folder / f"{module}.py").write_text(source)
         info = self.folder / f"{module}-{version}.dist-info"
         info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
+        (info / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n"
+        )
         entry = entry or f"{distribution.split('-')[-1]} = {module}"
-        (info / "entry_points.txt").write_text(entry if entry.startswith("[") else f"[{group}]\n{entry}\n")
+        (info / "entry_points.txt").write_text(
+            entry if entry.startswith("[") else f"[{group}]\n{entry}\n"
+        )
         return module
 
     def list_weights(self, distribution: str, manifest: str) -> Path:
@@ -158,19 +182,27 @@ class Site:
         return folder / "sets.toml"
 
     def put(
-        self, kinds: Mapping[str, type], name: str = "own", distribution: str = "physic-mine", version: str = "0.2"
+        self,
+        kinds: Mapping[str, type],
+        name: str = "own",
+        distribution: str = "physic-mine",
+        version: str = "0.2",
     ) -> None:
         """Add a distribution that offers classes of a test, by interface."""
         lines = []
         for interface, kind in kinds.items():
             kind.written_for = 1
-            lines.append(f"[physic.{interface}]\n{name} = {distribution.replace('-', '_')}:{interface}\n")
+            lines.append(
+                f"[physic.{interface}]\n{name} = {distribution.replace('-', '_')}:{interface}\n"
+            )
         module = self.install(distribution, "", version, "".join(lines))
         sys.modules[module] = made = ModuleType(module)
         made.__file__ = str(self.folder / f"{module}.py")
         made.__dict__.update(kinds)
 
-    def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1) -> str:
+    def offer(
+        self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1
+    ) -> str:
         """Add a distribution that offers one backend, of its own module's class ``B``."""
         module = distribution.replace("-", "_")
         source = (
@@ -179,7 +211,9 @@ class Site:
             f"    written_for = {api}\n"
             "    def infer(self, *arguments): raise NotImplementedError\n"
         )
-        return self.install(distribution, source, version, f"{name} = {module}:B", f"physic.{interface}")
+        return self.install(
+            distribution, source, version, f"{name} = {module}:B", f"physic.{interface}"
+        )
 
 
 @pytest.fixture

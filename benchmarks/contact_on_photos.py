@@ -4,24 +4,28 @@
     python -m benchmarks.contact_on_photos fit DATA OUT [--write]
     python -m benchmarks.contact_on_photos cut DATA OUT [--photos N]
 
-``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, and on N frames of each of
-the films of fits, and keeps the features of each person in a file of OUT; an interrupted run continues. ``fit`` prints
-the scores of both halves of the photos, and with ``--write`` writes ``physic_core/engine/touch.json``, fitted on both.
-Half "development" chose the features: each of its pictures is scored by a fit to the others of the half. Half "held" is
-scored by a fit to half "development". A picture that stands in two sets is in one half. Photos of sport with walls and
-rails are also scored apart.
+``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, and on N
+frames of each of the films of fits, and keeps the features of each person in a file of OUT; an
+interrupted run continues. ``fit`` prints the scores of both halves of the photos, and with
+``--write`` writes ``physic_core/engine/touch.json``, fitted on both. Half "development" chose the
+features: each of its pictures is scored by a fit to the others of the half. Half "held" is scored
+by a fit to half "development". A picture that stands in two sets is in one half. Photos of sport
+with walls and rails are also scored apart.
 
-A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders and hips, hips and
-knees, and knees and ankles: the parts below are as labelled. Of parts that need a keypoint to be below the cut, ``fit``
-takes the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of half "held",
-and prints the scores of the parts that the crops removed.
+A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders
+and hips, hips and knees, and knees and ankles: the parts below are as labelled. Of parts that need
+a keypoint to be below the cut, ``fit`` takes the keypoints of the whole picture. ``cut`` runs the
+preset on the cropped pictures of N photos of half "held", and prints the scores of the parts that
+the crops removed.
 
-Contact with other people and the own body is of kind "skin": hands, feet, forearms and lower legs whose partner was
-labelled say how much rarer it is in photos than in the worlds that its model was fitted to.
+Contact with other people and the own body is of kind "skin": hands, feet, forearms and lower legs
+whose partner was labelled say how much rarer it is in photos than in the worlds that its model was
+fitted to.
 
-The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
-a film counts half, since the frames of a film are not independent. Its hands count only if the person seems to hang by
-them: people in these films hold bars, and people in photos hardly touch anything.
+The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the
+pictures alone. A frame of a film counts half, since the frames of a film are not independent. Its
+hands count only if the person seems to hang by them: people in these films hold bars, and people in
+photos hardly touch anything.
 """
 
 from __future__ import annotations
@@ -72,7 +76,10 @@ SPORT = "parkourone"
 """In the names of photos of sport with walls and rails."""
 
 SKIN = "skin"
-"""Kind of contact of a part with another person or the own body. Its fit shifts the log odds of the fit to worlds."""
+"""Kind of contact of a part with another person or the own body.
+
+Its fit shifts the log odds of the fit to worlds.
+"""
 
 PARTS: dict[str, tuple[str, ...]] = {
     "foot": ("distance", "depth beside", "hanging"),
@@ -91,7 +98,9 @@ CUTS = (("knee", "ankle"), ("hip", "knee"), ("shoulder", "hip"))
 """Joints above and below each cut."""
 
 ENDS = {"foot": "ankle", "hand": "wrist", "seat": "knee"}
-"""Label of a part without its side -> the joint below the cut, without which nothing shows the part."""
+"""Label of a part without its side -> the joint below the cut, without which nothing shows the
+part.
+"""
 
 
 @dataclass(frozen=True)
@@ -121,14 +130,17 @@ class Case:
 def main() -> int:
     """Sample, fit, or score cut pictures."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.contact_on_photos", description=(__doc__ or "").partition("\n")[0]
+        prog="python -m benchmarks.contact_on_photos",
+        description=(__doc__ or "").partition("\n")[0],
     )
     parser.add_argument("step", choices=("sample", "fit", "cut"))
     parser.add_argument("data", type=Path, help="folder with contact, photos and truth")
     parser.add_argument("out", type=Path)
     parser.add_argument("--films", type=int, default=6, metavar="N", help="frames of each film")
     parser.add_argument("--photos", type=int, default=15, metavar="N", help="photos that are cut")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded")
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded"
+    )
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
     samples = samples_of(given.data, given.films)
@@ -151,7 +163,10 @@ def samples_of(data: Path, frames: int) -> list[Sample]:
     photos = SETS["contact"](data / "contact")
     files = {file.stem: file for file in (data / "photos").iterdir()}
     more = json.loads(LABELS_OF_PHOTOS.read_text())
-    photos += [Sample("photos", name, name, files[name], truth={"people": people}) for name, people in more.items()]
+    photos += [
+        Sample("photos", name, name, files[name], truth={"people": people})
+        for name, people in more.items()
+    ]
     films: dict[str, list[Sample]] = {}
     for sample in SETS["parkour"](data / "truth" / "parkour"):
         if sample.group in FILMS_OF_FITS:
@@ -172,11 +187,14 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
     skin: list[list[tuple[str, str, float]]] = []
-    features_of, contacts_of = parts.part_features, solve.body_contacts
+    features_of = parts.part_features
+    contacts_of = solve.body_contacts
 
     def recorded(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         features = features_of(given, gap)
-        kept.append({part: {key: v.tolist() for key, v in own.items()} for part, own in features.items()})
+        kept.append(
+            {part: {key: v.tolist() for key, v in own.items()} for part, own in features.items()}
+        )
         return features
 
     def complete(found: Estimates) -> Estimates:
@@ -186,15 +204,24 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     def all_contacts(*given: Any, **options: Any) -> tuple[BodyContact, ...]:
         return contacts_of(*given, **{**options, "least": 0.0})
 
-    with patch.object(parts, "part_features", recorded), patch.object(solve, "body_contacts", all_contacts):
+    with (
+        patch.object(parts, "part_features", recorded),
+        patch.object(solve, "body_contacts", all_contacts),
+    ):
         try:
-            result = pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
+            result = pipeline(
+                cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete
+            )
             skin = [skin_contacts(person) for person in result.people]
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
     height, width = picture_of(sample).shape[:2]
-    joints = {f"{side}_{one}" for side in ("left", "right") for one in ("shoulder", "hip", "knee", "ankle", "wrist")}
+    joints = {
+        f"{side}_{one}"
+        for side in ("left", "right")
+        for one in ("shoulder", "hip", "knee", "ankle", "wrist")
+    }
     for e in estimates if kept else ():
         rows = {name: j for j, name in enumerate(e.keypoints.joint_set.names) if name in joints}
         factor = width / e.image.shape[1], height / e.image.shape[0]
@@ -202,8 +229,13 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
             people.append(
                 {
                     "box": (box * np.tile(factor, 2)).tolist(),
-                    "parts": {part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()},
-                    "y": {name: float(e.keypoints.points[i, j, 1] * factor[1]) for name, j in rows.items()},
+                    "parts": {
+                        part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()
+                    },
+                    "y": {
+                        name: float(e.keypoints.points[i, j, 1] * factor[1])
+                        for name, j in rows.items()
+                    },
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
                     "skin": skin[i] if skin else [],
                 }
@@ -214,10 +246,16 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
 
 
 def skin_contacts(person: Person) -> list[tuple[str, str, float]]:
-    """Return part, kind of partner and log odds by the fit to worlds, of the contacts of a person with skin."""
+    """Return part, kind of partner and log odds by the fit to worlds, of the contacts of a person
+    with skin.
+    """
     weights = touch_model()[SKIN]
     return [
-        (one.part, one.partner.kind, (_logit(one.probability) - weights["constant"]) / weights[IN_WORLDS])
+        (
+            one.part,
+            one.partner.kind,
+            (_logit(one.probability) - weights["constant"]) / weights[IN_WORLDS],
+        )
         for one in person.contacts
         if one.partner.kind in ("person", "self") and one.probability is not None
     ]
@@ -240,27 +278,39 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 name = OF_RESULTS.get(part, part)
                 if name not in one["parts"]:
                     continue
-                kind, of_film = kind_of_part(name), sample.frame is not None
+                kind = kind_of_part(name)
+                of_film = sample.frame is not None
                 weight = FRAME_WEIGHT if of_film else 1.0
                 case = Case(picture_name(sample), kind, one["parts"][name], touches, weight)
-                cases += [] if of_film and kind == "hand" and not case.features["holding"] else [case]
+                cases += (
+                    [] if of_film and kind == "hand" and not case.features["holding"] else [case]
+                )
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
-                    cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))
-            cases += [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
+                    cases.append(
+                        replace(
+                            case, kind="foot in the picture", features={**case.features, **lower}
+                        )
+                    )
+            cases += (
+                [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
+            )
         cases += skin_cases(sample, people)
     return cases
 
 
 def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
-    """Return the contacts of the found people of a photo with skin, on parts whose partner was labelled.
+    """Return the contacts of the found people of a photo with skin, on parts whose partner was
+    labelled.
 
     Only those are counted that the fit to worlds would list.
     """
     truth = sample.truth.get("people", ())
     if not people or not truth:
         return []
-    matched = match_by_boxes([one["box"] for one in people], [one["box"] for one in truth], MIN_IOU).predicted_of
+    matched = match_by_boxes(
+        [one["box"] for one in people], [one["box"] for one in truth], MIN_IOU
+    ).predicted_of
     cases = []
     for i, j in matched.items():
         labels = {OF_RESULTS.get(part, part): label for part, label in truth[i]["parts"].items()}
@@ -281,28 +331,44 @@ def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) 
 
 
 def cut_rows(y: Mapping[str, float]) -> dict[str, float]:
-    """Return joint above the cut -> row between these joints and those below, px, where they are in this order."""
+    """Return joint above the cut -> row between these joints and those below, px, where they are in
+    this order.
+    """
     found = {}
     for above, below in CUTS if y else ():
-        upper, lower = ([y[f"{side}_{joint}"] for side in ("left", "right")] for joint in (above, below))
+        upper, lower = (
+            [y[f"{side}_{joint}"] for side in ("left", "right")] for joint in (above, below)
+        )
         if max(upper) < min(lower):
             found[above] = (max(upper) + min(lower)) / 2
     return found
 
 
-def removed_parts(y: Mapping[str, float], judged: Mapping[str, bool], row: float) -> dict[str, bool]:
-    """Return the judged feet, hands and seat whose ends are below a row: part -> whether it touches the world."""
+def removed_parts(
+    y: Mapping[str, float], judged: Mapping[str, bool], row: float
+) -> dict[str, bool]:
+    """Return the judged feet, hands and seat whose ends are below a row: part -> whether it touches
+    the world.
+    """
     found = {}
     for part, touches in judged.items():
         side, _, kind = part.rpartition("_")
-        ends = [y[f"{one}_{ENDS[kind]}"] for one in ([side] if side else ["left", "right"])] if kind in ENDS else [0.0]
+        ends = (
+            [y[f"{one}_{ENDS[kind]}"] for one in ([side] if side else ["left", "right"])]
+            if kind in ENDS
+            else [0.0]
+        )
         if min(ends) > row:
             found[part] = touches
     return found
 
 
-def cut_pictures(samples: Sequence[Sample], out: Path, count: int, config: Path | None = None) -> None:
-    """Print the scores of the parts that are removed from the largest person of photos of half "held"."""
+def cut_pictures(
+    samples: Sequence[Sample], out: Path, count: int, config: Path | None = None
+) -> None:
+    """Print the scores of the parts that are removed from the largest person of photos of half
+    "held".
+    """
     import cv2
 
     from physic_core import Pipeline, load_config
@@ -312,7 +378,9 @@ def cut_pictures(samples: Sequence[Sample], out: Path, count: int, config: Path 
     rows: dict[str, list[tuple[float, bool]]] = {}
     with Pipeline(load_config(config, preset="embedded")) as pipeline:
         for sample in sorted(photos, key=lambda s: _digest(s.name + "cut"))[:count]:
-            people = judged_parts(sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text()))
+            people = judged_parts(
+                sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text())
+            )
             if not people:
                 continue
             one, judged = max(people, key=lambda found: found[0]["box"][3] - found[0]["box"][1])
@@ -330,16 +398,36 @@ def cut_pictures(samples: Sequence[Sample], out: Path, count: int, config: Path 
                 if found is None or found.world_contact is None:
                     continue
                 for part, touches in removed_parts(one["y"], judged, row).items():
-                    listed = [str(c) for c in found.contacts if c.part == part or (part == "seat" and "leg" in c.part)]
-                    print(sample.name, above, part, touches, f"{found.world_contact[part]:.3f}", *listed, flush=True)
-                    rows.setdefault(part.rpartition("_")[2], []).append((found.world_contact[part], touches))
+                    listed = [
+                        str(c)
+                        for c in found.contacts
+                        if c.part == part or (part == "seat" and "leg" in c.part)
+                    ]
+                    print(
+                        sample.name,
+                        above,
+                        part,
+                        touches,
+                        f"{found.world_contact[part]:.3f}",
+                        *listed,
+                        flush=True,
+                    )
+                    rows.setdefault(part.rpartition("_")[2], []).append(
+                        (found.world_contact[part], touches)
+                    )
     for kind, scored in rows.items():
         likely, touches = zip(*scored, strict=True)
-        print(kind, len(scored), {name: round(value, 3) for name, value in probability_scores(likely, touches).items()})
+        print(
+            kind,
+            len(scored),
+            {name: round(value, 3) for name, value in probability_scores(likely, touches).items()},
+        )
 
 
 def picture_name(sample: Sample) -> str:
-    """Return a name that a picture has in all sets: the number that its source gave it, else the end of its name."""
+    """Return a name that a picture has in all sets: the number that its source gave it, else the
+    end of its name.
+    """
     if sample.frame is not None:
         return sample.group
     numbers = re.findall(r"\d{6,}", sample.name)
@@ -353,7 +441,9 @@ def _digest(text: str) -> int:
 def judged_parts(
     sample: Sample, people: Sequence[Mapping[str, Any]]
 ) -> list[tuple[Mapping[str, Any], dict[str, bool]]]:
-    """Return the found people of a sample whose parts were judged, with part -> whether it touches the world."""
+    """Return the found people of a sample whose parts were judged, with part -> whether it touches
+    the world.
+    """
     if not people:
         return []
     boxes = [person["box"] for person in people]
@@ -365,24 +455,31 @@ def judged_parts(
             (people[j], {part: TOUCHES[label] for part, label in own.items() if label is not None})
             for j, own in labels.items()
         ]
-    largest = max(people, key=lambda one: (one["box"][2] - one["box"][0]) * (one["box"][3] - one["box"][1]))
+    largest = max(
+        people, key=lambda one: (one["box"][2] - one["box"][0]) * (one["box"][3] - one["box"][1])
+    )
     limbs = {part: limb for limb, part in LIMBS.items() if not sample.truth["uncaptured"][limb]}
     return [(largest, {part: bool(sample.truth["touches"][limb]) for part, limb in limbs.items()})]
 
 
 def logistic(features: Array, touches: Array, weights: Array, known: Array) -> Array:
-    """Return constant and coefficients of log odds, by maximum likelihood with a ridge on standardised columns.
+    """Return constant and coefficients of log odds, by maximum likelihood with a ridge on
+    standardised columns.
 
     ``known`` (n,) is added to the log odds.
     """
     from scipy.optimize import minimize
 
-    mean, spread = features.mean(0), features.std(0) + 1e-9
+    mean = features.mean(0)
+    spread = features.std(0) + 1e-9
     columns = np.c_[np.ones(len(features)), (features - mean) / spread]
 
     def loss(w: Array) -> float:
         odds = known + columns @ w
-        return float((weights * (np.logaddexp(0, odds) - touches * odds)).sum() + RIDGE / 2 * (w[1:] ** 2).sum())
+        return float(
+            (weights * (np.logaddexp(0, odds) - touches * odds)).sum()
+            + RIDGE / 2 * (w[1:] ** 2).sum()
+        )
 
     found = minimize(loss, np.zeros(columns.shape[1])).x
     slopes = found[1:] / spread
@@ -390,7 +487,9 @@ def logistic(features: Array, touches: Array, weights: Array, known: Array) -> A
 
 
 def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array, Array]:
-    """Return features (n, F), whether the parts touch, weights, and known log odds of the cases of one kind."""
+    """Return features (n, F), whether the parts touch, weights, and known log odds of the cases of
+    one kind.
+    """
     own = [case for case in cases if case.kind == kind]
     features = [[float(np.nan_to_num(case.features[name])) for name in PARTS[kind]] for case in own]
     touches, weights = np.array([(case.touches, case.weight) for case in own], np.float64).T
@@ -401,7 +500,8 @@ def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array, Arr
 def fit_all(cases: Sequence[Case], *, write: bool) -> None:
     """Score both halves, then fit on all cases."""
     development = [case for case in cases if case.half == "development"]
-    scores, weights = {}, {}
+    scores = {}
+    weights = {}
     for kind in PARTS:
         likely = {"development": left_out(development, kind)}
         w = logistic(*table_of(development, kind))
@@ -420,7 +520,8 @@ def fit_all(cases: Sequence[Case], *, write: bool) -> None:
     films = len({case.picture for case in cases if case.weight < 1})
     record = {
         "made by": "benchmarks/contact_on_photos.py",
-        "fitted on": f"{photos} photos labelled by two readers, and {films} films with measured forces",
+        "fitted on": f"{photos} photos labelled by two readers, and {films} films with measured "
+        f"forces",
         "error on pictures left out": scores,
         "parts": weights,
     }
@@ -430,11 +531,19 @@ def fit_all(cases: Sequence[Case], *, write: bool) -> None:
 
 
 def left_out(cases: Sequence[Case], kind: str) -> list[tuple[Case, float]]:
-    """Return the photos' parts of one kind, each with its probability by a fit without a tenth of the pictures."""
+    """Return the photos' parts of one kind, each with its probability by a fit without a tenth of
+    the pictures.
+    """
     found = []
     for fold in range(10):
-        w = logistic(*table_of([case for case in cases if _digest(case.picture + "fold") % 10 != fold], kind))
-        own = (c for c in cases if c.kind == kind and c.weight == 1 and _digest(c.picture + "fold") % 10 == fold)
+        w = logistic(
+            *table_of([case for case in cases if _digest(case.picture + "fold") % 10 != fold], kind)
+        )
+        own = (
+            c
+            for c in cases
+            if c.kind == kind and c.weight == 1 and _digest(c.picture + "fold") % 10 == fold
+        )
         found += [(case, chance(case, w)) for case in own]
     return found
 
@@ -458,9 +567,11 @@ def described(rows: Sequence[tuple[Case, float]]) -> str:
     score = probability_scores(likely.tolist(), touches.tolist())
     recall = float((likely[touches] > np.quantile(likely[~touches], 1 - FALSE_SHARE)).mean())
     return (
-        f"{len(rows)} judged, {touches.sum()} touch: AUC {score['auc']:.3f}, balanced {score['balanced']:.2f}, recall "
+        f"{len(rows)} judged, {touches.sum()} touch: AUC {score['auc']:.3f}, balanced "
+        f"{score['balanced']:.2f}, recall "
         f"{score['recall']:.2f}, false {1 - score['specificity']:.2f}, skill "
-        f"{1 - score['brier'] / score['constant']:.2f}, recall {recall:.2f} where {FALSE_SHARE:.0%} are false, "
+        f"{1 - score['brier'] / score['constant']:.2f}, recall {recall:.2f} where "
+        f"{FALSE_SHARE:.0%} are false, "
         f"calibration error {score['calibration']:.3f}"
     )
 

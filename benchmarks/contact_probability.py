@@ -1,14 +1,16 @@
-"""Fit the contact of vertices, ``physic_core/engine/contact/coefficients.json``, on synthetic worlds.
+"""Fit the contact of vertices, ``physic_core/engine/contact/coefficients.json``, on synthetic
+worlds.
 
-    python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 45 --raised-worlds 35 --people-worlds 30
-    python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 20 --raised-worlds 15 --people-worlds 10
-    python -m benchmarks.contact_probability fit MAKE CHOOSE
+    python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 45 --raised-worlds 35
+    --people-worlds 30 python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 20
+    --raised-worlds 15 --people-worlds 10 python -m benchmarks.contact_probability fit MAKE CHOOSE
 
-``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a folder; an interrupted
-run continues. ``fit`` finds the coefficients of the columns that the file names by maximum likelihood on one folder,
-and writes them with their error on another; which vertices touch the scene is fitted on body parts that do.
-Each person counts the same. The worlds have the noise of version 4, other bodies and labelled surfaces. Worlds of
-people whose feet are over the ground, and of people who touch each other, are added, since both are rare.
+``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a
+folder; an interrupted run continues. ``fit`` finds the coefficients of the columns that the file
+names by maximum likelihood on one folder, and writes them with their error on another; which
+vertices touch the scene is fitted on body parts that do. Each person counts the same. The worlds
+have the noise of version 4, other bodies and labelled surfaces. Worlds of people whose feet are
+over the ground, and of people who touch each other, are added, since both are rare.
 """
 
 from __future__ import annotations
@@ -52,8 +54,17 @@ Array = NDArray[np.float64]
 Table = tuple[Array, NDArray[np.bool_]]
 """Columns (n, C) and truth (n,)."""
 
-COEFFICIENTS = Path(__file__).parents[1] / "physic_core" / "engine" / "contact" / "coefficients.json"
-PEOPLE = ("hug", "hand_on_shoulder", "hold_hands", "back_to_back", "child_on_lap", "sit_side_by_side")
+COEFFICIENTS = (
+    Path(__file__).parents[1] / "physic_core" / "engine" / "contact" / "coefficients.json"
+)
+PEOPLE = (
+    "hug",
+    "hand_on_shoulder",
+    "hold_hands",
+    "back_to_back",
+    "child_on_lap",
+    "sit_side_by_side",
+)
 SIZE = (320, 240)
 RIDGE = 1e-4
 """Weight of the squared coefficients: columns that say the same share one effect."""
@@ -61,17 +72,26 @@ RIDGE = 1e-4
 PART_COLUMNS = ("constant", "log odds")
 SCENE = "scene"
 NEAR = ("rise", "facing", "hand or foot", "of the scene", "touches")
-"""Columns of vertices at the scene: as ``NearScene``, the engine's probability, and whether the body part touches."""
+"""Columns of vertices at the scene: as ``NearScene``, the engine's probability, and whether the
+body part touches.
+"""
 
 LEAST_VERTICES = 10
 """Of a body part that truly touches."""
 
-STATED = {SCENE: ("floor", "scene", "hidden"), "person": ("person",), "own body": ("self",), "object": ("object",)}
+STATED = {
+    SCENE: ("floor", "scene", "hidden"),
+    "person": ("person",),
+    "own body": ("self",),
+    "object": ("object",),
+}
 
 
 def main() -> int:
     """Collect samples, or fit."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     sample = commands.add_parser("sample")
     sample.add_argument("out", type=Path)
@@ -83,8 +103,14 @@ def main() -> int:
     given = parser.parse_args()
     if given.command == "sample":
         cases = [*benchmark_cases(given.worlds, given.seed, SIZE, "both")]
-        for count, names in ((given.raised_worlds, RAISED_FEET_WORLDS), (given.people_worlds, PEOPLE)):
-            cases += [WorldCase(name, seed, SIZE) for name, seed in benchmark_worlds(count, given.seed, names)]
+        for count, names in (
+            (given.raised_worlds, RAISED_FEET_WORLDS),
+            (given.people_worlds, PEOPLE),
+        ):
+            cases += [
+                WorldCase(name, seed, SIZE)
+                for name, seed in benchmark_worlds(count, given.seed, names)
+            ]
         collect(with_other_bodies(cases), given.out)
     else:
         fit(Samples.read(given.make), Samples.read(given.choose))
@@ -104,7 +130,9 @@ def collect(cases: Sequence[WorldCase], out: Path) -> None:
             evidence = estimate_evidence(case, world, plan, model, None)
             torch.manual_seed(0)
             with patch.object(optimise, "solve_contact", wraps=optimise.solve_contact) as solve:
-                optimise.run_engine(evidence, DEFAULT, model, StageRunner("cpu", len(plan.backends)))
+                optimise.run_engine(
+                    evidence, DEFAULT, model, StageRunner("cpu", len(plan.backends))
+                )
             found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
             pairs = list(zip(found.predicted.tolist(), found.truth.tolist(), strict=True))
             inputs = solve.call_args.args[0]
@@ -116,14 +144,18 @@ def collect(cases: Sequence[WorldCase], out: Path) -> None:
 def samples_of(
     given: ContactInput, result: ContactResult, world: World, pairs: Sequence[tuple[int, int]]
 ) -> dict[str, Any]:
-    """Return the arrays of one world: for each person and kind of contact columns, truth and listed body parts."""
+    """Return the arrays of one world: for each person and kind of contact columns, truth and listed
+    body parts.
+    """
     near = measure_distances(given, DEFAULT.contact.measure)
-    outer, finite = given.model.outer.numpy(), given.finite.tolist()
+    outer = given.model.outer.numpy()
+    finite = given.finite.tolist()
     arrays: dict[str, Any] = {
         f"names {SCENE}": np.array(NEAR),
         "pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2),
     }
-    at, limbs = near_scene(given, near), given.part("hand", "foot").expand_as(near.surface.scene)
+    at = near_scene(given, near)
+    limbs = given.part("hand", "foot").expand_as(near.surface.scene)
     likely = scene_contact(given, near)[0]
     for kind, columns in feature_columns(given, near).items():
         arrays[f"names {kind}"] = np.array(list(columns))
@@ -135,11 +167,15 @@ def samples_of(
         parts = torch.zeros_like(given.model.outer)
         for chosen in contact_parts(given.model).values():
             parts |= chosen & bool(touched[SCENE][chosen.numpy()].sum() >= LEAST_VERTICES)
-        table = torch.stack([x.float() for x in (at.rise[row], at.facing[row], limbs[row], likely[row], parts)], 1)
+        table = torch.stack(
+            [x.float() for x in (at.rise[row], at.facing[row], limbs[row], likely[row], parts)], 1
+        )
         arrays[f"{SCENE} {row}"] = table.numpy()[outer].astype(np.float32)
         arrays[f"truth {row}"] = np.stack([values[outer] for values in touched.values()])
         arrays[f"seen {row}"] = given.seen[row].numpy()[outer]
-        arrays[f"parts {row}"] = np.array(part_samples(given.model, result, int(row), touched)).reshape(-1, 2)
+        arrays[f"parts {row}"] = np.array(
+            part_samples(given.model, result, int(row), touched)
+        ).reshape(-1, 2)
     return arrays
 
 
@@ -152,10 +188,14 @@ def true_contact(world: World, person: int) -> tuple[NDArray[np.bool_], ...]:
 def part_samples(
     model: BodyModel, result: ContactResult, row: int, touched: Mapping[str, NDArray[np.bool_]]
 ) -> list[tuple[float, float]]:
-    """Return log odds and truth of each contact of a body part that is listed; true is contact of ten vertices."""
-    regions, rows = contact_regions(model), []
+    """Return log odds and truth of each contact of a body part that is listed; true is contact of
+    ten vertices.
+    """
+    regions = contact_regions(model)
+    rows = []
     assert result.probability is not None
-    index, likely = result.partner[row], result.probability[row]
+    index = result.partner[row]
+    likely = result.probability[row]
     found = VertexContacts(index, None, torch.full_like(likely, torch.nan))
     for one in body_contacts(found, result.partners, regions):
         part = regions.region == regions.names.index(one.part)
@@ -191,7 +231,10 @@ class Samples:
     def read(folder: Path) -> Samples:
         """Read all samples of a folder."""
         names: dict[str, Sequence[str]] = {}
-        people, anything, seen, parts = [], [], [], []
+        people = []
+        anything = []
+        seen = []
+        parts = []
         files = sorted(folder.glob("*.npz"))
         for file in files:
             with np.load(file, allow_pickle=False) as stored:
@@ -199,7 +242,9 @@ class Samples:
                 names |= {kind: stored[f"names {kind}"].tolist() for kind in here}
                 for row, _ in stored["pairs"]:
                     truth = stored[f"truth {row}"]
-                    tables = {kind: (stored[f"{kind} {row}"], truth[KINDS.index(kind)]) for kind in here}
+                    tables = {
+                        kind: (stored[f"{kind} {row}"], truth[KINDS.index(kind)]) for kind in here
+                    }
                     people.append(tables)
                     anything.append(truth.any(0))
                     seen.append(stored[f"seen {row}"])
@@ -209,12 +254,17 @@ class Samples:
     def tables(self, kind: str, names: Sequence[str]) -> list[Table]:
         """Return chosen columns and truth of each person with contact of a kind."""
         columns = [self.names[kind].index(name) for name in names]
-        return [(one[kind][0][:, columns].astype(np.float64), one[kind][1]) for one in self.people if kind in one]
+        return [
+            (one[kind][0][:, columns].astype(np.float64), one[kind][1])
+            for one in self.people
+            if kind in one
+        ]
 
 
 def logistic(tables: Sequence[Table]) -> Array:
     """Return the most likely coefficients, by Newton's method; the first column is the constant."""
-    X, y = np.concatenate([x for x, _ in tables]), np.concatenate([y for _, y in tables]).astype(np.float64)
+    X = np.concatenate([x for x, _ in tables])
+    y = np.concatenate([y for _, y in tables]).astype(np.float64)
     found = np.zeros(X.shape[1])
     penalty = RIDGE * len(y) * np.r_[0.0, np.ones(X.shape[1] - 1)]
     for _ in range(40):
@@ -253,38 +303,54 @@ def fit(make: Samples, choose: Samples) -> None:
     model = contact_model()
     vertex = {kind: dict.fromkeys(values, 0.0) for kind, values in model.vertex.items()}
     widths = fit_nearness(make)
-    losses = {f"{SCENE}, of parts that touch": nearness_loss(list(widths.values()), touching(choose))}
+    losses = {
+        f"{SCENE}, of parts that touch": nearness_loss(list(widths.values()), touching(choose))
+    }
     for kind, chosen in vertex.items():
         found = logistic(make.tables(kind, list(chosen)))
         losses[kind] = loss(choose.tables(kind, list(chosen)), found)
-        vertex[kind] = {name: round(float(value), 3) for name, value in zip(chosen, found, strict=True)}
+        vertex[kind] = {
+            name: round(float(value), 3) for name, value in zip(chosen, found, strict=True)
+        }
     likely = [anything_of(one, vertex, choose.names) for one in choose.people]
     errors = {
         name: calibration_error(
             np.concatenate([p[seen == shown] for p, seen in zip(likely, choose.seen, strict=True)]),
-            np.concatenate([true[seen == shown] for true, seen in zip(choose.anything, choose.seen, strict=True)]),
+            np.concatenate(
+                [
+                    true[seen == shown]
+                    for true, seen in zip(choose.anything, choose.seen, strict=True)
+                ]
+            ),
         )
         for name, shown in (("seen", True), ("unseen", False))
     }
     part = logistic([(part_columns(make.parts), make.parts[:, 1] > 0)])
-    errors["parts"] = calibration_error(probability(part_columns(choose.parts), part), choose.parts[:, 1] > 0)
+    errors["parts"] = calibration_error(
+        probability(part_columns(choose.parts), part), choose.parts[:, 1] > 0
+    )
     record = {
         "made by": "benchmarks/contact_probability.py",
-        "fitted on": f"{make.worlds} worlds and {len(make.people)} people of seed 1, noise 4, other bodies",
+        "fitted on": f"{make.worlds} worlds and {len(make.people)} people of seed 1, noise 4, "
+        f"other bodies",
         "held-out error": f"{choose.worlds} worlds of seed 2: log loss of a vertex "
         + ", ".join(f"{kind} {value:.4f}" for kind, value in losses.items())
         + "; calibration error of "
         + ", ".join(f"{name} {value:.3f}" for name, value in errors.items()),
         "nearness": widths,
         "vertex": vertex,
-        "part": {name: round(float(value), 3) for name, value in zip(PART_COLUMNS, part, strict=True)},
+        "part": {
+            name: round(float(value), 3) for name, value in zip(PART_COLUMNS, part, strict=True)
+        },
     }
     COEFFICIENTS.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     print(json.dumps(record, indent=2))
 
 
 def touching(samples: Samples) -> list[Table]:
-    """Return rise, facing and limb of the vertices on parts that touch the scene, and truth, of each person."""
+    """Return rise, facing and limb of the vertices on parts that touch the scene, and truth, of
+    each person.
+    """
     found = []
     for columns, true in samples.tables(SCENE, NEAR):
         chosen = columns[:, NEAR.index("touches")] > 0
@@ -298,7 +364,9 @@ def fit_nearness(make: Samples) -> dict[str, float]:
 
     names = [f"{name}{of}" for of in ("", ", hand or foot") for name in ("far_m", "facing")]
     tables = touching(make)
-    found = minimize(lambda widths: nearness_loss(widths, tables), [0.1, 2.0, 0.05, 0.2], method="Nelder-Mead").x
+    found = minimize(
+        lambda widths: nearness_loss(widths, tables), [0.1, 2.0, 0.05, 0.2], method="Nelder-Mead"
+    ).x
     return dict(zip(names, found.round(3).tolist(), strict=True))
 
 
@@ -319,7 +387,9 @@ def part_columns(parts: Array) -> Array:
 
 
 def anything_of(
-    person: Mapping[str, Table], vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
+    person: Mapping[str, Table],
+    vertex: Mapping[str, Mapping[str, float]],
+    names: Mapping[str, Sequence[str]],
 ) -> Array:
     """Return the probability (n,) of contact with anything."""
     free: Array = np.ones(len(next(iter(person.values()))[1]))
@@ -329,7 +399,10 @@ def anything_of(
 
 
 def likelihood_of(
-    kind: str, columns: Array, vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
+    kind: str,
+    columns: Array,
+    vertex: Mapping[str, Mapping[str, float]],
+    names: Mapping[str, Sequence[str]],
 ) -> Array:
     """Return the probability (n,) of one kind of contact; that with the scene is the engine's."""
     if kind == SCENE:

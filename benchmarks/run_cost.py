@@ -1,12 +1,13 @@
-"""What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the median of some runs.
+"""What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the
+median of some runs.
 
     python -m benchmarks.run_cost [--rounds 3] [--against COMMIT]
 
-It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README that states them. Run
-it on an idle machine, with everything committed.
+It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README
+that states them. Run it on an idle machine, with everything committed.
 
-With ``--against`` it writes nothing. It runs another commit in turn with this tree, in the same environment, and prints
-the medians of both, their ratios, and the largest difference of the bodies.
+With ``--against`` it writes nothing. It runs another commit in turn with this tree, in the same
+environment, and prints the medians of both, their ratios, and the largest difference of the bodies.
 """
 
 from __future__ import annotations
@@ -57,12 +58,25 @@ def run(photo: str, tree: Path = ROOT) -> Run:
     paths = [tree, *sorted(path.parent for path in tree.glob("plugins/*/pyproject.toml"))]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "physic_core", "run", str(ROOT / photo), "--no-cache", "-o", f"{folder}/out"]
+        command = [
+            sys.executable,
+            "-m",
+            "physic_core",
+            "run",
+            str(ROOT / photo),
+            "--no-cache",
+            "-o",
+            f"{folder}/out",
+        ]
         cost = run_measured(command, cwd=tree, env=environment)
         files = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
         with np.load(Path(folder, "out", "reconstruction.npz"), allow_pickle=False) as arrays:
-            vertices = np.stack([arrays[name] for name in sorted(arrays.files) if name.endswith(".vertices")])
-    return Run({"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}, vertices)
+            vertices = np.stack(
+                [arrays[name] for name in sorted(arrays.files) if name.endswith(".vertices")]
+            )
+    return Run(
+        {"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}, vertices
+    )
 
 
 def medians(runs: list[Run]) -> dict[str, float]:
@@ -91,10 +105,17 @@ def compare(commit: str, rounds: int) -> None:
             for _ in range(rounds):
                 before.append(run(photo, tree))
                 after.append(run(photo))
-            old, new = medians(before), medians(after)
+            old = medians(before)
+            new = medians(after)
             for key, value in new.items():
-                print(f"{photo}  {key}: {old[key]:.2f} -> {value:.2f}, ratio {value / old[key]:.3f}", flush=True)
-            print(f"{photo}  bodies: {_difference(before[-1].vertices, after[-1].vertices)}", flush=True)
+                print(
+                    f"{photo}  {key}: {old[key]:.2f} -> {value:.2f}, ratio {value / old[key]:.3f}",
+                    flush=True,
+                )
+            print(
+                f"{photo}  bodies: {_difference(before[-1].vertices, after[-1].vertices)}",
+                flush=True,
+            )
 
 
 def _difference(before: np.ndarray, after: np.ndarray) -> str:
@@ -104,14 +125,18 @@ def _difference(before: np.ndarray, after: np.ndarray) -> str:
 
 
 def git(*arguments: str) -> str:
-    return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
 
 
 def main() -> None:
     """Measure, write, and print what was written."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--against", metavar="COMMIT", help="run this commit in turn, and write nothing")
+    parser.add_argument(
+        "--against", metavar="COMMIT", help="run this commit in turn, and write nothing"
+    )
     given = parser.parse_args()
     if given.against is not None:
         compare(given.against, given.rounds)

@@ -3,11 +3,12 @@
     python -m benchmarks.scene worlds OUT --names group walk --seed 3 --views 2 4 8
     python -m benchmarks.scene rigs DATA OUT --kinds pairs fours wrong --most 60
 
-Results of single photos are kept in OUT, so that a second run solves only. The baseline of worlds is the average of the
-results of the single photos, in the frame of the reference camera, aligned by the true cameras.
+Results of single photos are kept in OUT, so that a second run solves only. The baseline of worlds
+is the average of the results of the single photos, in the frame of the reference camera, aligned by
+the true cameras.
 
-DATA is the folder of ``benchmarks.truth``, whose sets ``panoptic`` and ``roundtable`` are used; without it, the second
-command says so and ends (``benchmarks/scene_rigs.py``).
+DATA is the folder of ``benchmarks.truth``, whose sets ``panoptic`` and ``roundtable`` are used;
+without it, the second command says so and ends (``benchmarks/scene_rigs.py``).
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ def main() -> None:
     """Run a command of this file."""
     from benchmarks.scene_rigs import run_rigs
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(required=True)
     worlds = commands.add_parser("worlds")
     worlds.add_argument("out", type=Path)
@@ -60,15 +63,24 @@ def main() -> None:
     rigs = commands.add_parser("rigs")
     rigs.add_argument("data", type=Path)
     rigs.add_argument("out", type=Path)
-    rigs.add_argument("--kinds", nargs="+", choices=("pairs", "fours", "wrong"), default=("pairs", "wrong"))
+    rigs.add_argument(
+        "--kinds", nargs="+", choices=("pairs", "fours", "wrong"), default=("pairs", "wrong")
+    )
     rigs.add_argument("--most", type=int, default=60, help="moments of each kind, spread over all")
-    rigs.add_argument("--apart", action="store_true", help="only moments that took no part in choosing numbers")
-    rigs.set_defaults(run=lambda given: run_rigs(given.data, given.out, given.kinds, given.most, apart=given.apart))
+    rigs.add_argument(
+        "--apart", action="store_true", help="only moments that took no part in choosing numbers"
+    )
+    rigs.set_defaults(
+        run=lambda given: run_rigs(
+            given.data, given.out, given.kinds, given.most, apart=given.apart
+        )
+    )
     given = parser.parse_args()
     given.run(given)
 
 
-# ---- worlds ----------------------------------------------------------------------------------------------------------
+# ---- worlds
+# --------------------------------------------------------------------------------------------------
 
 
 def world_seed(name: str, seed: int) -> int:
@@ -98,32 +110,49 @@ def run_worlds(given: argparse.Namespace) -> None:
                 found = scene.join(alone[:count])
                 seconds = time.process_time() - start
                 for label, scores in world_scores(found, worlds, alone[:count]).items():
-                    rows.setdefault(f"{count} views, {label}", []).append({**scores, "CPU s": seconds})
-                print(f"{name} {seed}, {count} views: {len(found.left_out)} skipped", file=sys.stderr, flush=True)
+                    rows.setdefault(f"{count} views, {label}", []).append(
+                        {**scores, "CPU s": seconds}
+                    )
+                print(
+                    f"{name} {seed}, {count} views: {len(found.left_out)} skipped",
+                    file=sys.stderr,
+                    flush=True,
+                )
     print_table(rows)
 
 
-def world_scores(found: Any, worlds: Sequence[Any], alone: Sequence[Any]) -> dict[str, dict[str, float]]:
+def world_scores(
+    found: Any, worlds: Sequence[Any], alone: Sequence[Any]
+) -> dict[str, dict[str, float]]:
     """Return the scores of the joint solution, and of the average of the single results."""
-    world, result = worlds[found.reference], found.reconstruction
+    world = worlds[found.reference]
+    result = found.reconstruction
     match = match_by_masks(np.stack([p.mask for p in result.people]), world.masks, min_iou=0.3)
     pairs = list(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
-    joint, single = [], []
+    joint = []
+    single = []
     for row, true in pairs:
-        fact, touched = world.joints[true, :22].astype(np.float64), world.contact[true]
-        averaged, f1 = [], []
+        fact = world.joints[true, :22].astype(np.float64)
+        touched = world.contact[true]
+        averaged = []
+        f1 = []
         for photo in found.photos:
             if row in photo.shown:
-                own, body = worlds[photo.index].camera, alone[photo.index].people[photo.shown[row]]
+                own = worlds[photo.index].camera
+                body = alone[photo.index].people[photo.shown[row]]
                 averaged.append(world.camera.to_camera(own.to_room(body.joints.astype(np.float64))))
                 f1.append(person_scores(body.joints, body.contact, fact, touched)["F1"])
         if len(averaged) < 2:
             continue
-        joint.append(person_scores(result.people[row].joints, result.people[row].contact, fact, touched))
+        joint.append(
+            person_scores(result.people[row].joints, result.people[row].contact, fact, touched)
+        )
         mean = person_scores(np.mean(averaged, axis=0), result.people[row].contact, fact, touched)
         single.append({**mean, "F1": float(np.mean(f1))})
     cameras = [
-        camera_scores(photo.camera, world.camera.rotation, world.camera.position, worlds[photo.index].camera)
+        camera_scores(
+            photo.camera, world.camera.rotation, world.camera.position, worlds[photo.index].camera
+        )
         for photo in found.photos
     ]
     around = mean_of(row for row in cameras if row)
@@ -134,7 +163,9 @@ def person_scores(joints: Any, contact: Any, fact: Any, touched: Any) -> dict[st
     """Return the errors of one person, mm, and the F1 of contact."""
     joints = np.asarray(joints, np.float64)[None, :22]
     factor = float(np.exp(np.median(np.log(fact[:, 2] / joints[0, :, 2]))))
-    f1 = precision_recall_f1(contact_counts(np.asarray(contact)[None], np.asarray(touched)[None]))[2]
+    f1 = precision_recall_f1(contact_counts(np.asarray(contact)[None], np.asarray(touched)[None]))[
+        2
+    ]
     return {
         "PA": float(pa_mpjpe_mm(joints, fact[None])[0]),
         "MPJPE": float(mpjpe_mm(joints, fact[None])[0]),
@@ -144,22 +175,30 @@ def person_scores(joints: Any, contact: Any, fact: Any, touched: Any) -> dict[st
 
 
 def camera_scores(camera: Any, rotation: Any, position: Any, true: Any) -> dict[str, float]:
-    """Return the errors of a camera's rotation and distance relative to the reference; empty for the reference."""
+    """Return the errors of a camera's rotation and distance relative to the reference; empty for
+    the reference.
+    """
     away = np.linalg.norm(true.position - position)
     if away < 1e-9:
         return {}
     turn = true.rotation @ rotation.T
     angle = np.degrees(np.arccos(np.clip((np.trace(camera.rotation @ turn.T) - 1) / 2, -1, 1)))
-    return {"camera deg": float(angle), "distance %": float(100 * abs(np.linalg.norm(camera.centre) / away - 1))}
+    return {
+        "camera deg": float(angle),
+        "distance %": float(100 * abs(np.linalg.norm(camera.centre) / away - 1)),
+    }
 
 
-# ---- results ---------------------------------------------------------------------------------------------------------
+# ---- results
+# --------------------------------------------------------------------------------------------------
 
 
 def mean_of(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
     """Return the mean of each number."""
     taken = list(rows)
-    return {key: float(np.nanmean([row[key] for row in taken])) for key in (taken[0] if taken else {})}
+    return {
+        key: float(np.nanmean([row[key] for row in taken])) for key in (taken[0] if taken else {})
+    }
 
 
 def print_table(rows: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
@@ -168,7 +207,9 @@ def print_table(rows: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
     table = [["", "n", *columns]]
     for name, scores in rows.items():
         values = [[row[column] for row in scores if column in row] for column in columns]
-        table.append([name, str(len(scores)), *(f"{np.mean(own):.3g}" if own else "-" for own in values)])
+        table.append(
+            [name, str(len(scores)), *(f"{np.mean(own):.3g}" if own else "-" for own in values)]
+        )
     print(markdown_table(table))
 
 

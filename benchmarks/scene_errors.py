@@ -1,9 +1,10 @@
-"""Measure the errors of single photos that ``physic scene`` expects, on worlds with several cameras.
+"""Measure the errors of single photos that ``physic scene`` expects, on worlds with several
+cameras.
 
     python -m benchmarks.scene_errors OUT --names group walk --seeds 3 4
 
-Writes ``plugins/physic-scene/physic_scene/measured_errors.json``. Results of single photos are kept in OUT, as those of
-``benchmarks.scene``. People have noise of version 4 and other bodies.
+Writes ``plugins/physic-scene/physic_scene/measured_errors.json``. Results of single photos are kept
+in OUT, as those of ``benchmarks.scene``. People have noise of version 4 and other bodies.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ class WorldView:
 
 def main() -> None:
     """Measure and write the file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--names", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--seeds", type=int, nargs="+", default=[3, 4])
@@ -75,40 +78,61 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
             points = _true_points(worlds)
             for world in worlds:
                 image = world.image
-                result = kept(out / f"{world.name}-{seed}.pkl", lambda image=image: scene.alone(image))
+                result = kept(
+                    out / f"{world.name}-{seed}.pkl", lambda image=image: scene.alone(image)
+                )
                 photo = ScenePhoto.of(len(views), world.name, result, model)
                 people = photo.people
                 masks = np.stack([result.people[row].mask for row in photo.rows])
                 match = match_by_masks(masks, world.masks, min_iou=0.3)
                 number = dict(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
-                views.append(WorldView(people, [number.get(i, -1) for i in range(len(people))], world, points))
+                views.append(
+                    WorldView(
+                        people, [number.get(i, -1) for i in range(len(people))], world, points
+                    )
+                )
             yield views
 
 
 def _true_points(worlds: Sequence[Any]) -> Any:
     """Return the true landmarks (N, J, 3), room frame, from their pixels in all views."""
-    left, right = 0.0, 0.0
+    left = 0.0
+    right = 0.0
     for world in worlds:
-        K, uv = world.intrinsics.matrix, world.keypoints["blazepose33"]
-        rays = np.concatenate([uv, np.ones((*uv.shape[:2], 1))], axis=-1) @ np.linalg.inv(K).T @ world.camera.rotation
+        K = world.intrinsics.matrix
+        uv = world.keypoints["blazepose33"]
+        rays = (
+            np.concatenate([uv, np.ones((*uv.shape[:2], 1))], axis=-1)
+            @ np.linalg.inv(K).T
+            @ world.camera.rotation
+        )
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
         across = np.eye(3) - rays[..., None] * rays[..., None, :]
-        left, right = left + across, right + across @ world.camera.position
+        left = left + across
+        right = right + across @ world.camera.position
     return np.linalg.solve(left, np.asarray(right)[..., None])[..., 0]
 
 
-# ---- errors of cameras and bodies ------------------------------------------------------------------------------------
+# ---- errors of cameras and bodies
+# ------------------------------------------------------------------------------------
 
 
 def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
     from physic_scene.measured import keypoint_class, keypoint_clusters
     from physic_scene.rigid import fit_rotation
 
-    keypoints, confidence, landmarks, turns, bones, floors, focals = [], [], [], [], [], [], []
+    keypoints = []
+    confidence = []
+    landmarks = []
+    turns = []
+    bones = []
+    floors = []
+    focals = []
     for views in moments:
         own_focals = []
         for view in views:
-            world, people = view.world, view.people
+            world = view.world
+            people = view.people
             names = people.skeleton.names
             own_focals.append(np.log(people.K[0, 0] / world.intrinsics.fx))
             if np.isfinite(people.up).all():
@@ -117,9 +141,12 @@ def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
                 if number < 0:
                     continue
                 true = world.camera.to_camera(view.points[number])
-                keypoints.append((people.points[i] - world.keypoints["blazepose33"][number]) / people.size_px[i])
+                keypoints.append(
+                    (people.points[i] - world.keypoints["blazepose33"][number]) / people.size_px[i]
+                )
                 confidence.append(people.confidence[i])
-                a, b = people.landmarks[i] - people.landmarks[i].mean(0), true - true.mean(0)
+                a = people.landmarks[i] - people.landmarks[i].mean(0)
+                b = true - true.mean(0)
                 turn = fit_rotation(a, b, np.ones(len(a)))
                 away = np.linalg.norm(b) / np.linalg.norm(a) * a @ turn.T - b
                 ray = true.mean(0) / np.linalg.norm(true.mean(0))
@@ -127,12 +154,19 @@ def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
                 across = np.linalg.norm(away - along[:, None] * ray, axis=1) / np.sqrt(2)
                 landmarks.append(np.stack([along, across], axis=1))
                 vector = np.degrees(Rotation.from_matrix(turn).as_rotvec())
-                turns.append([vector @ ray, np.linalg.norm(vector - (vector @ ray) * ray) / np.sqrt(2)])
+                turns.append(
+                    [vector @ ray, np.linalg.norm(vector - (vector @ ray) * ray) / np.sqrt(2)]
+                )
                 bones.append(_bone_errors(people.landmarks[i], true, names))
         focals.append(own_focals)
-    kinds, cluster = np.array([keypoint_class(name) for name in names]), keypoint_clusters(names)
-    errors, sure, bodies = np.array(keypoints), np.array(confidence), np.array(landmarks)
-    centres, sigmas, counts = [], [], []
+    kinds = np.array([keypoint_class(name) for name in names])
+    cluster = keypoint_clusters(names)
+    errors = np.array(keypoints)
+    sure = np.array(confidence)
+    bodies = np.array(landmarks)
+    centres = []
+    sigmas = []
+    counts = []
     for low, high in itertools.pairwise(BINS):
         inside = (sure > low) & (sure < high)
         if inside.sum() >= 50:
@@ -140,18 +174,25 @@ def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
             sigmas.append(_robust(errors[inside]))
             counts.append(int(inside.sum()))
     unit = np.interp(sure, centres, sigmas)[..., None]
-    of_class = {kind: [_robust(bodies[:, kinds == kind, k]) for k in (0, 1)] for kind in sorted(set(kinds))}
+    of_class = {
+        kind: [_robust(bodies[:, kinds == kind, k]) for k in (0, 1)] for kind in sorted(set(kinds))
+    }
     shared = np.array(focals)
     return {
         "confidence": _rounded(centres),
         "keypoint": _rounded(isotonic_regression(sigmas, weights=counts, increasing=False).x),
-        "keypoint_correlation": _correlation(np.where(sure[..., None] > 0, errors / unit, np.nan), cluster),
+        "keypoint_correlation": _correlation(
+            np.where(sure[..., None] > 0, errors / unit, np.nan), cluster
+        ),
         "landmark_m": {kind: _rounded(values) for kind, values in of_class.items()},
         "turn_deg": _rounded(np.sqrt(np.mean(np.square(turns), axis=0))),
         "bone": round(_robust(np.array(bones)), 4),
         "floor_deg": round(float(np.sqrt(np.mean(np.square(floors)) / 2)), 2),
-        # An estimator's mean error on all photos is unknown to a user: it is a part that photos share.
-        "focal": _rounded([np.sqrt((shared.mean(1) ** 2).mean()), shared.std(axis=1, ddof=1).mean()]),
+        # An estimator's mean error on all photos is unknown to a user: it is a part that photos
+        # share.
+        "focal": _rounded(
+            [np.sqrt((shared.mean(1) ** 2).mean()), shared.std(axis=1, ddof=1).mean()]
+        ),
     }
 
 
@@ -160,7 +201,10 @@ def _bone_errors(landmarks: Any, true: Any, names: Sequence[str]) -> Any:
     from physic_scene.bundle import bones_of
 
     a, b = bones_of(names).T
-    ratio = np.log(np.linalg.norm(landmarks[b] - landmarks[a], axis=1) / np.linalg.norm(true[b] - true[a], axis=1))
+    ratio = np.log(
+        np.linalg.norm(landmarks[b] - landmarks[a], axis=1)
+        / np.linalg.norm(true[b] - true[a], axis=1)
+    )
     return ratio - ratio.mean()
 
 
@@ -174,7 +218,9 @@ def _robust(values: Any) -> float:
 
 
 def _correlation(scaled: Any, cluster: Any) -> float:
-    """Return the mean correlation of errors (n, J, d), in units of their sizes, within clusters; large ones are cut."""
+    """Return the mean correlation of errors (n, J, d), in units of their sizes, within clusters;
+    large ones are cut.
+    """
     cut = np.clip(scaled, -2.5, 2.5)
     cut = cut / np.sqrt(np.nanmean(cut**2))
     found = []

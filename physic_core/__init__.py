@@ -1,6 +1,7 @@
 """Reconstruct people, scene and contact from one photo, in one camera frame (OpenCV axes, metres).
 
-All names but the errors are imported at their first use, so that commands that only list or print start fast.
+All names but the errors are imported at their first use, so that commands that only list or print
+start fast.
 """
 
 from __future__ import annotations
@@ -23,7 +24,12 @@ from physic_core.errors import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.configuration.model import Config, engine_preset, engine_preset_names, load_config
+    from physic_core.configuration.model import (
+        Config,
+        engine_preset,
+        engine_preset_names,
+        load_config,
+    )
     from physic_core.discovery.backends import find_backend, list_backends
     from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
     from physic_core.discovery.plugins import find_exporter, find_exporters
@@ -99,7 +105,8 @@ _NAMES = {
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
     "physic_core.pipeline.stage_runner": "load_backend",
     "physic_core.pipeline.run": "Pipeline reconstruct",
-    "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",
+    "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction "
+    "Scene",
     "physic_core.types.records": "ExportedFiles",
     "physic_core.visual.export.request": "ExportRequest",
     "physic_core.visual.export.write": "export_reconstruction",

@@ -62,7 +62,9 @@ class BackendNotFoundError(BackendError):
 
 
 class AmbiguousBackendError(BackendError):
-    """Raised if several distributions offer a backend with this name; "distribution:name" selects one."""
+    """Raised if several distributions offer a backend with this name; "distribution:name" selects
+    one.
+    """
 
 
 class WeightsMissingError(BackendError):
@@ -78,4 +80,6 @@ class PluginError(PhysicError):
 
 
 class NoPersonError(PhysicError):
-    """Raised if a chosen or required person is not found in a photo, or a metric depth needs people and gets none."""
+    """Raised if a chosen or required person is not found in a photo, or a metric depth needs people
+    and gets none.
+    """

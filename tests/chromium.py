@@ -1,4 +1,6 @@
-"""A headless Chromium for tests, by its DevTools protocol over a pipe: needs no driver and no further package."""
+"""A headless Chromium for tests, by its DevTools protocol over a pipe: needs no driver and no
+further package.
+"""
 
 from __future__ import annotations
 
@@ -63,18 +65,27 @@ class Chromium:
         )
         os.close(out)
         os.close(into)
-        self._ids, self._buffer = itertools.count(1), b""
+        self._ids = itertools.count(1)
+        self._buffer = b""
         self._listeners: dict[str, list[dict[str, Any]]] = {}
 
-    def open(self, url: str, width: int = 1280, height: int = 800, dark: bool = False, before: str = "") -> Page:
-        """Open a page in a tab of this size, px, and wait until it is loaded; ``before`` is a script to run first."""
+    def open(
+        self, url: str, width: int = 1280, height: int = 800, dark: bool = False, before: str = ""
+    ) -> Page:
+        """Open a page in a tab of this size, px, and wait until it is loaded; ``before`` is a
+        script to run first.
+        """
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         page = Page(self, target, session)
         for domain in ("Page", "Network", "Runtime", "Log"):
             page.call(f"{domain}.enable")
         page.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
         )
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         page.call("Emulation.setEmulatedMedia", features=[scheme])
@@ -85,7 +96,9 @@ class Chromium:
 
     def call(self, method: str, session: str | None = None, **params: Any) -> dict[str, Any]:
         number = next(self._ids)
-        message = {"id": number, "method": method, "params": params} | ({"sessionId": session} if session else {})
+        message = {"id": number, "method": method, "params": params} | (
+            {"sessionId": session} if session else {}
+        )
         os.write(self._send, json.dumps(message).encode() + b"\0")
         while True:
             answer = self._next()
@@ -103,7 +116,9 @@ class Chromium:
             ready, _, _ = select.select([self._receive], [], [], max(0.0, end - time.monotonic()))
             part = os.read(self._receive, 1 << 20) if ready else b""
             if not part:
-                raise RuntimeError("Chromium has ended" if ready else f"Chromium gave no answer in {_SECONDS} s")
+                raise RuntimeError(
+                    "Chromium has ended" if ready else f"Chromium gave no answer in {_SECONDS} s"
+                )
             self._buffer += part
         text, _, self._buffer = self._buffer.partition(b"\0")
         message: dict[str, Any] = json.loads(text)
@@ -126,14 +141,18 @@ class Page:
     """A tab of the browser."""
 
     def __init__(self, browser: Chromium, target: str, session: str) -> None:
-        self._browser, self._target, self._session = browser, target, session
+        self._browser = browser
+        self._target = target
+        self._session = session
 
     def call(self, method: str, **params: Any) -> dict[str, Any]:
         return self._browser.call(method, self._session, **params)
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of a JavaScript expression, or of its promise."""
-        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        answer = self.call(
+            "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
+        )
         if "exceptionDetails" in answer:
             raise RuntimeError(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
@@ -156,7 +175,9 @@ class Page:
 
     def picture(self, selector: str = "body") -> np.ndarray:
         """Return the pixels of an element (H, W, 3), as they are on the screen."""
-        self.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))")
+        self.evaluate(
+            "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
+        )
         x, y, width, height = self.box(selector)
         clip = {"x": x, "y": y, "width": width, "height": height, "scale": 1}
         data = self.call("Page.captureScreenshot", format="png", clip=clip)["data"]
@@ -164,7 +185,10 @@ class Page:
 
     def box(self, selector: str) -> tuple[float, float, float, float]:
         """Return x, y, width and height of an element, px."""
-        code = "(r => [r.x, r.y, r.width, r.height])(document.querySelector(%s).getBoundingClientRect())"
+        code = (
+            "(r => [r.x, r.y, r.width, "
+            "r.height])(document.querySelector(%s).getBoundingClientRect())"
+        )
         x, y, width, height = self.evaluate(code % json.dumps(selector))
         return x, y, width, height
 
@@ -184,19 +208,39 @@ class Page:
             ("mouseReleased", end),
         ):
             pressed = {"button": "left", "buttons": 1, "clickCount": 1}
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **(pressed if kind != "mouseMoved" else {}))
+            self.call(
+                "Input.dispatchMouseEvent",
+                type=kind,
+                x=x,
+                y=y,
+                **(pressed if kind != "mouseMoved" else {}),
+            )
 
     def press(self, key: str) -> None:
         codes = {"Tab": 9, "Enter": 13, " ": 32, "Escape": 27, "ArrowLeft": 37, "ArrowUp": 38}
         text = {" ": " ", "Enter": "\r"}.get(key, key if len(key) == 1 else "")
-        common = {"key": key, "code": "Space" if key == " " else key, "windowsVirtualKeyCode": codes.get(key, 0)}
-        self.call("Input.dispatchKeyEvent", type="keyDown", **common, **({"text": text} if text else {}))
+        common = {
+            "key": key,
+            "code": "Space" if key == " " else key,
+            "windowsVirtualKeyCode": codes.get(key, 0),
+        }
+        self.call(
+            "Input.dispatchKeyEvent", type="keyDown", **common, **({"text": text} if text else {})
+        )
         self.call("Input.dispatchKeyEvent", type="keyUp", **common)
 
     def requests(self) -> list[str]:
         """Return the addresses that the page has asked for, but for data in the page itself."""
-        sent = (e["params"] for e in self._browser.events(self._session) if e["method"] == "Network.requestWillBeSent")
-        return [p["request"]["url"] for p in sent if not p["request"]["url"].startswith(("data:", "blob:"))]
+        sent = (
+            e["params"]
+            for e in self._browser.events(self._session)
+            if e["method"] == "Network.requestWillBeSent"
+        )
+        return [
+            p["request"]["url"]
+            for p in sent
+            if not p["request"]["url"].startswith(("data:", "blob:"))
+        ]
 
     def errors(self) -> list[str]:
         """Return what the page has reported as errors: exceptions, console and log."""

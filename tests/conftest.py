@@ -1,4 +1,6 @@
-"""A room seen by a pitched camera, with capsule mannequins standing in it: a reconstruction without any network."""
+"""A room seen by a pitched camera, with capsule mannequins standing in it: a reconstruction without
+any network.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ from physic_core.types import (
 FLOOR = ContactPartner("floor", "floor")
 CAMERA_HEIGHT = 1.4
 PITCH = np.deg2rad(12.0)  # the camera looks down by so much
-# Rows are the camera's axes in a world of x right, y up, z forward, whose origin is on the floor under the camera.
+# Rows are the camera's axes in a world of x right, y up, z forward, whose origin is on the floor
+# under the camera.
 CAMERA_FROM_WORLD = np.array(
     [
         [1.0, 0.0, 0.0],
@@ -35,7 +38,8 @@ CAMERA_FROM_WORLD = np.array(
     ]
 )
 BOX = np.array([[0.5, 0.0, 2.8], [1.2, 0.45, 3.4]])
-WALL_Z, WALL_X = 5.0, -2.5
+WALL_Z = 5.0
+WALL_X = -2.5
 
 
 def to_camera(world: np.ndarray) -> np.ndarray:
@@ -45,11 +49,15 @@ def to_camera(world: np.ndarray) -> np.ndarray:
 def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
     camera = Intrinsics.from_focal(0.8 * width, width, height, "given")
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(columns)], -1)
+    rays = np.stack(
+        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(columns)],
+        -1,
+    )
     world = rays @ CAMERA_FROM_WORLD
     origin = np.array([0.0, CAMERA_HEIGHT, 0.0])
     depth = np.full((height, width), np.inf)
-    normals, colors = np.zeros((height, width, 3)), np.zeros((height, width, 3))
+    normals = np.zeros((height, width, 3))
+    colors = np.zeros((height, width, 3))
 
     def keep(distance, normal, color, mask=True):
         nonlocal depth
@@ -71,7 +79,9 @@ def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
             others = [other for other in range(3) if other != axis]
             inside = ((hit >= BOX[0]) & (hit <= BOX[1]))[..., others].all(-1)
             keep(distance, normal, [[190, 90, 70], [215, 120, 95], [160, 70, 55]][axis], inside)
-    points = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.nan).astype(np.float32)
+    points = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.nan).astype(
+        np.float32
+    )
     up = CAMERA_FROM_WORLD @ [0.0, 1.0, 0.0]
     z, x = np.meshgrid(np.linspace(1, 5, 9), np.linspace(-2, 2, 9))
     floor = np.stack([x, np.zeros_like(x), z], -1).reshape(-1, 3)
@@ -87,8 +97,12 @@ def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
     )
 
 
-def mannequin(x: float, z: float, turn_deg: float = 180.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices and 55 joints in the camera's frame, and faces, of a figure 1.7 m tall that stands on the floor."""
+def mannequin(
+    x: float, z: float, turn_deg: float = 180.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices and 55 joints in the camera's frame, and faces, of a figure 1.7 m tall that stands
+    on the floor.
+    """
 
     def limb(start, end, radius):
         shape = trimesh.creation.capsule(height=1.0, radius=radius, count=[8, 8])
@@ -107,7 +121,9 @@ def mannequin(x: float, z: float, turn_deg: float = 180.0) -> tuple[np.ndarray, 
         joints[16 + side] = [sign * 0.18, 1.4, 0.0]
         joints[18 + side] = [sign * 0.24, 1.12, 0.0]
         joints[20 + side] = [sign * 0.26, 0.88, 0.04]
-    joints[3], joints[6], joints[9], joints[12], joints[15] = ([0, y, 0] for y in (1.03, 1.15, 1.25, 1.47, 1.57))
+    joints[3], joints[6], joints[9], joints[12], joints[15] = (
+        [0, y, 0] for y in (1.03, 1.15, 1.25, 1.47, 1.57)
+    )
     pieces = [limb(joints[0], joints[9], 0.14), limb(joints[12], [0, 1.58, 0], 0.11)]
     for side in (0, 1):
         pieces += [
@@ -119,13 +135,18 @@ def mannequin(x: float, z: float, turn_deg: float = 180.0) -> tuple[np.ndarray, 
         ]
     body = trimesh.util.concatenate(pieces)
     angle = np.deg2rad(turn_deg)
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    turn = np.array(
+        [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    )
     place = [x, 0.0, z]
     vertices = np.asarray(body.vertices) @ turn.T + place
-    return to_camera(vertices), to_camera(joints @ turn.T + place), np.asarray(body.faces)[:, ::-1]  # y up, z forward
+    # y up, z forward
+    return to_camera(vertices), to_camera(joints @ turn.T + place), np.asarray(body.faces)[:, ::-1]
 
 
-def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0) -> tuple[Person, np.ndarray]:
+def make_person(
+    x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0
+) -> tuple[Person, np.ndarray]:
     vertices, joints, faces = mannequin(x, z, turn_deg)
     up = CAMERA_FROM_WORLD @ [0.0, 1.0, 0.0]
     heights = vertices @ up + CAMERA_HEIGHT
@@ -137,9 +158,17 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
     x1, y1 = np.ceil(pixels.max(0)).astype(int)
     mask[y0:y1, x0:x1] = True
     rng = np.random.default_rng(3)
-    sizes = {"global_orient": 3, "body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "jaw_pose": 3}
+    sizes = {
+        "global_orient": 3,
+        "body_pose": 63,
+        "left_hand_pose": 45,
+        "right_hand_pose": 45,
+        "jaw_pose": 3,
+    }
     sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 16, "expression": 0, "transl": 3}
-    parameters = {name: rng.normal(size=(1, size)).astype(np.float32) for name, size in sizes.items()}
+    parameters = {
+        name: rng.normal(size=(1, size)).astype(np.float32) for name, size in sizes.items()
+    }
     person = Person(
         box=np.array([x0, y0, x1, y1], np.float32),
         score=0.875,
@@ -157,7 +186,9 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
         contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
-        support=Support("balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)),
+        support=Support(
+            "balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)
+        ),
         world_contact={"left_foot": 0.9, "left_hand": 0.02},
     )
     return person, faces
@@ -165,7 +196,10 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
 
 def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) -> Reconstruction:
     camera, scene = make_room(width, height)
-    made = [make_person(x, z, camera, turn) for x, z, turn in [(-0.6, 3.0, 180.0), (0.3, 3.8, 90.0)][:people]]
+    made = [
+        make_person(x, z, camera, turn)
+        for x, z, turn in [(-0.6, 3.0, 180.0), (0.3, 3.8, 90.0)][:people]
+    ]
     backend = Provenance(
         interface="segmenter",
         backend="mock",
@@ -189,7 +223,11 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
         notes=("read from a file",),
         grade=Grade.BAD,
         contact_partners=(FLOOR, ContactPartner("person", person=1, part="left_hand")),
-        config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
+        config={
+            "preset": "default",
+            "engine": {"joint": {"steps": 100, "weight": 0.3}},
+            "floor": True,
+        },
     )
 
 

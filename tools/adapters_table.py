@@ -2,10 +2,10 @@
 
     python tools/adapters_table.py [--write] [more arguments of pytest]
 
-The runs are those of the plugins' own tests: adapters whose networks answer what perfect ones would, and, with
-published weights in $PHYSIC_WEIGHTS, the real ones. An adapter that is shown in several forms (dialects of its file,
-sets of keypoints) has several runs. --write puts the outcome into plugins/ADAPTERS.md. The exit status is
-pytest's, and 1 where an adapter has no run.
+The runs are those of the plugins' own tests: adapters whose networks answer what perfect ones
+would, and, with published weights in $PHYSIC_WEIGHTS, the real ones. An adapter that is shown in
+several forms (dialects of its file, sets of keypoints) has several runs. --write puts the outcome
+into plugins/ADAPTERS.md. The exit status is pytest's, and 1 where an adapter has no run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ NONE = "NO RUN"
 
 
 def main() -> int:
-    write, further = "--write" in sys.argv, [word for word in sys.argv[1:] if word != "--write"]
+    write = "--write" in sys.argv
+    further = [word for word in sys.argv[1:] if word != "--write"]
     runs: list[CheckRun] = []
     first = CheckRun.__init__
 
@@ -45,7 +46,9 @@ def main() -> int:
 
     CheckRun.__init__ = remembered  # type: ignore[method-assign,assignment]
     tests = [str(folder / "tests") for folder in PLUGINS.values()]
-    status = int(pytest.main([*tests, "-k", TESTS, "-q", "--no-header", "-p", "no:cacheprovider", *further]))
+    status = int(
+        pytest.main([*tests, "-k", TESTS, "-q", "--no-header", "-p", "no:cacheprovider", *further])
+    )
     rows = table(runs)
     print("\n| interface | backend | the kit |\n|---|---|---|")
     for (interface, name), told in rows.items():
@@ -56,7 +59,9 @@ def main() -> int:
 
 
 def table(runs: list[CheckRun]) -> dict[tuple[str, str], str]:
-    """(interface, name) of every adapter -> what came of its runs in words, empty where there is none."""
+    """(interface, name) of every adapter -> what came of its runs in words, empty where there is
+    none.
+    """
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for run in runs:
         outcomes = Counter(run.result(name).outcome for name in run.checks)

@@ -1,14 +1,15 @@
-"""Bundle what the report page uses of three.js to ``plugins/physic-viewer/physic_viewer/report/page/vendor/three.js``.
+"""Bundle what the report page uses of three.js to
+``plugins/physic-viewer/physic_viewer/report/page/vendor/three.js``.
 
-Needs node and npm, and fetches the packages ``three`` and ``esbuild`` in the versions below to a temporary folder. Run
-from the repository's root:
+Needs node and npm, and fetches the packages ``three`` and ``esbuild`` in the versions below to a
+temporary folder. Run from the repository's root:
 
     python tools/bundle_three.py          # writes three.js and three.sha256
     python tools/bundle_three.py --check  # compares with the committed bundle instead
 
-The result depends only on the two versions. It starts with the licence of three.js, so that each page that contains the
-bundle contains the notice too. The one address in three.js, the name of a namespace that elements have anyway, is
-removed: a page has no address in it.
+The result depends only on the two versions. It starts with the licence of three.js, so that each
+page that contains the bundle contains the notice too. The one address in three.js, the name of a
+namespace that elements have anyway, is removed: a page has no address in it.
 """
 
 from __future__ import annotations
@@ -21,9 +22,16 @@ import sys
 import tempfile
 from pathlib import Path
 
-THREE, ESBUILD = "0.187.0", "0.28.2"
+THREE = "0.187.0"
+ESBUILD = "0.28.2"
 VENDOR = (
-    Path(__file__).resolve().parents[1] / "plugins" / "physic-viewer" / "physic_viewer" / "report" / "page" / "vendor"
+    Path(__file__).resolve().parents[1]
+    / "plugins"
+    / "physic-viewer"
+    / "physic_viewer"
+    / "report"
+    / "page"
+    / "vendor"
 )
 ENTRY = """
 export {
@@ -33,13 +41,15 @@ export {
   Vector2, Vector3, WebGLRenderer,
 } from "three";
 export { OrbitControls } from "three/addons/controls/OrbitControls.js";
-"""
+"""  # noqa: E501
 NAMESPACED = "document.createElementNS( 'http://www.w3.org/1999/xhtml', name )"
 
 
 def bundle(folder: Path) -> str:
     """Fetch the packages to a folder and return the bundle."""
-    (folder / "package.json").write_text(json.dumps({"dependencies": {"three": THREE, "esbuild": ESBUILD}}))
+    (folder / "package.json").write_text(
+        json.dumps({"dependencies": {"three": THREE, "esbuild": ESBUILD}})
+    )
     subprocess.run(["npm", "install", "--ignore-scripts", "--silent"], cwd=folder, check=True)
     three = folder / "node_modules" / "three"
     assert json.loads((three / "package.json").read_text())["version"] == THREE
@@ -56,10 +66,19 @@ def bundle(folder: Path) -> str:
         "--legal-comments=none",
         "--target=es2022",
     ]
-    command = ["node_modules/.bin/esbuild", "entry.js", *options, "--charset=ascii", "--outfile=three.js"]
+    command = [
+        "node_modules/.bin/esbuild",
+        "entry.js",
+        *options,
+        "--charset=ascii",
+        "--outfile=three.js",
+    ]
     subprocess.run([*command, "--log-level=warning"], cwd=folder, check=True)
     licence = (three / "LICENSE").read_text(encoding="utf-8").strip()
-    found = f"/*!\nthree.js {THREE}, with OrbitControls; bundled by tools/bundle_three.py\n\n{licence}\n*/\n"
+    found = (
+        f"/*!\nthree.js {THREE}, with OrbitControls; bundled by "
+        f"tools/bundle_three.py\n\n{licence}\n*/\n"
+    )
     found += (folder / "three.js").read_text(encoding="utf-8").strip() + "\n"
     for wrong in ("http:", "https:", "</script", "<!--"):
         assert wrong not in found, f"{wrong} is in the bundle"
@@ -67,7 +86,9 @@ def bundle(folder: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--check", action="store_true", help="compare with the committed bundle")
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as folder:

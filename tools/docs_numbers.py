@@ -1,7 +1,8 @@
-"""The numbers that pictures of the documentation show: written beside the pictures, into the pages, and compared.
+"""The numbers that pictures of the documentation show: written beside the pictures, into the pages,
+and compared.
 
-``docs/pictures/numbers/NAME.json`` has those of one result, and lists the pictures that were drawn from it. A page has
-them as a line of text below ``<!-- numbers of NAME -->``.
+``docs/pictures/numbers/NAME.json`` has those of one result, and lists the pictures that were drawn
+from it. A page has them as a line of text below ``<!-- numbers of NAME -->``.
 """
 
 from __future__ import annotations
@@ -31,16 +32,21 @@ CODE = ("physic_core", "plugins")
 COMMAND = "make pictures"
 """What renews pictures, numbers and lines; messages name it."""
 
-FOCAL_SHARE, DISTANCE_SHARE, PROBABILITY = 0.02, 0.05, 0.1
+FOCAL_SHARE = 0.02
+DISTANCE_SHARE = 0.05
+PROBABILITY = 0.1
 """How far two machines may be apart: the libraries' kernels round differently."""
 LIKELY = 0.5
 """Probability from which contacts are named."""
-TEXT_SHARE, TEXT_DIFFERENCE = 0.05, 0.05
+TEXT_SHARE = 0.05
+TEXT_DIFFERENCE = 0.05
 """The same for numbers in printed text, whose meaning is not known: either bound suffices."""
 
 
 def numbers_of(result: Reconstruction) -> dict[str, Any]:
-    """Return grade and focal length in px of a result, and of each person grade, distance in m and contacts."""
+    """Return grade and focal length in px of a result, and of each person grade, distance in m and
+    contacts.
+    """
     return {
         "grade": str(result.grade),
         "failed_checks": _failed(result, None),
@@ -49,7 +55,9 @@ def numbers_of(result: Reconstruction) -> dict[str, Any]:
             {
                 "grade": str(person.grade),
                 "failed_checks": _failed(result, i),
-                "distance_m": round(float(np.linalg.norm(person.joints[0])), 1) if len(person.joints) else None,
+                "distance_m": round(float(np.linalg.norm(person.joints[0])), 1)
+                if len(person.joints)
+                else None,
                 "touches": _touches(person),
             }
             for i, person in enumerate(result.people)
@@ -58,11 +66,17 @@ def numbers_of(result: Reconstruction) -> dict[str, Any]:
 
 
 def _touches(person: Person) -> dict[str, float]:
-    """Return what each part probably touches, "left foot: floor", with the probability; only what pixels show."""
+    """Return what each part probably touches, "left foot: floor", with the probability; only what
+    pixels show.
+    """
     found: dict[str, float] = {}
     for one in person.contacts:
         if one.likely and not one.assumed:
-            partner = one.partner.title if one.partner.kind != "scene" else one.partner.surface or "a surface"
+            partner = (
+                one.partner.title
+                if one.partner.kind != "scene"
+                else one.partner.surface or "a surface"
+            )
             name = f"{part_words(one.part)}: {partner}"
             found[name] = max(found.get(name, 0.0), round(one.probability or 1.0, 2))
     return dict(sorted(found.items()))
@@ -75,18 +89,28 @@ def _failed(result: Reconstruction, person: int | None) -> list[str]:
 def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[str]:
     """Say in which numbers a picture is wrong: one line each, none if all agree."""
     pairs = {key: (shown[key], measured[key], 0.0) for key in ("grade", "failed_checks")}
-    pairs["focal length, px"] = (shown["focal_px"], measured["focal_px"], FOCAL_SHARE * measured["focal_px"])
-    old, new = shown["people"], measured["people"]
+    pairs["focal length, px"] = (
+        shown["focal_px"],
+        measured["focal_px"],
+        FOCAL_SHARE * measured["focal_px"],
+    )
+    old = shown["people"]
+    new = measured["people"]
     pairs["number of people"] = (len(old), len(new), 0.0)
     for i, (one, other) in enumerate(zip(old, new, strict=False)):
-        pairs |= {f"{key} of person {i}": (one[key], other[key], 0.0) for key in ("grade", "failed_checks")}
+        pairs |= {
+            f"{key} of person {i}": (one[key], other[key], 0.0)
+            for key in ("grade", "failed_checks")
+        }
         margin = DISTANCE_SHARE * (other["distance_m"] or 0.0)
         pairs[f"distance of person {i}, m"] = (one["distance_m"], other["distance_m"], margin)
         for what in sorted({*one["touches"], *other["touches"]}):
             touch = one["touches"].get(what, LIKELY), other["touches"].get(what, LIKELY)
             pairs[f"probability of contact of person {i}, {what}"] = (*touch, PROBABILITY)
     return [
-        f"{what}: {a} is shown, {b} is measured" for what, (a, b, margin) in pairs.items() if not near(a, b, margin)
+        f"{what}: {a} is shown, {b} is measured"
+        for what, (a, b, margin) in pairs.items()
+        if not near(a, b, margin)
     ]
 
 
@@ -97,18 +121,28 @@ def near(shown: Any, measured: Any, margin: float) -> bool:
 
 
 def text_differences(shown: str, measured: str) -> list[str]:
-    """Compare printed text line by line: numbers within a tolerance, the words between them exactly."""
-    old, new = shown.splitlines(), measured.splitlines()
+    """Compare printed text line by line: numbers within a tolerance, the words between them
+    exactly.
+    """
+    old = shown.splitlines()
+    new = measured.splitlines()
     if len(old) != len(new):
         return [f"{len(old)} lines are shown, {len(new)} are printed"]
-    return [f"{a!r} is shown, {b!r} is printed" for a, b in zip(old, new, strict=True) if not _same_line(a, b)]
+    return [
+        f"{a!r} is shown, {b!r} is printed"
+        for a, b in zip(old, new, strict=True)
+        if not _same_line(a, b)
+    ]
 
 
 def _same_line(shown: str, measured: str) -> bool:
     number = re.compile(r"-?\d+(?:\.\d+)?")
     words = [re.sub(r"\s+", " ", number.sub("#", line)) for line in (shown, measured)]
     pairs = zip(number.findall(shown), number.findall(measured), strict=False)
-    close = (math.isclose(float(a), float(b), rel_tol=TEXT_SHARE, abs_tol=TEXT_DIFFERENCE) for a, b in pairs)
+    close = (
+        math.isclose(float(a), float(b), rel_tol=TEXT_SHARE, abs_tol=TEXT_DIFFERENCE)
+        for a, b in pairs
+    )
     return words[0] == words[1] and all(close)
 
 
@@ -116,8 +150,13 @@ def caption(numbers: Mapping[str, Any]) -> str:
     """Return the line of a page: grade, and each person with the checks that fail."""
     sentences = [f"Grade: **{numbers['grade']}**{_failing(numbers)}"]
     for i, person in enumerate(numbers["people"]):
-        distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
-        touches = ", ".join(name.replace(": ", " touches ") for name in person["touches"]) or "touches nothing"
+        distance = (
+            "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
+        )
+        touches = (
+            ", ".join(name.replace(": ", " touches ") for name in person["touches"])
+            or "touches nothing"
+        )
         sentences.append(f"Person {i}: {person['grade']}, {distance}, {touches}{_failing(person)}")
     return ". ".join(sentences) + "."
 
@@ -128,12 +167,22 @@ def _failing(numbers: Mapping[str, Any]) -> str:
 
 def read_numbers() -> dict[str, dict[str, Any]]:
     """Return what ``docs/pictures/numbers`` holds, by name."""
-    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(NUMBERS.glob("*.json"))}
+    return {
+        file.stem: json.loads(file.read_text(encoding="utf-8"))
+        for file in sorted(NUMBERS.glob("*.json"))
+    }
 
 
 def write_numbers(name: str, source: str, pictures: Iterable[str], result: Reconstruction) -> None:
-    """Write the numbers of a result, with its photo or world, the commit, and the pictures that show it."""
-    content = {"of": source, "commit": commit_of_code(), "pictures": sorted(pictures), **numbers_of(result)}
+    """Write the numbers of a result, with its photo or world, the commit, and the pictures that
+    show it.
+    """
+    content = {
+        "of": source,
+        "commit": commit_of_code(),
+        "pictures": sorted(pictures),
+        **numbers_of(result),
+    }
     NUMBERS.mkdir(parents=True, exist_ok=True)
     (NUMBERS / f"{name}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
@@ -141,7 +190,9 @@ def write_numbers(name: str, source: str, pictures: Iterable[str], result: Recon
 def commit_of_code() -> str:
     """Return the last commit that changed the code, which figures are of."""
     command = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", *CODE]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
 
 
 def marked_lines(text: str) -> dict[str, str]:
@@ -168,7 +219,10 @@ def cost_line(cost: Mapping[str, Any]) -> str:
         f"{one['written_mb']:.0f} MB of files"
         for photo, one in cost["photos"].items()
     ]
-    return f"{'; '.join(rows)} (medians of {cost['rounds']} runs at commit {cost['commit']} on {cost['machine']})."
+    return (
+        f"{'; '.join(rows)} (medians of {cost['rounds']} runs at commit {cost['commit']} on "
+        f"{cost['machine']})."
+    )
 
 
 def lines() -> dict[str, str]:

@@ -3,9 +3,10 @@
     python tools/docs_pictures.py            # or: make pictures
     python tools/docs_pictures.py couple     # the pictures of one result
 
-Results are those of the photos of examples/ in the default preset, and of worlds in the preset ``mock``. It writes
-``docs/pictures``, the numbers beside them, the lines of the pages that state them, ``examples/couple.html`` and the
-outputs of the notebooks. It needs Chromium for the picture of the page.
+Results are those of the photos of examples/ in the default preset, and of worlds in the preset
+``mock``. It writes ``docs/pictures``, the numbers beside them, the lines of the pages that state
+them, ``examples/couple.html`` and the outputs of the notebooks. It needs Chromium for the picture
+of the page.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-os.environ["PHYSIC_CACHE"] = "off"  # pictures are of the code at hand, whatever an earlier one has kept
+# pictures are of the code at hand, whatever an earlier one has kept
+os.environ["PHYSIC_CACHE"] = "off"
 
 import cv2
 import docs_numbers
@@ -54,7 +56,8 @@ WORLDS = {
     "world-step": "climb_step",
     "world-outdoors": "outdoor_steps",
 }
-WIDTH, QUALITY = 1280, 78
+WIDTH = 1280
+QUALITY = 78
 """Of a preview, px, and JPEG's scale; colours of contact keep their full resolution."""
 WINDOW = (1280, 760)
 """Of the browser, px."""
@@ -62,8 +65,14 @@ WINDOW = (1280, 760)
 
 def draw(name: str, picture: Any, width: int = 640) -> str:
     """Write a picture at this width, and return the name of its file."""
-    image = picture if isinstance(picture, Image.Image) else Image.fromarray(np.asarray(picture, np.uint8))
-    small = image.convert("RGB").resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
+    image = (
+        picture
+        if isinstance(picture, Image.Image)
+        else Image.fromarray(np.asarray(picture, np.uint8))
+    )
+    small = image.convert("RGB").resize(
+        (width, round(image.height * width / image.width)), Image.Resampling.LANCZOS
+    )
     file = PICTURES / f"{name}.jpg"
     small.save(file, quality=QUALITY, subsampling=0, optimize=True, progressive=True)
     print(file.name, file.stat().st_size // 1024, "KB", flush=True)
@@ -75,10 +84,16 @@ def detections(estimates: Any) -> Any:
     for i, mask in enumerate(estimates.people.masks):
         picture[mask] = 0.5 * picture[mask] + 0.5 * np.array(person_color(i))
     picture = np.ascontiguousarray(picture.astype(np.uint8))
-    for points, confidence in zip(estimates.keypoints.points, estimates.keypoints.confidence, strict=True):
+    for points, confidence in zip(
+        estimates.keypoints.points, estimates.keypoints.confidence, strict=True
+    ):
         for x, y in points[confidence > 0.4]:
-            cv2.circle(picture, (round(float(x)), round(float(y))), 3, (20, 20, 20), -1, cv2.LINE_AA)
-            cv2.circle(picture, (round(float(x)), round(float(y))), 2, (255, 240, 90), -1, cv2.LINE_AA)
+            cv2.circle(
+                picture, (round(float(x)), round(float(y))), 3, (20, 20, 20), -1, cv2.LINE_AA
+            )
+            cv2.circle(
+                picture, (round(float(x)), round(float(y))), 2, (255, 240, 90), -1, cv2.LINE_AA
+            )
     return picture
 
 
@@ -99,7 +114,10 @@ def contact(result: Reconstruction, index: int) -> Any:
 
 
 def reconstruct(name: str) -> tuple[Reconstruction, Any]:
-    """Return a result by its name, and what the backends gave for it. Times are omitted: they are of one machine."""
+    """Return a result by its name, and what the backends gave for it.
+
+    Times are omitted: they are of one machine.
+    """
     caught: list[Any] = []
 
     def keep(*args: Any, **settings: Any) -> Any:
@@ -112,7 +130,9 @@ def reconstruct(name: str) -> tuple[Reconstruction, Any]:
     with mock.patch.object(estimate, "run_backends", keep), Pipeline(preset) as pipeline:
         result = pipeline(photo)
     (estimates,) = caught
-    return replace(result, stages=tuple(replace(s, seconds=0.0, load_seconds=0.0) for s in result.stages)), estimates
+    return replace(
+        result, stages=tuple(replace(s, seconds=0.0, load_seconds=0.0) for s in result.stages)
+    ), estimates
 
 
 def draw_result(name: str) -> None:
@@ -142,8 +162,12 @@ def draw_method(result: Reconstruction, estimates: Any) -> list[str]:
 
 def draw_stages() -> list[str]:
     """Draw a person who sits, before and after the joint optimisation."""
-    image, drawn = build_world("sit_on_sofa").image, []
-    for name, joint in {"method-5-placed": {"optimiser": {"steps": 1}}, "method-6-joint": {}}.items():
+    image = build_world("sit_on_sofa").image
+    drawn = []
+    for name, joint in {
+        "method-5-placed": {"optimiser": {"steps": 1}},
+        "method-6-joint": {},
+    }.items():
         with Pipeline({"extends": "mock", "engine": {"joint": joint}}) as pipeline:
             drawn.append(draw(name, view(pipeline(image), side_view)))
     return drawn
@@ -156,7 +180,9 @@ def draw_page(result: Reconstruction) -> str:
 
     binary = find_chromium()
     if binary is None:
-        raise SystemExit("Chromium is not installed, which draws the picture of the page: apt install chromium")
+        raise SystemExit(
+            "Chromium is not installed, which draws the picture of the page: apt install chromium"
+        )
     PAGE.write_text(report_html(result, title=PHOTOS[DEMO]), encoding="utf-8")
     print(PAGE.name, PAGE.stat().st_size // 1024, "KB")
     browser = Chromium(binary)
@@ -169,10 +195,15 @@ def draw_page(result: Reconstruction) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     names = [*PHOTOS, *WORLDS]
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"results: {', '.join(names)}; default: all, and the notebooks"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help=f"results: {', '.join(names)}; default: all, and the notebooks",
     )
     given = parser.parse_args()
     if unknown := sorted({*given.names} - {*names}):

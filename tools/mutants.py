@@ -1,8 +1,9 @@
-"""Remove each defence in turn, and require that its test fails: ``python tools/mutants.py [NAME ...]``.
+"""Remove each defence in turn, and require that its test fails: ``python tools/mutants.py [NAME
+...]``.
 
-The folder ``tools/attacks/mutants`` has a patch for each defence, with the test. Patches are applied to a copy of the
-tracked and new files of this checkout. All tests must pass there before. A patch that does not apply, and a test that
-does not run, are failures too.
+The folder ``tools/attacks/mutants`` has a patch for each defence, with the test. Patches are
+applied to a copy of the tracked and new files of this checkout. All tests must pass there before. A
+patch that does not apply, and a test that does not run, are failures too.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "tools" / "attacks" / "mutants"
-PASSED, FAILED = 0, 1  # exit codes of pytest
+# exit codes of pytest
+PASSED = 0
+FAILED = 1
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,9 @@ class Mutant:
 
 
 def read_mutants(names: Sequence[str]) -> list[Mutant]:
-    """Return the mutants of these names, or all; exit with a message if one does not exist or names no test."""
+    """Return the mutants of these names, or all; exit with a message if one does not exist or names
+    no test.
+    """
     found = {path.stem: path for path in sorted(FOLDER.glob("*.patch"))}
     if unknown := [name for name in names if name not in found]:
         sys.exit(f"no patch is named {', '.join(unknown)}: {', '.join(found)}")
@@ -55,15 +60,28 @@ def read_mutants(names: Sequence[str]) -> list[Mutant]:
 
 def copy_checkout(target: Path) -> None:
     """Copy the files that git knows or would add."""
-    listed = ("git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard")
-    for name in subprocess.run(listed, capture_output=True, text=True, check=True).stdout.split("\0"):
+    listed = (
+        "git",
+        "-C",
+        str(ROOT),
+        "ls-files",
+        "-z",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+    )
+    for name in subprocess.run(listed, capture_output=True, text=True, check=True).stdout.split(
+        "\0"
+    ):
         if name and (ROOT / name).is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target / name)
 
 
 def make_python(folder: Path, copy: Path) -> Path:
-    """Make an environment in which the copy hides the checkout that is installed here; return its interpreter."""
+    """Make an environment in which the copy hides the checkout that is installed here; return its
+    interpreter.
+    """
     venv.create(folder, symlinks=True)
     roots = [copy, *(path.parent for path in sorted(copy.glob("*/*/pyproject.toml")))]
     installed = f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})"
@@ -77,7 +95,9 @@ def run_tests(python: Path, copy: Path, tests: Sequence[str]) -> tuple[int, str]
     """Run tests in the copy; return pytest's exit code and its output."""
     command = [str(python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=copy, env=environment, capture_output=True, text=True, check=False
+    )
     return done.returncode, done.stdout + done.stderr
 
 
@@ -89,7 +109,9 @@ def apply(copy: Path, mutant: Mutant, *options: str) -> str:
 
 
 def fault(python: Path, copy: Path, mutant: Mutant) -> str:
-    """Remove a defence, run its test, and bring it back; return what is wrong, "" if the test noticed."""
+    """Remove a defence, run its test, and bring it back; return what is wrong, "" if the test
+    noticed.
+    """
     if message := apply(copy, mutant):
         return f"the patch does not apply any more: make it again ({message})"
     code, output = run_tests(python, copy, [mutant.test])
@@ -97,7 +119,11 @@ def fault(python: Path, copy: Path, mutant: Mutant) -> str:
         sys.exit(f"{mutant.name}: {message}")
     if code == PASSED:
         return f"not noticed: {mutant.test} passes without this defence"
-    return "" if code == FAILED else f"the test does not run (pytest ended with {code}):\n{output[-2000:]}"
+    return (
+        ""
+        if code == FAILED
+        else f"the test does not run (pytest ended with {code}):\n{output[-2000:]}"
+    )
 
 
 def main() -> int:

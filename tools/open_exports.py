@@ -1,9 +1,11 @@
-"""Open the exports of a result with other programs, and print a row for each: version, place, and what else arrives.
+"""Open the exports of a result with other programs, and print a row for each: version, place, and
+what else arrives.
 
     .venv/bin/python tools/open_exports.py RESULT
 
-RESULT is the folder of a result with a floor and a person. The ``physic`` command of ``.venv`` writes the files; the
-programs are installed in a temporary environment, with the versions below. ``docs/exports.md`` has the rows.
+RESULT is the folder of a result with a floor and a person. The ``physic`` command of ``.venv``
+writes the files; the programs are installed in a temporary environment, with the versions below.
+``docs/exports.md`` has the rows.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ model = open3d.io.read_triangle_model("combined.glb")
 cloud = open3d.t.io.read_point_cloud("points.ply")
 kept = sorted(name for name in ("contact", "quality", "object", "colors") if name in cloud.point)
 say("combined.glb, points.ply", [mesh.get_min_bound(), mesh.get_max_bound()], "attributes: " + ", ".join(kept))
-""",
+""",  # noqa: E501
     "pymeshlab": """
 import pymeshlab
 meshes = pymeshlab.MeshSet()
@@ -66,7 +68,7 @@ tree = pygltflib.GLTF2().load("combined.glb")
 place = tree.accessors[mesh.primitives[0].attributes.POSITION]
 contact = mesh.primitives[0].attributes._CONTACT is not None
 say("combined.glb", [place.min, place.max], f"contact: {contact}, joints: {len(tree.skins[0].joints)}")
-""",
+""",  # noqa: E501
     "usd-core": """
 from pxr import Usd, UsdGeom
 stage = Usd.Stage.Open("stage.usdc")
@@ -74,7 +76,7 @@ cache = UsdGeom.BBoxCache(1, ["default"])
 box = cache.ComputeWorldBound(stage.GetPrimAtPath("/physic/person_0")).ComputeAlignedRange()
 low, high = box.GetMin(), box.GetMax()
 say("stage.usdc", [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]], "bounds of the SkelRoot")
-""",
+""",  # noqa: E501
     "mujoco": """
 import mujoco
 model = mujoco.MjModel.from_xml_path("mujoco.xml")
@@ -94,22 +96,24 @@ pybullet.connect(pybullet.DIRECT)
 body = pybullet.loadURDF(sorted(glob.glob("robot*[!e].urdf"))[0], flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
 mass = sum(pybullet.getDynamicsInfo(body, link)[0] for link in range(-1, pybullet.getNumJoints(body)))
 say("robot_0.urdf", None, f"{mass:.1f} kg, {pybullet.getNumJoints(body)} joints")
-""",
+""",  # noqa: E501
     "pycocotools": """
 from pycocotools.coco import COCO
 data = COCO("coco.json")
 shares = [data.annToMask(one).sum() / one["area"] for one in data.anns.values()]
 say("coco.json", None, f"{len(shares)} people, masks of {min(shares):.3f} to {max(shares):.3f} of their areas")
-""",
+""",  # noqa: E501
     "pycolmap": """
 import pycolmap
 model = pycolmap.Reconstruction("sparse/0")
 image = model.images[1]
 apart = max(abs(image.project_point(model.points3D[p.point3D_id].xyz) - p.xy).max() for p in list(image.points2D)[::99])
 say("sparse/0", None, f"{len(model.points3D)} points, {apart:.4f} px off")
-""",
+""",  # noqa: E501
 }
-"""Code of each program, run in the folder of the files; ``say`` gets a file, bounds (y up) or None, and a remark."""
+"""Code of each program, run in the folder of the files; ``say`` gets a file, bounds (y up) or None,
+and a remark.
+"""
 
 SAY = """
 import json, sys
@@ -138,14 +142,23 @@ def main(folder: Path) -> int:
         subprocess.run([python, "-m", "pip", "install", "--quiet", *pins], check=True)
         print("| program | file | person's bounds off by | what else |\n|---|---|---|---|")
         for name, code in READERS.items():
-            done = subprocess.run([python, "-c", SAY + code], cwd=files, capture_output=True, text=True)
+            done = subprocess.run(
+                [python, "-c", SAY + code], cwd=files, capture_output=True, text=True
+            )
             row = next((line for line in done.stdout.splitlines() if line.startswith("ROW ")), None)
             if row is None:
                 failed = 1
-                print(f"| {name} {PACKAGES[name]} | failed: {done.stderr.strip().splitlines()[-1]} | | |")
+                print(
+                    f"| {name} {PACKAGES[name]} | failed: {done.stderr.strip().splitlines()[-1]} "
+                    f"| | |"
+                )
                 continue
             file, bounds, remark = json.loads(row.removeprefix("ROW "))
-            off = "-" if bounds is None else f"{1000 * np.abs(np.array(bounds) - wanted).max():.1f} mm"
+            off = (
+                "-"
+                if bounds is None
+                else f"{1000 * np.abs(np.array(bounds) - wanted).max():.1f} mm"
+            )
             print(f"| {name} {PACKAGES[name]} | {file} | {off} | {remark} |")
     return failed
 

@@ -1,7 +1,8 @@
-"""Run the notebooks of the documentation and keep their outputs: ``python tools/run_notebooks.py [--check] [NAME...]``.
+"""Run the notebooks of the documentation and keep their outputs: ``python tools/run_notebooks.py
+[--check] [NAME...]``.
 
-Pictures are made smaller, and what differs from run to run is removed. ``--check`` keeps nothing: it compares what is
-printed with the outputs that were kept.
+Pictures are made smaller, and what differs from run to run is removed. ``--check`` keeps nothing:
+it compares what is printed with the outputs that were kept.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from nbclient import NotebookClient
 from PIL import Image
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "notebooks"
-WIDTH, COLORS = 900, 128
+WIDTH = 900
+COLORS = 128
 
 
 def smaller(png: bytes) -> str:
@@ -68,15 +70,21 @@ def printed(notebook: Any) -> str:
 
 
 def run_all(check: bool, names: list[str] | None = None) -> list[str]:
-    """Run notebooks. Keep their outputs, or with ``check`` return in which lines the kept ones are wrong."""
+    """Run notebooks.
+
+    Keep their outputs, or with ``check`` return in which lines the kept ones are wrong.
+    """
     wrong = []
-    with tempfile.TemporaryDirectory() as cache:  # empty, so that all is of the code at hand; notebooks share photos
+    # empty, so that all is of the code at hand; notebooks share photos
+    with tempfile.TemporaryDirectory() as cache:
         os.environ["PHYSIC_CACHE"] = cache
         for name in names or sorted(file.stem for file in FOLDER.glob("*.ipynb")):
             path = FOLDER / f"{name}.ipynb"
             notebook = execute(path)
             if check:
-                found = docs_numbers.text_differences(printed(nbformat.read(path, as_version=4)), printed(notebook))
+                found = docs_numbers.text_differences(
+                    printed(nbformat.read(path, as_version=4)), printed(notebook)
+                )
                 wrong += [f"{path.name}: {line}" for line in found]
                 print(path.name, "differs" if found else "agrees", flush=True)
             else:
@@ -92,7 +100,10 @@ def main() -> int:
     given = parser.parse_args()
     wrong = run_all(given.check, given.names)
     if wrong:
-        print("\n".join([*wrong, f"These outputs are old: `{docs_numbers.COMMAND}` renews them."]), file=sys.stderr)
+        print(
+            "\n".join([*wrong, f"These outputs are old: `{docs_numbers.COMMAND}` renews them."]),
+            file=sys.stderr,
+        )
     return int(bool(wrong))
 
 

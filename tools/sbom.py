@@ -2,8 +2,8 @@
 
     python tools/sbom.py [FILE]
 
-It lists the distributions of PhySIC, everything that they require, with versions and licences as installed, and the
-networks and the body that ship in the wheels, with their SHA-256 and licences.
+It lists the distributions of PhySIC, everything that they require, with versions and licences as
+installed, and the networks and the body that ship in the wheels, with their SHA-256 and licences.
 """
 
 from __future__ import annotations
@@ -49,10 +49,19 @@ def bill() -> dict[str, Any]:
         "bomFormat": "CycloneDX",
         "specVersion": "1.6",
         "version": 1,
-        "metadata": {"component": {"type": "application", "name": "PhySIC", "version": found["physic-core"].version}},
+        "metadata": {
+            "component": {
+                "type": "application",
+                "name": "PhySIC",
+                "version": found["physic-core"].version,
+            }
+        },
         "components": [*packages, *networks(), body()],
         "dependencies": [
-            {"ref": reference(found[name]), "dependsOn": sorted({reference(found[other]) for other in required[name]})}
+            {
+                "ref": reference(found[name]),
+                "dependsOn": sorted({reference(found[other]) for other in required[name]}),
+            }
             for name in sorted(found)
         ],
     }
@@ -85,9 +94,15 @@ def package(of: Distribution) -> Component:
 
 
 def licence(of: Distribution) -> str:
-    """Return the licence that a distribution states: as an expression, in a classifier, or in a line of text."""
+    """Return the licence that a distribution states: as an expression, in a classifier, or in a
+    line of text.
+    """
     stated: list[str] = [of.metadata.get("License-Expression", "")]
-    stated += [c.rpartition(" :: ")[2] for c in of.metadata.get_all("Classifier", []) if c.startswith("License ::")]
+    stated += [
+        c.rpartition(" :: ")[2]
+        for c in of.metadata.get_all("Classifier", [])
+        if c.startswith("License ::")
+    ]
     stated.append(of.metadata.get("License", "").strip().partition("\n")[0])
     return next((text for text in stated if text and text != "UNKNOWN"), "")
 
@@ -95,7 +110,11 @@ def licence(of: Distribution) -> str:
 def networks() -> list[Component]:
     manifest = json.loads((WEIGHTS / "MANIFEST.json").read_text(encoding="utf-8"))
     return [
-        data(f"physic_embedded/weights/{file['file']}", file["sha256"], re.split("[: (]", file["weights_license"])[0])
+        data(
+            f"physic_embedded/weights/{file['file']}",
+            file["sha256"],
+            re.split("[: (]", file["weights_license"])[0],
+        )
         for file in (*manifest["models"], *manifest["weights"])
     ]
 

@@ -1,4 +1,6 @@
-"""Write the worlds of the ordinary photos of the conformance kit; again if the code of worlds changes."""
+"""Write the worlds of the ordinary photos of the conformance kit; again if the code of worlds
+changes.
+"""
 
 from __future__ import annotations
 
@@ -25,4 +27,6 @@ for case in ("odd size", *EVIDENCE):
     _, stage = set_up_scene(model, world.name, world.seed, size)
     pictures = np.concatenate([world.image, world.empty_image - world.image])
     _, png = cv2.imencode(".png", pictures, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    write_value(file_of(world.name, world.seed, size), StoredWorld(stage, np.asarray(png, np.uint8)))
+    write_value(
+        file_of(world.name, world.seed, size), StoredWorld(stage, np.asarray(png, np.uint8))
+    )

@@ -1,1 +1,3 @@
-"""How much the answer to a photo changes when the photo is mirrored, scaled, cropped, compressed or grey."""
+"""How much the answer to a photo changes when the photo is mirrored, scaled, cropped, compressed or
+grey.
+"""

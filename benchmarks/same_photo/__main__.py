@@ -1,14 +1,18 @@
-"""Measure how much the answer to a photo changes when the photo is mirrored, scaled, cropped, compressed or grey.
+"""Measure how much the answer to a photo changes when the photo is mirrored, scaled, cropped,
+compressed or grey.
 
-    python -m benchmarks.same_photo DATA OUT [--variants mirror,scale] [--photos N] [--half development]
+    python -m benchmarks.same_photo DATA OUT [--variants mirror,scale] [--photos N] [--half
+    development]
 
-Photos are drawn from the labelled ones of ``benchmarks.contact_on_photos`` with at most four people. Those of half
-"development" serve to choose between versions of the code, those of half "held" to report them. "K" is a camera that is
-given: that of the photo's own result, and for a crop that camera shifted.
+Photos are drawn from the labelled ones of ``benchmarks.contact_on_photos`` with at most four
+people. Those of half "development" serve to choose between versions of the code, those of half
+"held" to report them. "K" is a camera that is given: that of the photo's own result, and for a crop
+that camera shifted.
 
-OUT/answers keeps what is compared of each result; an interrupted run continues. After a change of the code give
-another OUT, and ``--cache OUT/cache`` of the earlier run: it keeps the outputs of the networks. A row is a variant, a
-pair of numbers the median and the 90th percentile; three numbers are the median, the 90th and the 95th percentile.
+OUT/answers keeps what is compared of each result; an interrupted run continues. After a change of
+the code give another OUT, and ``--cache OUT/cache`` of the earlier run: it keeps the outputs of the
+networks. A row is a variant, a pair of numbers the median and the 90th percentile; three numbers
+are the median, the 90th and the 95th percentile.
 """
 
 from __future__ import annotations
@@ -51,18 +55,30 @@ def main() -> int:
     )
     parser.add_argument("data", type=Path, help="folder with contact and photos")
     parser.add_argument("out", type=Path)
-    parser.add_argument("--variants", default="", help="names of variants without their K; all if empty")
-    parser.add_argument("--photos", type=int, default=30, help="number of photos; fewer are the first of more")
+    parser.add_argument(
+        "--variants", default="", help="names of variants without their K; all if empty"
+    )
+    parser.add_argument(
+        "--photos", type=int, default=30, help="number of photos; fewer are the first of more"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the draw of photos")
     parser.add_argument("--half", choices=HALVES, help="only photos of this half; all if not given")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="setting that differs")
-    parser.add_argument("--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given")
-    parser.add_argument("--worst", type=int, default=5, help="number of changes of distance to list")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="setting that differs"
+    )
+    parser.add_argument(
+        "--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given"
+    )
+    parser.add_argument(
+        "--worst", type=int, default=5, help="number of changes of distance to list"
+    )
     given = parser.parse_args()
     samples = drawn(samples_of(given.data, 0), given.photos, given.seed)
     samples = [sample for sample in samples if given.half in (None, half_of(sample.name))]
     names = [name for name in given.variants.split(",") if name]
-    variants = [variant for variant in VARIANTS if not names or variant.name.removesuffix(", K") in names]
+    variants = [
+        variant for variant in VARIANTS if not names or variant.name.removesuffix(", K") in names
+    ]
     if unknown := set(names) - {variant.name.removesuffix(", K") for variant in VARIANTS}:
         parser.error(f"there is no variant {', '.join(sorted(unknown))}")
     cache = given.cache or given.out / "cache"
@@ -75,15 +91,23 @@ def main() -> int:
             for variant in variants:
                 changes[variant.name][sample.name] = found[variant.name]
             keep_networks_only(cache)
-            print(f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}", file=sys.stderr, flush=True)
+            print(
+                f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}",
+                file=sys.stderr,
+                flush=True,
+            )
     print(markdown_table(table({name: list(photos.values()) for name, photos in changes.items()})))
     print("\n" + worst_of(changes, given.worst))
     return 0
 
 
 def drawn(samples: Sequence[Sample], count: int, seed: int) -> list[Sample]:
-    """Return the first of the photos of few people, in an order that depends on their names and the seed alone."""
-    chosen = [s for s in samples if 1 <= len(s.truth["people"]) <= MOST_PEOPLE and s.name not in CROWDS]
+    """Return the first of the photos of few people, in an order that depends on their names and the
+    seed alone.
+    """
+    chosen = [
+        s for s in samples if 1 <= len(s.truth["people"]) <= MOST_PEOPLE and s.name not in CROWDS
+    ]
     return sorted(chosen, key=lambda sample: _digest(f"{seed} {sample.name}"))[:count]
 
 
@@ -97,14 +121,20 @@ def _digest(text: str) -> bytes:
 
 
 def embedded_pipeline(overrides: Sequence[str] = ()) -> Pipeline:
-    """Return the pipeline of preset "embedded" with a cache for the outputs of networks on many photos."""
+    """Return the pipeline of preset "embedded" with a cache for the outputs of networks on many
+    photos.
+    """
     from physic_core import Pipeline, load_config
 
     return Pipeline(load_config(preset="embedded", overrides=["run.cache_mb=100000", *overrides]))
 
 
-def changes_of(picture: Picture, variants: Sequence[Variant], folder: Path, pipeline: Pipeline) -> dict[str, Change]:
-    """Return the change by each variant of a photo (H, W, 3) RGB; run those of which the folder has no answer."""
+def changes_of(
+    picture: Picture, variants: Sequence[Variant], folder: Path, pipeline: Pipeline
+) -> dict[str, Change]:
+    """Return the change by each variant of a photo (H, W, 3) RGB; run those of which the folder has
+    no answer.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     changes = {}
     for variant in variants:
@@ -114,7 +144,9 @@ def changes_of(picture: Picture, variants: Sequence[Variant], folder: Path, pipe
 
 
 def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipeline) -> Answer:
-    """Return the answer to a variant of a photo (H, W, 3) RGB, from the file of an earlier run if there is one."""
+    """Return the answer to a variant of a photo (H, W, 3) RGB, from the file of an earlier run if
+    there is one.
+    """
     from physic_core import Intrinsics
     from physic_core.errors import PhysicError
     from physic_core.types import CameraTrust
@@ -125,9 +157,13 @@ def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipe
         camera = None
         if variant.known:
             focal = kept_answer(picture, PHOTO, folder, pipeline).focal
-            camera = variant.camera(Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN))
+            camera = variant.camera(
+                Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN)
+            )
         try:
-            return answer_of(pipeline(variant.picture(picture), intrinsics=camera), variant, width, height)
+            return answer_of(
+                pipeline(variant.picture(picture), intrinsics=camera), variant, width, height
+            )
         except PhysicError as error:
             print(f"{folder.name}, {variant.name}: {error}", file=sys.stderr)
             return no_answer(variant, width, height)
@@ -137,7 +173,9 @@ def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipe
 
 
 def keep_networks_only(cache: Path) -> None:
-    """Delete what backends made of the outputs of networks: any change of the code makes it anew."""
+    """Delete what backends made of the outputs of networks: any change of the code makes it
+    anew.
+    """
     for file in (cache / "results").glob("*.npz"):
         if not file.name.startswith("network-"):
             file.unlink(missing_ok=True)
@@ -153,13 +191,31 @@ def worst_of(changes: Mapping[str, Mapping[str, Change]], count: int) -> str:
         if math.isfinite(person.distance)
     ]
     rows.sort(key=lambda row: -abs(row[0].distance))
-    logarithms = [(p.distance, p.stature, c.scene, c.focal, c.floor_height) for p, c, _, _ in rows[:count]]
+    logarithms = [
+        (p.distance, p.stature, c.scene, c.focal, c.floor_height) for p, c, _, _ in rows[:count]
+    ]
     ratios = [[f"{math.exp(value):.2f}" for value in row] for row in logarithms]
     return aligned_table(
         [
-            ("photo", "variant", "distance", "stature", "scene", "focal", "floor height", "floor deg", "grades"),
+            (
+                "photo",
+                "variant",
+                "distance",
+                "stature",
+                "scene",
+                "focal",
+                "floor height",
+                "floor deg",
+                "grades",
+            ),
             *(
-                (photo, variant, *ratio, f"{found.floor_deg:.1f}", " ".join(str(g) for g in person.grades))
+                (
+                    photo,
+                    variant,
+                    *ratio,
+                    f"{found.floor_deg:.1f}",
+                    " ".join(str(g) for g in person.grades),
+                )
                 for (person, found, variant, photo), ratio in zip(rows, ratios, strict=False)
             ),
         ]

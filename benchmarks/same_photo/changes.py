@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from .variants import Answer, SeenPerson
 
 LARGEST = 4
-"""People of a photo who count, by the area of their masks: otherwise a crowd would count more than all other photos."""
+"""People of a photo who count, by the area of their masks: otherwise a crowd would count more than
+all other photos.
+"""
 
 LEAST_VISIBLE = 0.5
 """Share of a person that a variant must show so that the person counts."""
@@ -28,11 +30,30 @@ UNSURE = 0.1, 0.9
 """Probabilities between which a body part counts as unsure."""
 
 COLUMNS = (
-    *("people", "lost or new %", "distance %", "distance / sigma", "sigma %", "stature %", "scene %", "focal %"),
-    *("focal / sigma", "floor deg", "floor height %", "floor lost or new %", "parts", "unsure parts cross %"),
+    *(
+        "people",
+        "lost or new %",
+        "distance %",
+        "distance / sigma",
+        "sigma %",
+        "stature %",
+        "scene %",
+        "focal %",
+    ),
+    *(
+        "focal / sigma",
+        "floor deg",
+        "floor height %",
+        "floor lost or new %",
+        "parts",
+        "unsure parts cross %",
+    ),
     *("support %", "grade %", "good <-> bad"),
 )
-"""Of the table. "distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th."""
+"""Of the table.
+
+"distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th.
+"""
 
 
 @dataclass(frozen=True)
@@ -89,7 +110,8 @@ class Change:
 
 def change(photo: Answer, variant: Answer) -> Change:
     """Compare the answer to a photo with that to its variant."""
-    ours, theirs = _by_size(photo.people), _by_size(variant.people)
+    ours = _by_size(photo.people)
+    theirs = _by_size(variant.people)
     cut = [person.mask & variant.inside for person in ours]
     found = match_by_masks(_stack([person.mask for person in theirs]), _stack(cut)).predicted_of
     counted = [
@@ -102,16 +124,21 @@ def change(photo: Answer, variant: Answer) -> Change:
     both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
     angle = height = math.nan
     if photo.floor is not None and variant.floor is not None:
-        sine, cosine = np.linalg.norm(np.cross(photo.floor[:3], variant.floor[:3])), photo.floor[:3] @ variant.floor[:3]
+        sine = np.linalg.norm(np.cross(photo.floor[:3], variant.floor[:3]))
+        cosine = photo.floor[:3] @ variant.floor[:3]
         angle = math.degrees(math.atan2(sine, cosine))
         height = math.log(variant.floor[3] / photo.floor[3])
     return Change(
-        people=tuple(_person_change(ours[i], theirs[found[i]], sigma) for i in counted if i in found),
+        people=tuple(
+            _person_change(ours[i], theirs[found[i]], sigma) for i in counted if i in found
+        ),
         visible=len(counted),
         lost=len(set(counted) - set(found)),
         new=len(set(range(len(theirs[:LARGEST]))) - set(found.values())),
         sigma=sigma,
-        scene=float(np.log(np.median(variant.depth[both] / photo.depth[both]))) if both.any() else math.nan,
+        scene=float(np.log(np.median(variant.depth[both] / photo.depth[both])))
+        if both.any()
+        else math.nan,
         focal=focal,
         focal_sigmas=focal / _common(photo.focal_sigma, variant.focal_sigma),
         floor_deg=angle,
@@ -126,7 +153,9 @@ def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> Pers
         distance=distance,
         sigmas=distance / sigma,
         stature=math.log(variant.stature / photo.stature),
-        parts=tuple((p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts),
+        parts=tuple(
+            (p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts
+        ),
         supports=(photo.support, variant.support),
         grades=(photo.grade, variant.grade),
     )
@@ -186,7 +215,9 @@ def _percent(count: int, total: int) -> str:
 
 
 def _spread(
-    values: Iterable[float], unit: Callable[[float], float] | None = None, percentiles: Sequence[float] = (50, 90)
+    values: Iterable[float],
+    unit: Callable[[float], float] | None = None,
+    percentiles: Sequence[float] = (50, 90),
 ) -> str:
     """Return percentiles of the absolute values that are known."""
     known = [abs(value) for value in values if math.isfinite(value)]

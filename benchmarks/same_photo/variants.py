@@ -1,4 +1,6 @@
-"""Variants of a photo, and the results of variants as results of the photo: mirrored back, in its pixels."""
+"""Variants of a photo, and the results of variants as results of the photo: mirrored back, in its
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ class Variant:
         name: in the table and of its files.
         mirrored: left and right are exchanged.
         scale: of the sides.
-        margin: share of the width cut at the left and at the right, and of the height at the top and at the bottom.
+        margin: share of the width cut at the left and at the right, and of the height at the top
+            and at the bottom.
         columns: pixels cut at the right.
         quality: of JPEG; None for no compression.
         grey: without colours.
@@ -46,7 +49,8 @@ class Variant:
 
     def window(self, width: int, height: int) -> tuple[int, int, int, int]:
         """Return the part of a photo that the variant shows: left, top, right and bottom, px."""
-        x, y = round(self.margin * width), round(self.margin * height)
+        x = round(self.margin * width)
+        y = round(self.margin * height)
         return x, y, width - x - self.columns, height - y
 
     def picture(self, photo: Picture) -> Picture:
@@ -61,16 +65,21 @@ class Variant:
             size = round(self.scale * found.shape[1]), round(self.scale * found.shape[0])
             found = cv2.resize(found, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
         if self.grey:
-            found = np.repeat(cv2.cvtColor(found, cv2.COLOR_RGB2GRAY)[..., None], 3, -1).astype(np.uint8)
+            found = np.repeat(cv2.cvtColor(found, cv2.COLOR_RGB2GRAY)[..., None], 3, -1).astype(
+                np.uint8
+            )
         if self.quality is not None:
-            data = cv2.imencode(".jpg", found[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])[1]
+            data = cv2.imencode(".jpg", found[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])[
+                1
+            ]
             found = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1].astype(np.uint8)
         return np.ascontiguousarray(found)
 
     def camera(self, camera: Intrinsics) -> Intrinsics:
         """Return the camera of the variant of a photo with a camera."""
         left, top, right, bottom = self.window(camera.width, camera.height)
-        width, height = right - left, bottom - top
+        width = right - left
+        height = bottom - top
         found = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=width, height=height)
         if self.mirrored:
             found = replace(found, cx=width - 1 - found.cx)
@@ -142,7 +151,9 @@ class Answer:
 
 
 def answer_of(result: Reconstruction, variant: Variant, width: int, height: int) -> Answer:
-    """Return the result of a variant of a photo of ``width`` x ``height`` px as an answer to the photo."""
+    """Return the result of a variant of a photo of ``width`` x ``height`` px as an answer to the
+    photo.
+    """
     left, _, right, _ = variant.window(width, height)
     rows, columns, inside = _grid(variant, width, height)
 
@@ -152,7 +163,10 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
 
     people = []
     for person in result.people:
-        parts = {_other_side(p) if variant.mirrored else p: v for p, v in (person.world_contact or {}).items()}
+        parts = {
+            _other_side(p) if variant.mirrored else p: v
+            for p, v in (person.world_contact or {}).items()
+        }
         people.append(
             SeenPerson(
                 mask=sampled(person.mask) & inside,
@@ -163,9 +177,14 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
                 grade=None if person.grade is None else str(person.grade),
             )
         )
-    scene, camera = result.scene, result.intrinsics
+    scene = result.scene
+    camera = result.intrinsics
     depth = sampled(np.where(scene.valid, scene.points[..., 2], np.nan))
-    floor = None if scene.floor is None else np.array([*scene.floor.normal, scene.floor.offset], np.float64)
+    floor = (
+        None
+        if scene.floor is None
+        else np.array([*scene.floor.normal, scene.floor.offset], np.float64)
+    )
     if floor is not None and variant.mirrored:
         floor[0] *= -1
     return Answer(
@@ -187,14 +206,21 @@ def no_answer(variant: Variant, width: int, height: int) -> Answer:
 
 
 def _grid(variant: Variant, width: int, height: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the rows and the columns of the points in the variant, as shares of its sides, and which are inside."""
+    """Return the rows and the columns of the points in the variant, as shares of its sides, and
+    which are inside.
+    """
     left, top, right, bottom = variant.window(width, height)
     shares = (np.arange(GRID) + 0.5) / GRID
-    y, x = (shares * height - top) / (bottom - top), (shares * width - left) / (right - left)
+    y = (shares * height - top) / (bottom - top)
+    x = (shares * width - left) / (right - left)
     inside = ((y >= 0) & (y < 1))[:, None] & ((x >= 0) & (x < 1))
     return y, 1 - x if variant.mirrored else x, inside
 
 
 def _other_side(part: str) -> str:
     side, _, rest = part.partition("_")
-    return f"{ {'left': 'right', 'right': 'left'}[side] }_{rest}" if side in ("left", "right") else part
+    return (
+        f"{ {'left': 'right', 'right': 'left'}[side] }_{rest}"
+        if side in ("left", "right")
+        else part
+    )

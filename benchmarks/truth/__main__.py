@@ -1,11 +1,13 @@
-"""How accurate a preset is on real photos with measured truth: a table with intervals, and every number as JSON.
+"""How accurate a preset is on real photos with measured truth: a table with intervals, and every
+number as JSON.
 
-    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded | --config FILE] [--photos N] [--jobs 2]
+    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded | --config FILE]
+    [--photos N] [--jobs 2]
 
-DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``, ``people2d``, ``parkour``,
-``contact`` and ``rgbd``, or some of them; missing ones are skipped. Every photo is reconstructed by ``physic run`` in a
-process of its own. Its numbers are kept in ``--out``, so that an interrupted run continues: use a new folder for
-another version of the code.
+DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``,
+``people2d``, ``parkour``, ``contact`` and ``rgbd``, or some of them; missing ones are skipped.
+Every photo is reconstructed by ``physic run`` in a process of its own. Its numbers are kept in
+``--out``, so that an interrupted run continues: use a new folder for another version of the code.
 """
 
 from __future__ import annotations
@@ -30,36 +32,78 @@ from .table import as_json, rows_of, text_table
 
 def main() -> int:
     """Run, compare, print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.truth", description=(__doc__ or "").partition("\n")[0]
+    )
     parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
-    parser.add_argument("--out", type=Path, default=Path("truth-results"), help="for results and the table")
+    parser.add_argument(
+        "--out", type=Path, default=Path("truth-results"), help="for results and the table"
+    )
     parser.add_argument("--preset", default="embedded", help="preset of physic run")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="configuration of physic run, in place of a preset")
-    parser.add_argument("--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="one setting")
-    parser.add_argument("--sets", default=",".join(SETS), help="data sets, with commas between them")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="configuration of physic run, in place of a preset",
+    )
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="one setting",
+    )
+    parser.add_argument(
+        "--sets", default=",".join(SETS), help="data sets, with commas between them"
+    )
     parser.add_argument("--photos", type=int, help="the first N of each data set")
     parser.add_argument("--jobs", type=int, default=1, help="photos at once")
-    parser.add_argument("--no-camera", action="store_true", help="do not give the tool the camera, where it is known")
-    parser.add_argument("--stature-key", metavar="KEY", help="measure also with the true stature in this setting, m")
-    parser.add_argument("--triangulated", type=Path, metavar="FILE", help="joints of an earlier run, as truth")
+    parser.add_argument(
+        "--no-camera",
+        action="store_true",
+        help="do not give the tool the camera, where it is known",
+    )
+    parser.add_argument(
+        "--stature-key", metavar="KEY", help="measure also with the true stature in this setting, m"
+    )
+    parser.add_argument(
+        "--triangulated", type=Path, metavar="FILE", help="joints of an earlier run, as truth"
+    )
     parser.add_argument("--no-run", action="store_true", help="only what --out holds already")
     given = parser.parse_args()
     if unknown := sorted(set(given.sets.split(",")) - set(SETS)):
         parser.error(f"no data set is called {', '.join(unknown)}: choose of {', '.join(SETS)}")
     samples = samples_of(given.data, given.sets.split(","), given.photos, given.stature_key)
     if not samples:
-        print("No data set found: nothing to measure. Name folders that hold some; see benchmarks/README.md.")
+        print(
+            "No data set found: nothing to measure. Name folders that hold some; see "
+            "benchmarks/README.md."
+        )
         return 0
-    chosen = ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
+    chosen = (
+        ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
+    )
     options = [*chosen, *(part for setting in given.settings for part in ("--set", setting))]
     if given.no_run:
-        samples = [s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()]
+        samples = [
+            s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()
+        ]
         if not samples:
-            parser.error(f"{given.out} has no answer to any of these photos: run without --no-run first")
+            parser.error(
+                f"{given.out} has no answer to any of these photos: run without --no-run first"
+            )
 
     def run(sample: Sample) -> dict[str, Any]:
         answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
-        print(sample.set, sample.name, f"{answer['cpu_s']:.1f} s", answer["error"], file=sys.stderr, flush=True)
+        print(
+            sample.set,
+            sample.name,
+            f"{answer['cpu_s']:.1f} s",
+            answer["error"],
+            file=sys.stderr,
+            flush=True,
+        )
         return answer
 
     with ThreadPoolExecutor(given.jobs) as pool:
@@ -85,8 +129,12 @@ def main() -> int:
         "scores": parts,
         **records,
     }
-    (given.out / "results.json").write_text(json.dumps(without_nan(measured), indent=1, allow_nan=False))
-    (given.out / "triangulated.json").write_text(json.dumps(without_nan(records["triangulated"]), allow_nan=False))
+    (given.out / "results.json").write_text(
+        json.dumps(without_nan(measured), indent=1, allow_nan=False)
+    )
+    (given.out / "triangulated.json").write_text(
+        json.dumps(without_nan(records["triangulated"]), allow_nan=False)
+    )
     (given.out / "table.md").write_text(table + "\n")
     print(table)
     print("photos: " + ", ".join(f"{name} {count}" for name, count in counts.items()))
@@ -101,7 +149,10 @@ def samples_of(
     for name in sets:
         places = [folder / name for folder in folders if (folder / name).is_dir()]
         if not places:
-            print(f"{name}: not in {' or '.join(map(str, folders)) or 'any folder, as none is named'}; skipped")
+            print(
+                f"{name}: not in "
+                f"{' or '.join(map(str, folders)) or 'any folder, as none is named'}; skipped"
+            )
             continue
         mine = SETS[name](places[0])[:photos]
         samples += mine
@@ -120,9 +171,13 @@ def without_nan(value: Any) -> Any:
 
 
 def compared(
-    samples: Sequence[Sample], answers: Sequence[dict[str, Any]], earlier: dict[str, Any] | None = None
+    samples: Sequence[Sample],
+    answers: Sequence[dict[str, Any]],
+    earlier: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The records of all people, floors, body parts, films and photos, and the joints that were triangulated."""
+    """The records of all people, floors, body parts, films and photos, and the joints that were
+    triangulated.
+    """
     people: list[Any] = []
     floors: list[Any] = []
     parts: list[Any] = []
@@ -147,7 +202,11 @@ def compared(
         elif "camera" in sample.truth:
             moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
     for name, views in moments.items():
-        truth = [np.array(joints, np.float64) for joints in earlier[name]] if earlier and name in earlier else None
+        truth = (
+            [np.array(joints, np.float64) for joints in earlier[name]]
+            if earlier and name in earlier
+            else None
+        )
         own, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
         people += own
         floors += ground
@@ -155,7 +214,13 @@ def compared(
     photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
     films = film_records(samples, answers)
     contact = {"parts": parts, "labelled": labelled, "films": films}
-    return {"people": people, "floors": floors, **contact, "photos": photos, "triangulated": triangulated}
+    return {
+        "people": people,
+        "floors": floors,
+        **contact,
+        "photos": photos,
+        "triangulated": triangulated,
+    }
 
 
 if __name__ == "__main__":

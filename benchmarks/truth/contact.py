@@ -20,12 +20,20 @@ from .table import Row
 if TYPE_CHECKING:
     Answer = Mapping[str, Any]
 
-WORLD, OTHER = ("floor", "seat", "wall", "support"), ("none", "own", "object", "person")
+WORLD = ("floor", "seat", "wall", "support")
+OTHER = ("none", "own", "object", "person")
 TOUCHES = dict.fromkeys(WORLD, True) | dict.fromkeys(OTHER, False)
 """Label of a body part -> whether it touches the world."""
 
 _WORDS = {"forearm": "lower_arm", "knee": "lower_leg"}
-KINDS = {"foot": "feet", "hand": "hands", "seat": "seat", "back": "back", "knee": "knees", "forearm": "forearms"}
+KINDS = {
+    "foot": "feet",
+    "hand": "hands",
+    "seat": "seat",
+    "back": "back",
+    "knee": "knees",
+    "forearm": "forearms",
+}
 
 OF_RESULTS = {f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, other in _WORDS.items()}
 """Label of a body part -> the part of ``Person.world_contact``, where they differ."""
@@ -39,19 +47,41 @@ MAX_BELOW_MASK = 0.02
 FILMS = {"films of fits": FILMS_OF_FITS, "films that take no part in any fit": FILMS_APART}
 
 
-def part_record(sample: Sample, person: str, part: str, probability: float, touches: bool) -> dict[str, Any]:
-    """A body part that was judged, such as "left_foot", and its probability of touching the world."""
+def part_record(
+    sample: Sample, person: str, part: str, probability: float, touches: bool
+) -> dict[str, Any]:
+    """A body part that was judged, such as "left_foot", and its probability of touching the
+    world.
+    """
     of = {"set": sample.set, "photo": sample.name, "group": sample.group, "person": person}
     kind = KINDS[part.rpartition("_")[2]]
-    return {**of, "part": part, "kind": kind, "probability": float(probability), "touches": bool(touches)}
+    return {
+        **of,
+        "part": part,
+        "kind": kind,
+        "probability": float(probability),
+        "touches": bool(touches),
+    }
 
 
-def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The labelled people of a photo and their judged parts. Nothing touches of a person who is not found."""
-    found = [person for person in answer["people"] if np.isfinite(np.array(person["joints"], np.float64)).all()]
+def score_labelled(
+    sample: Sample, answer: Answer
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The labelled people of a photo and their judged parts.
+
+    Nothing touches of a person who is not found.
+    """
+    found = [
+        person
+        for person in answer["people"]
+        if np.isfinite(np.array(person["joints"], np.float64)).all()
+    ]
     truth = sample.truth["people"]
-    matched = match_by_boxes([p["box"] for p in found], [one["box"] for one in truth], MIN_IOU).predicted_of
-    people, parts = [], []
+    matched = match_by_boxes(
+        [p["box"] for p in found], [one["box"] for one in truth], MIN_IOU
+    ).predicted_of
+    people = []
+    parts = []
     for i, one in enumerate(truth):
         person = found[matched[i]] if i in matched else None
         likely = {
@@ -85,13 +115,17 @@ def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]]
 
 
 def film_records(samples: Sequence[Sample], answers: Sequence[Answer]) -> list[dict[str, Any]]:
-    """Of each film of parkour, the median camera height of frames where no foot touches over that of the others."""
+    """Of each film of parkour, the median camera height of frames where no foot touches over that
+    of the others.
+    """
     heights: dict[str, dict[bool, list[float]]] = {}
     for sample, answer in zip(samples, answers, strict=True):
         if sample.set != "parkour" or answer["floor"] is None:
             continue
         touches = [sample.truth["touches"][foot] for foot in ("l_ankle", "r_ankle")]
-        if any(touches) or not any(sample.truth["uncaptured"][foot] for foot in ("l_ankle", "r_ankle")):
+        if any(touches) or not any(
+            sample.truth["uncaptured"][foot] for foot in ("l_ankle", "r_ankle")
+        ):
             of_film = heights.setdefault(sample.group, {True: [], False: []})
             of_film[any(touches)].append(float(answer["floor"][3]))
     return [
@@ -113,15 +147,36 @@ def contact_rows(people: Sequence[Record], films: Sequence[Record]) -> list[Row]
     without = [{**r, "good": r["grade"] == "good"} for r in sits if r["no_seat"]]
     no_seat = [r for r in people if r["seat_label"] is False]
     feet = [{**r, "touches": touches} for r in people for touches in r["feet_in_air"]]
-    ends = [{**r, "deep": r["below_mask"] > MAX_BELOW_MASK} for r in people if r["below_mask"] is not None]
+    ends = [
+        {**r, "deep": r["below_mask"] > MAX_BELOW_MASK}
+        for r in people
+        if r["below_mask"] is not None
+    ]
     good = [r for r in ends if r["grade"] == "good"]
     rows = [
         Row("people found, contact", figure(people, pooled("found")), "all", percent=True),
         Row("people who sit and have a seat", figure(sits, pooled("seat")), "", percent=True),
-        Row("  graded good of those without", figure(without, pooled("good")), "none", percent=True),
-        Row("people without a seat who get one", figure(no_seat, pooled("seat")), "<= 4 of 79", percent=True),
-        Row("feet of people in the air said to touch", figure(feet, pooled("touches")), "<= 2 of 10", percent=True),
-        Row("people graded good who reach below their mask", figure(good, pooled("deep")), "<= 1 of 13", percent=True),
+        Row(
+            "  graded good of those without", figure(without, pooled("good")), "none", percent=True
+        ),
+        Row(
+            "people without a seat who get one",
+            figure(no_seat, pooled("seat")),
+            "<= 4 of 79",
+            percent=True,
+        ),
+        Row(
+            "feet of people in the air said to touch",
+            figure(feet, pooled("touches")),
+            "<= 2 of 10",
+            percent=True,
+        ),
+        Row(
+            "people graded good who reach below their mask",
+            figure(good, pooled("deep")),
+            "<= 1 of 13",
+            percent=True,
+        ),
     ]
     for words, names in FILMS.items():
         mine = [r for r in films if r["group"] in names]
@@ -131,10 +186,15 @@ def contact_rows(people: Sequence[Record], films: Sequence[Record]) -> list[Row]
 
 
 def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Figures of each score: group of photos -> kind of part -> score, and "touching", the number that touch."""
+    """Figures of each score: group of photos -> kind of part -> score, and "touching", the number
+    that touch.
+    """
     groups = {"contact": [r for r in parts if r["set"] == "contact"]}
     films = [r for r in parts if r["set"] == "parkour"]
-    groups |= {f"parkour, {words}": [r for r in films if r["group"] in names] for words, names in FILMS.items()}
+    groups |= {
+        f"parkour, {words}": [r for r in films if r["group"] in names]
+        for words, names in FILMS.items()
+    }
     known = {film for names in FILMS.values() for film in names}
     groups["parkour, other films"] = [r for r in films if r["group"] not in known]
     tables: dict[str, dict[str, dict[str, Any]]] = {}
@@ -142,19 +202,34 @@ def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]
         for kind in KINDS.values():
             if mine := [r for r in records if r["kind"] == kind]:
                 scores = {name: asdict(figure(mine, _score(name))) for name in SCORES}
-                tables.setdefault(group, {})[kind] = {**scores, "touching": sum(r["touches"] for r in mine)}
+                tables.setdefault(group, {})[kind] = {
+                    **scores,
+                    "touching": sum(r["touches"] for r in mine),
+                }
     return tables
 
 
 def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     """As Markdown: a line for each kind of part, each score with its interval."""
-    heads = ["judged", "touch", "AUC", "Brier", "Brier, constant", "recall", "specificity", "balanced", "F1"]
+    heads = [
+        "judged",
+        "touch",
+        "AUC",
+        "Brier",
+        "Brier, constant",
+        "recall",
+        "specificity",
+        "balanced",
+        "F1",
+    ]
     heads.append("calibration error")
     rows = [["contact with the world", *heads]]
     for group, kinds in tables.items():
         for kind, scores in kinds.items():
             counts = [str(scores["auc"]["count"]), str(scores["touching"])]
-            cells = [_cell(ValueWithInterval(**scores[name]), name != "constant") for name in SCORES]
+            cells = [
+                _cell(ValueWithInterval(**scores[name]), name != "constant") for name in SCORES
+            ]
             rows.append([f"{group}: {kind}", *counts, *cells])
     return markdown_table(rows)
 
@@ -162,13 +237,17 @@ def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
 def _cell(found: ValueWithInterval, interval: bool) -> str:
     if not math.isfinite(found.value):
         return "-"
-    around = f" ({found.low:.2f} .. {found.high:.2f})" if interval and math.isfinite(found.low) else ""
+    around = (
+        f" ({found.low:.2f} .. {found.high:.2f})" if interval and math.isfinite(found.low) else ""
+    )
     return f"{found.value:.3f}{around}"
 
 
 def _score(name: str) -> Any:
     def score(strata: Strata) -> float:
         mine = [r for stratum in strata for r in stratum]
-        return probability_scores([r["probability"] for r in mine], [r["touches"] for r in mine])[name]
+        return probability_scores([r["probability"] for r in mine], [r["touches"] for r in mine])[
+            name
+        ]
 
     return score

@@ -28,14 +28,18 @@ FORCE_SHARE = 0.05
 def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
     """Of (12, 3) m in the camera's frame. Joints that the truth lacks do not count.
 
-    ``mpjpe_scaled_mm`` is after the scale about the camera that makes the bones as long in sum as the true ones: what a
-    stature that the user knows could mend of the distance.
+    ``mpjpe_scaled_mm`` is after the scale about the camera that makes the bones as long in sum as
+    the true ones: what a stature that the user knows could mend of the distance.
     """
     known = np.isfinite(truth).all(-1)
-    own, true = bone_lengths(predicted), bone_lengths(truth)
+    own = bone_lengths(predicted)
+    true = bone_lengths(truth)
     both = [name for name in true if np.isfinite(true[name]) and np.isfinite(own[name])]
-    ratio = sum(own[name] for name in both) / sum(true[name] for name in both) if both else float("nan")
-    pelvis, true_pelvis = root(predicted, known), root(truth, known)
+    ratio = (
+        sum(own[name] for name in both) / sum(true[name] for name in both) if both else float("nan")
+    )
+    pelvis = root(predicted, known)
+    true_pelvis = root(truth, known)
     return {
         "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
         "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),
@@ -50,10 +54,17 @@ def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
 
 
 def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any]:
-    """Of a plane (4,) normal and offset in the camera's frame against the direction up and the camera's true height."""
+    """Of a plane (4,) normal and offset in the camera's frame against the direction up and the
+    camera's true height.
+    """
     if floor is None:
-        return {"floor": False, "floor_angle_deg": float("nan"), "camera_height_ratio": float("nan")}
-    sine, cosine = np.linalg.norm(np.cross(floor[:3], up)), floor[:3] @ up
+        return {
+            "floor": False,
+            "floor_angle_deg": float("nan"),
+            "camera_height_ratio": float("nan"),
+        }
+    sine = np.linalg.norm(np.cross(floor[:3], up))
+    cosine = floor[:3] @ up
     return {
         "floor": True,
         "floor_angle_deg": float(np.degrees(np.arctan2(sine, cosine))),
@@ -63,7 +74,8 @@ def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any
 
 def box_of(points: Array) -> Array:
     """Box (4,) of joints (12, 2) px, grown by a tenth: a body is larger than its joints."""
-    low, high = np.nanmin(points, 0), np.nanmax(points, 0)
+    low = np.nanmin(points, 0)
+    high = np.nanmax(points, 0)
     margin = 0.1 * float((high - low).max())
     return np.concatenate([low - margin, high + margin])
 
@@ -88,20 +100,27 @@ def match_people(
 ) -> dict[int, int]:
     """True person -> found person, one to one.
 
-    Somebody is found where the boxes overlap by more than half, or where most of the true keypoints lie in the found
-    box and most of the found ones in the true box: boxes of half hidden people differ by what is guessed of them.
+    Somebody is found where the boxes overlap by more than half, or where most of the true keypoints
+    lie in the found box and most of the found ones in the true box: boxes of half hidden people
+    differ by what is guessed of them.
     """
-    iou, truth = _iou(boxes, true_boxes), list(zip(true_boxes, true_points, strict=True))
+    iou = _iou(boxes, true_boxes)
+    truth = list(zip(true_boxes, true_points, strict=True))
     mutual = np.array(
         [
-            [min(share_inside(true, box), share_inside(found, true_box)) for true_box, true in truth]
+            [
+                min(share_inside(true, box), share_inside(found, true_box))
+                for true_box, true in truth
+            ]
             for box, found in zip(boxes, points, strict=True)
         ]
     ).reshape(iou.shape)
     return assign(-iou - mutual, (iou > MIN_IOU) | (mutual > 0.5)).predicted_of
 
 
-def points_error(predicted: Array, truth: Array, counted: NDArray[np.bool_], box: Sequence[float]) -> list[float]:
+def points_error(
+    predicted: Array, truth: Array, counted: NDArray[np.bool_], box: Sequence[float]
+) -> list[float]:
     """Distance of each counted joint (J, 2) px as a share of the box's diagonal."""
     diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
     distance = np.linalg.norm(predicted - truth, axis=-1)[counted & np.isfinite(truth).all(-1)]
@@ -118,13 +137,16 @@ def true_contact(forces: Array) -> NDArray[np.bool_]:
 def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> dict[str, float]:
     """Scores of probabilities (n,) of something that is true or not; NaN for what has no case.
 
-    ``brier`` is the mean squared error, ``constant`` that of the base rate of these cases. ``recall``, ``specificity``,
-    ``balanced`` (their mean) and ``f1`` are at one half, ``calibration`` is :func:`calibration_error`.
+    ``brier`` is the mean squared error, ``constant`` that of the base rate of these cases.
+    ``recall``, ``specificity``, ``balanced`` (their mean) and ``f1`` are at one half,
+    ``calibration`` is :func:`calibration_error`.
     """
-    given, fact = np.array(probability, np.float64), np.array(truth, bool)
+    given = np.array(probability, np.float64)
+    fact = np.array(truth, bool)
     if not len(fact):
         return dict.fromkeys(SCORES, float("nan"))
-    found, rate = given >= 0.5, fact.mean()
+    found = given >= 0.5
+    rate = fact.mean()
     right = found[fact], ~found[~fact]
     recall, specificity = (float(cases.mean()) if len(cases) else float("nan") for cases in right)
     above = given[fact][:, None] - given[~fact]
@@ -143,23 +165,30 @@ def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> d
 
 
 def calibration_error(probability: Sequence[float], truth: Sequence[bool]) -> float:
-    """Expected calibration error in ten bins: mean |probability - share of true cases|; NaN without probabilities."""
-    given, fact = np.array(probability, np.float64), np.array(truth, bool)
+    """Expected calibration error in ten bins: mean |probability - share of true cases|; NaN without
+    probabilities.
+    """
+    given = np.array(probability, np.float64)
+    fact = np.array(truth, bool)
     known = np.isfinite(given)
     if not known.any():
         return float("nan")
-    given, fact = given[known], fact[known]
+    given = given[known]
+    fact = fact[known]
     index = np.minimum((given * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
     off = np.bincount(index, given - fact, CALIBRATION_BINS)
     return float(np.abs(off).sum() / len(given))
 
 
 def depth_errors(depth: Array, truth: Array) -> dict[str, float]:
-    """Mean |Z - Z*| / Z* over the pixels that both maps know: as it comes, and after the factor of the medians."""
+    """Mean |Z - Z*| / Z* over the pixels that both maps know: as it comes, and after the factor of
+    the medians.
+    """
     known = np.isfinite(depth) & np.isfinite(truth) & (truth > 0) & (depth > 0)
     if not known.any():
         return {"absrel": float("nan"), "absrel_scaled": float("nan"), "depth_factor": float("nan")}
-    own, true = depth[known], truth[known]
+    own = depth[known]
+    true = truth[known]
     factor = float(np.median(true / own))
     return {
         "absrel": float((np.abs(own - true) / true).mean()),

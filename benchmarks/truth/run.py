@@ -23,10 +23,14 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Person, Reconstruction
 
 NO_RESULT = (3, 5)
-"""Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on it."""
+"""Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on
+it.
+"""
 
 
-def answer_of(sample: Sample, out: Path, options: list[str], with_camera: bool = True) -> dict[str, Any]:
+def answer_of(
+    sample: Sample, out: Path, options: list[str], with_camera: bool = True
+) -> dict[str, Any]:
     """The answer that an earlier run left in ``out``, or a new one.
 
     Raises:
@@ -34,8 +38,13 @@ def answer_of(sample: Sample, out: Path, options: list[str], with_camera: bool =
     """
     arguments = [*options, *(part for setting in sample.settings for part in ("--set", setting))]
     if sample.K is not None and with_camera:
-        arguments += ["--intrinsics", ",".join(f"{v:.6g}" for v in sample.K[[0, 1, 0, 1], [0, 1, 2, 2]])]
-    key = hashlib.sha256(json.dumps([arguments, str(sample.source), sample.frame]).encode()).hexdigest()
+        arguments += [
+            "--intrinsics",
+            ",".join(f"{v:.6g}" for v in sample.K[[0, 1, 0, 1], [0, 1, 2, 2]]),
+        ]
+    key = hashlib.sha256(
+        json.dumps([arguments, str(sample.source), sample.frame]).encode()
+    ).hexdigest()
     file = out / "answers" / sample.set / f"{sample.name}.json"
     if file.exists():
         earlier: dict[str, Any] = json.loads(file.read_text())
@@ -51,13 +60,23 @@ def answer_of(sample: Sample, out: Path, options: list[str], with_camera: bool =
 
 def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
-        photo, results = sample.source, Path(folder) / "results"
+        photo = sample.source
+        results = Path(folder) / "results"
         if sample.changed:
             import cv2
 
             photo = Path(folder) / f"{sample.name}.png"
             cv2.imwrite(str(photo), picture_of(sample))
-        command = [sys.executable, "-m", "physic_core", "run", str(photo), "--out", str(results), "--no-cache"]
+        command = [
+            sys.executable,
+            "-m",
+            "physic_core",
+            "run",
+            str(photo),
+            "--out",
+            str(results),
+            "--no-cache",
+        ]
         command += arguments
         began = time.perf_counter()
         with (Path(folder) / "log").open("w+") as log:
@@ -66,16 +85,28 @@ def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
             lines = log.read().strip().splitlines()
         times = {"wall_s": time.perf_counter() - began, "cpu_s": cost.cpu_s}
         if cost.code in NO_RESULT:
-            return {"error": lines[-1] if lines else "", "people": [], "floor": None, "checks": [], **times}
+            return {
+                "error": lines[-1] if lines else "",
+                "people": [],
+                "floor": None,
+                "checks": [],
+                **times,
+            }
         if cost.code:
-            raise RuntimeError("\n".join([f"{' '.join(command)} ended with {cost.code}:", *lines[-20:]]))
+            raise RuntimeError(
+                "\n".join([f"{' '.join(command)} ended with {cost.code}:", *lines[-20:]])
+            )
         preview = out / "previews" / sample.set / f"{sample.name}.png"
         preview.parent.mkdir(parents=True, exist_ok=True)
         if (results / "preview.png").exists():
             shutil.copyfile(results / "preview.png", preview)
         from physic_core import load_reconstruction
 
-        return {"error": "", **measured_fields(load_reconstruction(str(results)), _size(photo), sample), **times}
+        return {
+            "error": "",
+            **measured_fields(load_reconstruction(str(results)), _size(photo), sample),
+            **times,
+        }
 
 
 def _size(photo: Path) -> tuple[int, int]:
@@ -86,7 +117,9 @@ def _size(photo: Path) -> tuple[int, int]:
     return width, height
 
 
-def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sample) -> dict[str, Any]:
+def measured_fields(
+    result: Reconstruction, size: tuple[int, int], sample: Sample
+) -> dict[str, Any]:
     """What is measured of a result, in px of the photo of ``size`` (width, height)."""
     from physic_core.types import skeleton_named
 
@@ -99,7 +132,10 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
         for row, name in enumerate(LIMB_JOINTS):
             if name in names:
                 k = names.index(name)
-                keypoints[row] = *((person.keypoints[k] + 0.5) * factor - 0.5), person.keypoint_confidence[k]
+                keypoints[row] = (
+                    *((person.keypoints[k] + 0.5) * factor - 0.5),
+                    person.keypoint_confidence[k],
+                )
         people.append(
             {
                 "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
@@ -118,9 +154,12 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
     answer = {
         "people": people,
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
-        "floor": None if floor is None else [*(float(v) for v in floor.normal), float(floor.offset)],
+        "floor": None
+        if floor is None
+        else [*(float(v) for v in floor.normal), float(floor.offset)],
         "checks": [
-            {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)} for c in result.checks
+            {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)}
+            for c in result.checks
         ],
         "grade": result.grade,
         "scale_sigma": result.scene.scale_sigma,
@@ -132,7 +171,8 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
 
 
 def below_mask(person: Person, K: FloatArray) -> float | None:
-    """How far the body reaches below the mask, as a share of the stature at its distance; None where it is not known.
+    """How far the body reaches below the mask, as a share of the stature at its distance; None
+    where it is not known.
 
     That is where no body was fitted, and where the mask ends at the photo's border.
     """
@@ -140,13 +180,19 @@ def below_mask(person: Person, K: FloatArray) -> float | None:
     if person.stature is None or not len(rows) or rows[-1] >= len(person.mask) - 3:
         return None
     lowest = float((person.vertices @ K[1] / person.vertices[:, 2]).max())
-    return (lowest - float(rows[-1])) / (person.stature * float(K[1, 1]) / float(person.joints[0, 2]))
+    return (lowest - float(rows[-1])) / (
+        person.stature * float(K[1, 1]) / float(person.joints[0, 2])
+    )
 
 
 def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:
     import cv2
 
-    truth = cv2.imread(str(sample.truth["depth_file"]), cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
+    truth = (
+        cv2.imread(str(sample.truth["depth_file"]), cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
+    )
     depth = np.where(result.scene.valid, result.scene.points[..., 2], np.nan).astype(np.float32)
     size = (truth.shape[1], truth.shape[0])
-    return depth_errors(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64), truth)
+    return depth_errors(
+        cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64), truth
+    )

@@ -28,7 +28,12 @@ SEEN = 0.3
 MIN_VISIBLE = 8
 """Joints of twelve in the picture from which somebody counts as visible in a view."""
 
-LIMBS = {"l_ankle": "left_foot", "r_ankle": "right_foot", "l_fingers": "left_hand", "r_fingers": "right_hand"}
+LIMBS = {
+    "l_ankle": "left_foot",
+    "r_ankle": "right_foot",
+    "l_fingers": "left_hand",
+    "r_fingers": "right_hand",
+}
 """Where forces were measured: the set of vertices that touches there."""
 
 
@@ -62,7 +67,10 @@ def photo_record(sample: Sample, answer: Answer) -> Record:
         "failed_checks": failed,
         "unknown_checks": unknown,
         "grade": answer.get("grade"),
-        **{key: answer.get(key, math.nan) for key in ("wall_s", "cpu_s", "absrel", "absrel_scaled", "depth_factor")},
+        **{
+            key: answer.get(key, math.nan)
+            for key in ("wall_s", "cpu_s", "absrel", "absrel_scaled", "depth_factor")
+        },
     }
 
 
@@ -83,7 +91,8 @@ def score_single(sample: Sample, answer: Answer) -> tuple[list[Record], list[Rec
 def score_moment(
     samples: Sequence[Sample], answers: Sequence[Answer], truth: Sequence[Array] | None = None
 ) -> tuple[list[Record], list[Record], list[Array]]:
-    """People and floors of all views of one moment, and the joints (12, 3) m of the world that they are held against.
+    """People and floors of all views of one moment, and the joints (12, 3) m of the world that they
+    are held against.
 
     Args:
         samples: a view each.
@@ -92,7 +101,9 @@ def score_moment(
     """
     cameras = [camera_of(sample) for sample in samples]
     if truth is None:
-        found = match_views(cameras, [[keypoints_of(p) for p in people_of(answer)] for answer in answers])
+        found = match_views(
+            cameras, [[keypoints_of(p) for p in people_of(answer)] for answer in answers]
+        )
         truth = [person.joints for person in found]
     people: list[Record] = []
     pelvises: dict[int, list[Array]] = {i: [] for i in range(len(truth))}
@@ -104,12 +115,16 @@ def score_moment(
         matched = _match(answer, pixels)
         for row, i in enumerate(visible):
             person = matched.get(row)
-            record = _person(sample, str(i), camera.in_camera(truth[i]), camera.R @ sample.truth["up"], person)
+            record = _person(
+                sample, str(i), camera.in_camera(truth[i]), camera.R @ sample.truth["up"], person
+            )
             people.append(record)
             if person is not None:
                 pelvises[i].append(camera.in_world(root(joints_of(person))))
     floors = [
-        _floor(sample, answer, camera.R @ sample.truth["up"], float(camera.centre @ sample.truth["up"]))
+        _floor(
+            sample, answer, camera.R @ sample.truth["up"], float(camera.centre @ sample.truth["up"])
+        )
         for sample, answer, camera in zip(samples, answers, cameras, strict=True)
     ]
     for i, places in pelvises.items():
@@ -121,17 +136,28 @@ def score_moment(
 
 
 def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
-    """Annotated people of a photo of people2d: found or not, and the error of their final joints in the picture."""
+    """Annotated people of a photo of people2d: found or not, and the error of their final joints in
+    the picture.
+    """
     everybody = sample.truth["people"]
     boxes = [[x, y, x + w, y + h] for x, y, w, h in (person["box_xywh"] for person in everybody)]
     marks = [limb_joints(person["keypoints"], 3) for person in everybody]
     found = people_of(answer)
     matched = match_people(
-        [p["box"] for p in found], [keypoints_of(p) for p in found], boxes, [mark[:, :2] for mark in marks]
+        [p["box"] for p in found],
+        [keypoints_of(p) for p in found],
+        boxes,
+        [mark[:, :2] for mark in marks],
     )
     records = []
     for i, (box, mark) in enumerate(zip(boxes, marks, strict=True)):
-        record: Record = {**_of(sample), "person": str(i), "found": i in matched, "visible": [], "hidden": []}
+        record: Record = {
+            **_of(sample),
+            "person": str(i),
+            "found": i in matched,
+            "visible": [],
+            "hidden": [],
+        }
         if i in matched:
             pixels = projected(joints_of(found[matched[i]]), answer["camera"])
             record["visible"] = points_error(pixels, mark[:, :2], mark[:, 2] == 2, box)
@@ -148,12 +174,16 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
     """
     truth = limb_joints(sample.truth["joints"], 3)
     found = people_of(answer)
-    person = max(found, key=lambda p: (p["box"][2] - p["box"][0]) * (p["box"][3] - p["box"][1]), default=None)
+    person = max(
+        found, key=lambda p: (p["box"][2] - p["box"][0]) * (p["box"][3] - p["box"][1]), default=None
+    )
     record: Record = {**_of(sample), "person": "0", "found": person is not None, "posture": ""}
     if person is not None:
         own = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
-        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")} | {"grade": person.get("grade")}
+        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")} | {
+            "grade": person.get("grade")
+        }
     parts = person["parts"] if person else dict.fromkeys(LIMBS.values(), 0.0)
     limbs = [
         part_record(sample, "0", part, parts[part], sample.truth["touches"][limb])
@@ -166,7 +196,9 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
 def projected(joints: Array, camera: Sequence[float]) -> Array:
     """(J, 2) px of joints before the camera fx, fy, cx, cy."""
     fx, fy, cx, cy = camera
-    return np.stack([fx * joints[:, 0] / joints[:, 2] + cx, fy * joints[:, 1] / joints[:, 2] + cy], -1)
+    return np.stack(
+        [fx * joints[:, 0] / joints[:, 2] + cx, fy * joints[:, 1] / joints[:, 2] + cy], -1
+    )
 
 
 def _match(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
@@ -181,12 +213,20 @@ def _of(sample: Sample) -> Record:
     return {"set": sample.set, "photo": sample.name, "group": sample.group}
 
 
-def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: Mapping[str, Any] | None) -> Record:
+def _person(
+    sample: Sample, name: str, truth: Array, up: Array | None, person: Mapping[str, Any] | None
+) -> Record:
     posture = {True: "upright", False: "bent", None: "unknown"}[is_upright(truth, up)]
-    record: Record = {**_of(sample), "person": name, "found": person is not None, "posture": posture}
+    record: Record = {
+        **_of(sample),
+        "person": name,
+        "found": person is not None,
+        "posture": posture,
+    }
     if person is not None:
         record |= pose_errors(joints_of(person), truth) | {"grade": person.get("grade")}
-        distance, stature = person.get("distance_sigma"), person.get("stature_sigma")
+        distance = person.get("distance_sigma")
+        stature = person.get("stature_sigma")
         record["distance_sigma"] = distance or math.nan
         record["distance_in_sigmas"] = _in_sigmas(record["pelvis_depth_ratio"], distance)
         record["stature_in_sigmas"] = _in_sigmas(record["bones_ratio"], stature)

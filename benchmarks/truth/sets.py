@@ -67,7 +67,11 @@ class Sample:
     @property
     def changed(self) -> bool:
         """Whether the tool gets another picture than the file holds."""
-        return self.frame is not None or self.crop is not None or (self.distortion is not None and any(self.distortion))
+        return (
+            self.frame is not None
+            or self.crop is not None
+            or (self.distortion is not None and any(self.distortion))
+        )
 
 
 def picture_of(sample: Sample) -> Picture:
@@ -82,7 +86,10 @@ def picture_of(sample: Sample) -> Picture:
         picture = film.read()[1]
         film.release()
     if picture is None:
-        raise ValueError(f"{sample.source} cannot be read{'' if sample.frame is None else f' at frame {sample.frame}'}")
+        raise ValueError(
+            f"{sample.source} cannot be "
+            f"read{'' if sample.frame is None else f' at frame {sample.frame}'}"
+        )
     if sample.crop is not None:
         x0, y0, x1, y1 = sample.crop
         picture = picture[y0:y1, x0:x1]
@@ -97,17 +104,28 @@ def picture_of(sample: Sample) -> Picture:
 def mpi_inf_3dhp(folder: Path) -> list[Sample]:
     """One person a photo, with K, joints, and up and a point of the floor where they are known."""
     return [
-        Sample("mpi_inf_3dhp", Path(r["image"]).stem, r["image"], folder / r["image"], K=np.array(r["K"]), truth=r)
+        Sample(
+            "mpi_inf_3dhp",
+            Path(r["image"]).stem,
+            r["image"],
+            folder / r["image"],
+            K=np.array(r["K"]),
+            truth=r,
+        )
         for r in json.loads((folder / "truth.json").read_text())
     ]
 
 
 def multiview(name: str, up: Sequence[float]) -> Callable[[Path], list[Sample]]:
-    """Reader of a set of several calibrated cameras at several moments, floor through the origin; moment by moment."""
+    """Reader of a set of several calibrated cameras at several moments, floor through the origin;
+    moment by moment.
+    """
 
     def read(folder: Path) -> list[Sample]:
         samples = []
-        for camera_name, record in json.loads((folder / "cameras.json").read_text())["cameras"].items():
+        for camera_name, record in json.loads((folder / "cameras.json").read_text())[
+            "cameras"
+        ].items():
             camera, shown = calibrated(record)
             whole = (0, 0, int(record["width"]), int(record["height"]))
             for photo in sorted(folder.glob(f"{camera_name}*.jpg")):
@@ -140,7 +158,9 @@ def people2d(folder: Path) -> list[Sample]:
 
 
 def parkour(folder: Path) -> list[Sample]:
-    """Every fifth picture of each film that has a row, by turns from the films and from all over each of them."""
+    """Every fifth picture of each film that has a row, by turns from the films and from all over
+    each of them.
+    """
     from .measures import true_contact
 
     films = []
@@ -148,7 +168,8 @@ def parkour(folder: Path) -> list[Sample]:
         with np.load(archive, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files}
         touches = true_contact(arrays["forces"].astype(np.float64))
-        joints, limbs = arrays["joint_names"].tolist(), arrays["force_names"].tolist()
+        joints = arrays["joint_names"].tolist()
+        limbs = arrays["force_names"].tolist()
         film = archive.with_suffix(".mp4")
         films.append(
             [
@@ -160,9 +181,13 @@ def parkour(folder: Path) -> list[Sample]:
                     frame=frame,
                     size=(1024, 576),  # the films are 720 x 576 of 16:9
                     truth={
-                        "joints": dict(zip(joints, arrays["joints_m"][frame].tolist(), strict=True)),
+                        "joints": dict(
+                            zip(joints, arrays["joints_m"][frame].tolist(), strict=True)
+                        ),
                         "touches": dict(zip(limbs, touches[frame].tolist(), strict=True)),
-                        "uncaptured": dict(zip(limbs, arrays["uncaptured"][frame].tolist(), strict=True)),
+                        "uncaptured": dict(
+                            zip(limbs, arrays["uncaptured"][frame].tolist(), strict=True)
+                        ),
                     },
                 )
                 for frame in rotated(scattered(range(0, frames_of(film), FRAME_STEP)), number)
@@ -176,15 +201,24 @@ def rgbd(folder: Path) -> list[Sample]:
     found = []
     for photo in sorted(folder.glob("*/image.jpg")):
         for depth in sorted(photo.parent.glob("*depth.png")):
-            found.append(Sample("rgbd", photo.parent.name, photo.parent.name, photo, truth={"depth_file": depth}))
+            found.append(
+                Sample(
+                    "rgbd", photo.parent.name, photo.parent.name, photo, truth={"depth_file": depth}
+                )
+            )
     return found
 
 
 def contact(folder: Path) -> list[Sample]:
-    """Photos whose people were labelled by eye: their boxes, postures, and what each body part touches."""
+    """Photos whose people were labelled by eye: their boxes, postures, and what each body part
+    touches.
+    """
     labels = json.loads((folder / "labels.json").read_text())
     photos = {photo.stem: photo for photo in sorted((folder / "photos").iterdir())}
-    return [Sample("contact", name, name, photos[name], truth={"people": people}) for name, people in labels.items()]
+    return [
+        Sample("contact", name, name, photos[name], truth={"people": people})
+        for name, people in labels.items()
+    ]
 
 
 SETS: dict[str, Callable[[Path], list[Sample]]] = {
@@ -209,7 +243,9 @@ def frames_of(film: Path) -> int:
 
 
 def in_turn(lists: Sequence[list[Sample]]) -> list[Sample]:
-    """The first of each list, then the second of each, and so on: the first N are a spread over the lists."""
+    """The first of each list, then the second of each, and so on: the first N are a spread over the
+    lists.
+    """
     return [sample for row in zip_longest(*lists) for sample in row if sample is not None]
 
 
@@ -227,7 +263,9 @@ def rotated(items: list[int], by: int) -> list[int]:
 
 
 def stature_m(joints: Mapping[str, Sequence[float]]) -> float:
-    """How tall somebody is, by the joints of mpi_inf_3dhp: head, neck, pelvis, knee, ankle and sole along the body."""
+    """How tall somebody is, by the joints of mpi_inf_3dhp: head, neck, pelvis, knee, ankle and sole
+    along the body.
+    """
     p = {name: np.array(place, np.float64) for name, place in joints.items()}
 
     def length(*names: str) -> float:

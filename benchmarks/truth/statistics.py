@@ -18,15 +18,20 @@ _DRAWS = 1000
 
 
 def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> ValueWithInterval:
-    """A statistic of the records by data set, and its interval by a bootstrap over the groups of each set.
+    """A statistic of the records by data set, and its interval by a bootstrap over the groups of
+    each set.
 
-    Groups are resampled, not people: those of one moment or film are alike. Photos are, where a set has one group
-    alone. A set of one photo gives no interval, nor does a figure that it takes part in.
+    Groups are resampled, not people: those of one moment or film are alike. Photos are, where a set
+    has one group alone. A set of one photo gives no interval, nor does a figure that it takes part
+    in.
     """
     sets: dict[str, list[Record]] = {}
     for record in records:
         sets.setdefault(record["set"], []).append(record)
-    strata = [max(_grouped(of_set, "group"), _grouped(of_set, "photo"), key=_several) for of_set in sets.values()]
+    strata = [
+        max(_grouped(of_set, "group"), _grouped(of_set, "photo"), key=_several)
+        for of_set in sets.values()
+    ]
 
     def of_groups(drawn: Sequence[Sequence[Sequence[Record]]]) -> float:
         return statistic([[r for group in stratum for r in group] for stratum in drawn])
@@ -57,17 +62,23 @@ def rms_of(values: Sequence[float]) -> float:
     return math.sqrt(mean_of([v * v for v in values]))
 
 
-def pooled(key: str, average: Callable[[Sequence[float]], float] = mean_of) -> Callable[[Strata], float]:
+def pooled(
+    key: str, average: Callable[[Sequence[float]], float] = mean_of
+) -> Callable[[Strata], float]:
     """Mean, or another average, over all records."""
     return lambda strata: average([r[key] for stratum in strata for r in stratum])
 
 
 def of_sets(key: str) -> Callable[[Strata], float]:
-    """Mean over the data sets of their means, so that a set of many photos does not drown the others."""
+    """Mean over the data sets of their means, so that a set of many photos does not drown the
+    others.
+    """
     return lambda strata: mean_of([mean_of([r[key] for r in stratum]) for stratum in strata])
 
 
-def of_lists(key: str, average: Callable[[Sequence[float]], float] = mean_of) -> Callable[[Strata], float]:
+def of_lists(
+    key: str, average: Callable[[Sequence[float]], float] = mean_of
+) -> Callable[[Strata], float]:
     """Mean, or another average, over the numbers in a list of each record."""
     return lambda strata: average([v for stratum in strata for r in stratum for v in r[key]])
 

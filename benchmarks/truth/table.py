@@ -12,7 +12,12 @@ from physic_core.metrics import ValueWithInterval, markdown_table
 from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled, rms_of
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
-WRONG = {"pa_mpjpe_mm": 150.0, "pelvis_depth_ratio": 0.25, "floor_angle_deg": 10.0, "camera_height_off": 0.25}
+WRONG = {
+    "pa_mpjpe_mm": 150.0,
+    "pelvis_depth_ratio": 0.25,
+    "floor_angle_deg": 10.0,
+    "camera_height_off": 0.25,
+}
 """Beyond one of these a result is measurably wrong, as it is where somebody is missed."""
 
 
@@ -39,7 +44,9 @@ class Row:
         return f"{self.text(self.figure.low)} .. {self.text(self.figure.high)}" if known else ""
 
 
-def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]) -> list[Row]:
+def rows_of(
+    people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]
+) -> list[Row]:
     """All rows, those of a data set that was not run with no number."""
 
     def of(records: Sequence[Record], *sets: str, **fixed: Any) -> list[Record]:
@@ -55,40 +62,72 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
         return [r for r in records if math.isfinite(r.get(key, math.nan))]
 
     def row(
-        name: str, records: Sequence[Record], statistic: Callable[[Strata], float], goal: str = "", **how: Any
+        name: str,
+        records: Sequence[Record],
+        statistic: Callable[[Strata], float],
+        goal: str = "",
+        **how: Any,
     ) -> Row:
         return Row(name, figure(records, statistic), goal, **how)
 
     stature = [r for r in people if r["photo"].endswith("+stature") and r["found"]]
-    everybody, found = of(people, *CAMERA_SETS), of(people, *CAMERA_SETS, found=True)
+    everybody = of(people, *CAMERA_SETS)
+    found = of(people, *CAMERA_SETS, found=True)
     rows = [
         row(f"people found, {name}", of(people, name), pooled("found"), goal, percent=True)
-        for name, goal in {**dict.fromkeys((*CAMERA_SETS, "parkour"), "all"), "people2d": ">= 34 of 38"}.items()
+        for name, goal in {
+            **dict.fromkeys((*CAMERA_SETS, "parkour"), "all"),
+            "people2d": ">= 34 of 38",
+        }.items()
     ]
     annotated = of(people, "people2d", found=True)
     rows += [
-        row("2D joints off, share of the box's diagonal: visible", annotated, of_lists("visible"), "<= .025", digits=3),
+        row(
+            "2D joints off, share of the box's diagonal: visible",
+            annotated,
+            of_lists("visible"),
+            "<= .025",
+            digits=3,
+        ),
         row("  median of visible", annotated, of_lists("visible", median_of), digits=3),
         row("  hidden", annotated, of_lists("hidden"), "<= .07", digits=3),
     ]
-    for posture, words, goal in (("upright", "upright", "<= 58"), ("bent", "on floor, seat or bent", "<= 85")):
+    for posture, words, goal in (
+        ("upright", "upright", "<= 58"),
+        ("bent", "on floor, seat or bent", "<= 85"),
+    ):
         mine = [r for r in found if r["posture"] == posture]
         rows.append(row(f"PA-MPJPE mm, {words}", mine, pooled("pa_mpjpe_mm"), goal))
         rows += [row(f"  {name}", of(mine, name), pooled("pa_mpjpe_mm")) for name in CAMERA_SETS]
     for key, words, goal, digits in (
         ("root_aligned_mm", "root-aligned MPJPE mm, mean of sets", "<= 95", 0),
         ("mpjpe_mm", "MPJPE mm at own scale, mean of sets", "<= 180", 0),
-        ("mpjpe_scaled_mm", "MPJPE mm once the bones are scaled to the true ones, mean of sets", "", 0),
+        (
+            "mpjpe_scaled_mm",
+            "MPJPE mm once the bones are scaled to the true ones, mean of sets",
+            "",
+            0,
+        ),
         ("bones_ratio", "bones, estimated / true, mean of sets", ".98-1.02", 3),
         ("pelvis_depth_ratio", "depth of the pelvis, estimated / true, mean of sets", "", 3),
     ):
         mine = known(found, key)
         rows.append(row(words, mine, of_sets(key), goal, digits=digits))
-        rows += [row(f"  {name}", of(mine, name), pooled(key), digits=digits) for name in CAMERA_SETS]
+        rows += [
+            row(f"  {name}", of(mine, name), pooled(key), digits=digits) for name in CAMERA_SETS
+        ]
     rows.append(row("MPJPE mm with the true stature given", stature, pooled("mpjpe_mm"), "<= 130"))
     rows += [
-        row("floor: angle deg", known(of(floors), "floor_angle_deg"), pooled("floor_angle_deg"), "<= 2.5", digits=1),
-        row("  missing where one is in sight", of(floors), pooled("missing"), "<= 5 %", percent=True),
+        row(
+            "floor: angle deg",
+            known(of(floors), "floor_angle_deg"),
+            pooled("floor_angle_deg"),
+            "<= 2.5",
+            digits=1,
+        ),
+        row(
+            "  missing where one is in sight", of(floors), pooled("missing"), "<= 5 %", percent=True
+        ),
         row(
             "  camera height off by",
             known(of(floors), "camera_height_off"),
@@ -97,7 +136,11 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
             percent=True,
         ),
         row(
-            "scene depth, absrel as it comes", known(of(photos, "rgbd"), "absrel"), pooled("absrel"), "<= .15", digits=3
+            "scene depth, absrel as it comes",
+            known(of(photos, "rgbd"), "absrel"),
+            pooled("absrel"),
+            "<= .15",
+            digits=3,
         ),
         row(
             "  after one factor",
@@ -109,8 +152,19 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
     ]
     sure = known(found, "distance_in_sigmas")
     rows += [
-        row("distance over its stated sigma, rms", sure, pooled("distance_in_sigmas", rms_of), ".6-1.5", digits=2),
-        row("  stated sigma of the log distance, median", sure, pooled("distance_sigma", median_of), digits=3),
+        row(
+            "distance over its stated sigma, rms",
+            sure,
+            pooled("distance_in_sigmas", rms_of),
+            ".6-1.5",
+            digits=2,
+        ),
+        row(
+            "  stated sigma of the log distance, median",
+            sure,
+            pooled("distance_sigma", median_of),
+            digits=3,
+        ),
         row(
             "stature over its stated sigma, rms",
             known(found, "stature_in_sigmas"),
@@ -126,19 +180,39 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
             digits=2,
         ),
     ]
-    rows.append(row("PA-MPJPE mm, parkour", of(people, "parkour", found=True), pooled("pa_mpjpe_mm"), "<= 80"))
+    rows.append(
+        row(
+            "PA-MPJPE mm, parkour",
+            of(people, "parkour", found=True),
+            pooled("pa_mpjpe_mm"),
+            "<= 80",
+        )
+    )
     for name, goal in (("panoptic", "<= .15"), ("roundtable", "")):
         once = {(r["set"], r["group"], r["person"]): r for r in of(everybody, name)}
         words = f"spread of one pelvis over cameras, m, {name}"
-        rows.append(row(words, known(list(once.values()), "spread_m"), pooled("spread_m"), goal, digits=2))
+        rows.append(
+            row(words, known(list(once.values()), "spread_m"), pooled("spread_m"), goal, digits=2)
+        )
     measured = [photo for photo in of(photos) if photo["set"] not in ("rgbd", "contact")]
     judged = [{**photo, "wrong": is_wrong(photo, people, floors)} for photo in measured]
-    bodies = [{**r, "wrong": is_wrong_person(r)} for r in known(of(people, found=True), "pa_mpjpe_mm")]
-    for words, graded in (("photos", [r for r in judged if not r["error"]]), ("people with 3D truth", bodies)):
+    bodies = [
+        {**r, "wrong": is_wrong_person(r)} for r in known(of(people, found=True), "pa_mpjpe_mm")
+    ]
+    for words, graded in (
+        ("photos", [r for r in judged if not r["error"]]),
+        ("people with 3D truth", bodies),
+    ):
         good = [{**r, "good": r["grade"] == "good"} for r in graded]
         rows += [
             row(f"{words} graded good", good, pooled("good"), percent=True),
-            row("  measurably wrong of those", [r for r in good if r["good"]], pooled("wrong"), "none", percent=True),
+            row(
+                "  measurably wrong of those",
+                [r for r in good if r["good"]],
+                pooled("wrong"),
+                "none",
+                percent=True,
+            ),
             row(
                 "  graded good of those that are not wrong",
                 [r for r in good if not r["wrong"]],
@@ -161,7 +235,9 @@ def is_wrong(photo: Record, people: Sequence[Record], floors: Sequence[Record]) 
     return (
         not all(r["found"] for r in mine)
         or any(is_wrong_person(r) for r in mine)
-        or any(r[key] > WRONG[key] for r in ground for key in ("floor_angle_deg", "camera_height_off"))
+        or any(
+            r[key] > WRONG[key] for r in ground for key in ("floor_angle_deg", "camera_height_off")
+        )
     )
 
 

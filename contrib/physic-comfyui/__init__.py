@@ -1,4 +1,7 @@
-"""A node of ComfyUI: people, scene and contact of one photo in 3D. ComfyUI loads this folder from its custom_nodes."""
+"""A node of ComfyUI: people, scene and contact of one photo in 3D.
+
+ComfyUI loads this folder from its custom_nodes.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +44,14 @@ class PhysicReconstruct:
         return {
             "required": {
                 "image": ("IMAGE",),
-                "preset": ("STRING", {"default": "embedded", "tooltip": "A preset of PhySIC, or a TOML file."}),
-                "focal_px": ("FLOAT", {"default": 0.0, "min": 0.0, "max": 1e6, "tooltip": "In px; 0 if unknown."}),
+                "preset": (
+                    "STRING",
+                    {"default": "embedded", "tooltip": "A preset of PhySIC, or a TOML file."},
+                ),
+                "focal_px": (
+                    "FLOAT",
+                    {"default": 0.0, "min": 0.0, "max": 1e6, "tooltip": "In px; 0 if unknown."},
+                ),
                 "filename_prefix": ("STRING", {"default": "physic/scene"}),
             }
         }
@@ -59,15 +68,20 @@ class PhysicReconstruct:
             filename_prefix: of the GLB files, in ComfyUI's output folder.
 
         Returns:
-            People over each photo (B, H, W, 3); depth of each scene without people (B, H, W, 3): 1 at the nearest
-            point, a half at twice its distance, 0 where unknown; masks of all people (N, H, W), one of zeros if there
-            are none; a GLB file per image, relative to the output folder, as Preview3D takes it; a JSON text per image.
+            People over each photo (B, H, W, 3); depth of each scene without people (B, H, W, 3): 1
+            at the nearest point, a half at twice its distance, 0 where unknown; masks of all people
+            (N, H, W), one of zeros if there are none; a GLB file per image, relative to the output
+            folder, as Preview3D takes it; a JSON text per image.
         """
         height, width = image.shape[1:3]
         folder, name, counter, subfolder, _ = folder_paths.get_save_image_path(
             filename_prefix, folder_paths.get_output_directory()
         )
-        overlays, depths, masks, paths, contacts = [], [], [], [], []
+        overlays = []
+        depths = []
+        masks = []
+        paths = []
+        contacts = []
         for number, picture in enumerate(image, counter):
             photo = np.rint(picture.cpu().numpy() * 255).clip(0, 255).astype(np.uint8)
             result = _pipeline(preset)(photo, settings={"focal_px": focal_px} if focal_px else None)
@@ -81,12 +95,21 @@ class PhysicReconstruct:
             paths.append(os.path.join(subfolder, file))
             contacts.append(json.dumps(_document(result, nearest), indent=2))
         depth_image = torch.stack(depths)[..., None].expand(-1, -1, -1, 3)
-        return torch.stack(overlays), depth_image, torch.stack(masks or [torch.zeros(height, width)]), paths, contacts
+        return (
+            torch.stack(overlays),
+            depth_image,
+            torch.stack(masks or [torch.zeros(height, width)]),
+            paths,
+            contacts,
+        )
 
 
 def _inverse_depth(result: Reconstruction) -> tuple[np.ndarray, float | None]:
-    """Return nearest depth / depth of each pixel (H, W), 0 where unknown, and the nearest depth in metres."""
-    depth, valid = result.scene.points[..., 2], result.scene.valid
+    """Return nearest depth / depth of each pixel (H, W), 0 where unknown, and the nearest depth in
+    metres.
+    """
+    depth = result.scene.points[..., 2]
+    valid = result.scene.valid
     if not valid.any():
         return np.zeros(depth.shape, np.float32), None
     nearest = float(depth[valid].min())
@@ -96,7 +119,9 @@ def _inverse_depth(result: Reconstruction) -> tuple[np.ndarray, float | None]:
 def _resized(picture: np.ndarray, height: int, width: int) -> torch.Tensor:
     """Return a picture (H, W) in another size: PhySIC shrinks large photos."""
     tensor = torch.from_numpy(picture.astype(np.float32))
-    return torch.nn.functional.interpolate(tensor[None, None], (height, width), mode="nearest")[0, 0]
+    return torch.nn.functional.interpolate(tensor[None, None], (height, width), mode="nearest")[
+        0, 0
+    ]
 
 
 def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
@@ -118,7 +143,12 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
         }
         for person, names in zip(result.people, titles, strict=True)
     ]
-    return {"grade": result.grade, "nearest_depth_m": nearest, "people": people, "warnings": result.warnings}
+    return {
+        "grade": result.grade,
+        "nearest_depth_m": nearest,
+        "people": people,
+        "warnings": result.warnings,
+    }
 
 
 NODE_CLASS_MAPPINGS = {"PhysicReconstruct": PhysicReconstruct}

@@ -1,8 +1,8 @@
-"""Estimate metric depth from the height of a person on the floor: single view metrology (Criminisi, Reid, Zisserman
-2000).
+"""Estimate metric depth from the height of a person on the floor: single view metrology (Criminisi,
+Reid, Zisserman 2000).
 
-The floor and the pixels of a person's head and feet give the person's height in units of the relative scene. The
-typical height in metres is known, and their ratio is the scale of the scene.
+The floor and the pixels of a person's head and feet give the person's height in units of the
+relative scene. The typical height in metres is known, and their ratio is the scale of the scene.
 """
 
 from __future__ import annotations
@@ -25,11 +25,16 @@ if TYPE_CHECKING:
 class StatureOptions(Options):
     """Settings of Stature."""
 
-    stature_m: float = Field(1.68, gt=0.3, lt=2.5, description="height of whoever stands, m; 1.6-1.8 for adults")
+    stature_m: float = Field(
+        1.68, gt=0.3, lt=2.5, description="height of whoever stands, m; 1.6-1.8 for adults"
+    )
 
 
 class Stature(MetricDepth):
-    """Metric depth: the relative scene scaled by the tallest person. A note warns if that person does not stand."""
+    """Metric depth: the relative scene scaled by the tallest person.
+
+    A note warns if that person does not stand.
+    """
 
     written_for = 1
     Options: ClassVar[type[Options]] = StatureOptions
@@ -37,19 +42,33 @@ class Stature(MetricDepth):
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:
         """Return z-depth (H, W) in metres of an image (H, W, 3); NaN where the scene has none."""
-        scene, original, people = hints.scene, hints.original, hints.people
+        scene = hints.scene
+        original = hints.original
+        people = hints.people
         if scene is None or original is None or people is None:
-            raise BackendError("depth by stature needs hints.scene, original and people: use it in the pipeline")
+            raise BackendError(
+                "depth by stature needs hints.scene, original and people: use it in the pipeline"
+            )
         camera = scene.intrinsics or hints.intrinsics
         if camera is None:
-            raise BackendError("depth by stature needs a camera: choose a relative_pointmap that returns one")
-        heights = np.array([person_height(mask, camera, original, hints.floor) for mask in people.masks])
+            raise BackendError(
+                "depth by stature needs a camera: choose a relative_pointmap that returns one"
+            )
+        heights = np.array(
+            [person_height(mask, camera, original, hints.floor) for mask in people.masks]
+        )
         if not np.isfinite(heights).any():
-            raise BackendError("depth by stature finds no person visible from head to feet: choose another backend")
+            raise BackendError(
+                "depth by stature finds no person visible from head to feet: choose another backend"
+            )
         tallest = int(np.nanargmax(heights))  # who sits, bends, is half hidden or a child is lower
         sure = hints.floor is not None and is_standing(hints.bodies, tallest)
-        sigma, doubt = (0.15, "") if sure else (0.5, ", who may well not stand on a floor: do not trust it")
-        depth = np.where(scene.valid, scene.points[..., 2] * (self.options.stature_m / heights[tallest]), np.nan)
+        sigma, doubt = (
+            (0.15, "") if sure else (0.5, ", who may well not stand on a floor: do not trust it")
+        )
+        depth = np.where(
+            scene.valid, scene.points[..., 2] * (self.options.stature_m / heights[tallest]), np.nan
+        )
         note = f"scale from a person taken to be {self.options.stature_m:g} m tall{doubt}"
         return DepthMap(depth.astype(np.float32), camera, sigma, (note,))
 
@@ -62,16 +81,24 @@ def is_standing(bodies: Bodies | None, person: int) -> bool:
     return bool((bends < 0.8).all() and bodies.observed[person, [7, 8]].all())  # radians
 
 
-def person_height(mask: NDArray[np.bool_], camera: Intrinsics, original: Pointmap, floor: Plane | None) -> float:
-    """Return the height of a person with this mask (H, W), in units of the scene; NaN if the feet are not visible."""
-    rows, seen = np.flatnonzero(mask.any(axis=1)), original.points[mask & original.valid, 2]
+def person_height(
+    mask: NDArray[np.bool_], camera: Intrinsics, original: Pointmap, floor: Plane | None
+) -> float:
+    """Return the height of a person with this mask (H, W), in units of the scene; NaN if the feet
+    are not visible.
+    """
+    rows = np.flatnonzero(mask.any(axis=1))
+    seen = original.points[mask & original.valid, 2]
     if not len(seen) or rows[-1] == len(mask) - 1:
         return float("nan")
-    head, feet = (_ray(np.flatnonzero(mask[row]).mean(), row, camera) for row in (rows[0], rows[-1]))
+    head, feet = (
+        _ray(np.flatnonzero(mask[row]).mean(), row, camera) for row in (rows[0], rows[-1])
+    )
     if floor is not None and float(floor.normal @ feet) < 0:
         up = floor.normal.astype(np.float64)
         foot = feet * floor.offset / -float(up @ feet)
-    else:  # the camera is taken to be level, and the person to be as far away as most of what is seen
+    # the camera is taken to be level, and the person to be as far away as most of what is seen
+    else:
         up = np.array([0.0, -1.0, 0.0])
         foot = feet * float(np.median(seen))
     # foot + h up = t head: three equations for h and t

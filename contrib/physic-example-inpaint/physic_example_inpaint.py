@@ -1,5 +1,5 @@
-"""Inpaint by pull-push (Gortler et al., The Lumigraph, 1996): average known pixels down an image pyramid until none is
-unknown, then fill the unknown pixels from the coarser levels.
+"""Inpaint by pull-push (Gortler et al., The Lumigraph, 1996): average known pixels down an image
+pyramid until none is unknown, then fill the unknown pixels from the coarser levels.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ class PullPushOptions(Options):
     """Settings of PullPush."""
 
     certainty: float = Field(
-        1.0, gt=0, le=4, description="how soon a level counts as known: 4 keeps detail of the rim, 0.5 is smoother"
+        1.0,
+        gt=0,
+        le=4,
+        description="how soon a level counts as known: 4 keeps detail of the rim, 0.5 is smoother",
     )
 
 
@@ -35,7 +38,9 @@ class PullPush(Inpainter):
     options: PullPushOptions
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values."""
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their
+        values.
+        """
         if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():
@@ -45,12 +50,15 @@ class PullPush(Inpainter):
         return np.where(mask[..., None], filled.round().clip(0, 255).astype(np.uint8), image)
 
     def _fill(self, weighted: Floats, known: Floats) -> Floats:
-        """Return the colours (H, W, 3), given known shares (H, W, 1) and colours times known shares."""
+        """Return the colours (H, W, 3), given known shares (H, W, 1) and colours times known
+        shares.
+        """
         colours: Floats = weighted / np.maximum(known, 1e-6)
         if known.min() >= 1 or max(known.shape) == 1:
             return colours
         height, width = known.shape[:2]
-        down, share = cv2.pyrDown(weighted), cv2.pyrDown(known)[..., None]
+        down = cv2.pyrDown(weighted)
+        share = cv2.pyrDown(known)[..., None]
         gain = np.minimum(1, self.options.certainty * share) / np.maximum(share, 1e-6)
         coarse = cv2.pyrUp(self._fill(down * gain, share * gain), dstsize=(width, height))
         colours = known * colours + (1 - known) * coarse

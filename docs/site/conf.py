@@ -1,7 +1,9 @@
-"""Sphinx's configuration: the Markdown files of the repository as they are, and the reference from the docstrings.
+"""Sphinx's configuration: the Markdown files of the repository as they are, and the reference from
+the docstrings.
 
-The source folder is the root of the repository, so that links between pages are the same here and on a code host. The
-side bar and the lists of subpages are added to the text when a page is read (``contents.py``).
+The source folder is the root of the repository, so that links between pages are the same here and
+on a code host. The side bar and the lists of subpages are added to the text when a page is read
+(``contents.py``).
 """
 
 from __future__ import annotations
@@ -30,7 +32,17 @@ include_patterns = [
     "docs/notebooks/*.ipynb",
     "docs/_reference/*.rst",
 ]
-exclude_patterns = ["**/.*", ".venv", "demo", "dist", "docs/_build", "physic_core", "tests", "tools", "**/tests"]
+exclude_patterns = [
+    "**/.*",
+    ".venv",
+    "demo",
+    "dist",
+    "docs/_build",
+    "physic_core",
+    "tests",
+    "tools",
+    "**/tests",
+]
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 
 myst_heading_anchors = 4
@@ -69,13 +81,19 @@ def _entry(page: str) -> str:
 def add_toctrees(app: Sphinx, page: str, source: list[str]) -> None:
     """Append the side bar to the first page, and their subpages to pages that have some."""
     if page == root_doc:
-        source[0] += "\n\n" + "\n\n".join(_toctree(entries, caption) for caption, entries in sections().items())
+        source[0] += "\n\n" + "\n\n".join(
+            _toctree(entries, caption) for caption, entries in sections().items()
+        )
     elif page in subpages():
         source[0] += "\n\n" + _toctree(subpages()[page])
 
 
-def pages_with_toctrees(app: Sphinx, env: object, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
-    """Return the pages to read again when pages were added or removed: their lists have changed, their files not."""
+def pages_with_toctrees(
+    app: Sphinx, env: object, added: set[str], changed: set[str], removed: set[str]
+) -> list[str]:
+    """Return the pages to read again when pages were added or removed: their lists have changed,
+    their files not.
+    """
     return [root_doc, *subpages()] if added or removed else []
 
 
@@ -84,7 +102,8 @@ def write_index(app: Sphinx, error: Exception | None) -> None:
     if error is None and app.builder.name == "html":
         Path(app.outdir, "index.html").write_text(
             '<!doctype html><meta charset="utf-8"><title>PhySIC</title>'
-            f'<meta http-equiv="refresh" content="0; url={root_doc}.html"><a href="{root_doc}.html">PhySIC</a>\n',
+            f'<meta http-equiv="refresh" content="0; url={root_doc}.html"><a '
+            f'href="{root_doc}.html">PhySIC</a>\n',
             encoding="utf-8",
         )
 

@@ -55,7 +55,10 @@ SECTIONS = {
         "docs/README",
     ],
 }
-"""The side bar: caption and pages. A page of ``docs/`` that is not named here goes to the end of "Use"."""
+"""The side bar: caption and pages.
+
+A page of ``docs/`` that is not named here goes to the end of "Use".
+"""
 
 
 TITLES = {"plugins/README": "Plugins of the project", "docs/README": "All pages"}
@@ -64,7 +67,10 @@ TITLES = {"plugins/README": "Plugins of the project", "docs/README": "All pages"
 
 def pages() -> list[str]:
     """Return every page by its path from the root, without suffix."""
-    found = [*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in ROOT.glob(f"{folder}/*.md"))]
+    found = [
+        *ROOT.glob("*.md"),
+        *(page for folder in FOLDERS for page in ROOT.glob(f"{folder}/*.md")),
+    ]
     found += ROOT.glob("docs/notebooks/*.ipynb")
     return sorted(page.relative_to(ROOT).with_suffix("").as_posix() for page in found)
 
@@ -82,11 +88,15 @@ def subpages() -> dict[str, list[str]]:
         for parent, found in below.items():
             if page.startswith(parent.removesuffix("README")) and page != parent:
                 found.append(page)
-    return {parent: _in_order_of(parent, found) for parent, found in below.items() if parent in pages()}
+    return {
+        parent: _in_order_of(parent, found) for parent, found in below.items() if parent in pages()
+    }
 
 
 def _in_order_of(parent: str, below: list[str]) -> list[str]:
-    """Sort pages by their first mention in the page that lists them; those that it does not mention come last."""
+    """Sort pages by their first mention in the page that lists them; those that it does not mention
+    come last.
+    """
     text = (ROOT / f"{parent}.md").read_text(encoding="utf-8")
     names = {page: page.removeprefix(parent.removesuffix("README")) for page in below}
     return sorted(below, key=lambda page: (text.find(names[page]) % (len(text) + 1), page))
@@ -98,6 +108,9 @@ def sections() -> dict[str, list[str]]:
     listed = {page for section in SECTIONS.values() for page in section}
     listed |= {page for below in subpages().values() for page in below}
     rest = [page for page in pages() if page not in listed and page != "README"]
-    found = {caption: [page for page in section if page in there] for caption, section in SECTIONS.items()}
+    found = {
+        caption: [page for page in section if page in there]
+        for caption, section in SECTIONS.items()
+    }
     found["Use"] += rest
     return found

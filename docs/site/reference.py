@@ -39,7 +39,11 @@ def reference_pages() -> dict[str, str]:
     documented: dict[int, str] = {}
     written = {}
     for module, title in MODULES.items():
-        text = [f"{title}\n{'=' * len(title)}", f".. module:: {module}", *_module_text(module, documented)]
+        text = [
+            f"{title}\n{'=' * len(title)}",
+            f".. module:: {module}",
+            *_module_text(module, documented),
+        ]
         written[f"{module}.rst"] = "\n\n".join(text) + "\n"
     listed = "\n".join(f"   {module}" for module in MODULES)
     written["index.rst"] = (
@@ -51,7 +55,9 @@ def reference_pages() -> dict[str, str]:
 
 
 def write_reference(folder: Path) -> None:
-    """Write the pages into a folder, and leave unchanged files alone, so that a second build is fast."""
+    """Write the pages into a folder, and leave unchanged files alone, so that a second build is
+    fast.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     wanted = reference_pages()
     for old in folder.glob("*.rst"):
@@ -63,20 +69,30 @@ def write_reference(folder: Path) -> None:
 
 
 def _module_text(module: str, documented: dict[int, str]) -> list[str]:
-    """Return the docstring and the public names of a module, or of the modules of a package that exports none."""
+    """Return the docstring and the public names of a module, or of the modules of a package that
+    exports none.
+    """
     found = import_module(module)
     text = [inspect.getdoc(found) or ""]
     if names := public_names(found):
-        return text + [_entry(f"{module}.{name}", getattr(found, name), documented) for name in names]
+        return text + [
+            _entry(f"{module}.{name}", getattr(found, name), documented) for name in names
+        ]
     for inner in sorted(info.name for info in pkgutil.iter_modules(found.__path__)):
         full = f"{module}.{inner}"
         if public_names(import_module(full)):
-            text += [f"{inner}\n{'-' * len(inner)}", f".. module:: {full}", *_module_text(full, documented)]
+            text += [
+                f"{inner}\n{'-' * len(inner)}",
+                f".. module:: {full}",
+                *_module_text(full, documented),
+            ]
     return text
 
 
 def public_names(module: ModuleType) -> list[str]:
-    """Return ``__all__`` of a package, else the names without an underscore that the module defines at its top."""
+    """Return ``__all__`` of a package, else the names without an underscore that the module defines
+    at its top.
+    """
     if hasattr(module, "__all__"):
         return list(module.__all__)
     names = []
@@ -97,20 +113,37 @@ def _entry(full: str, value: object, documented: dict[int, str]) -> str:
         return f".. automodule:: {full}\n   :members:"
     if inspect.isclass(value):
         elsewhere = [
-            n for n, v in vars(value).items() if inspect.isclass(v) and v.__qualname__ != f"{value.__qualname__}.{n}"
+            n
+            for n, v in vars(value).items()
+            if inspect.isclass(v) and v.__qualname__ != f"{value.__qualname__}.{n}"
         ]
         return f".. autoclass:: {full}\n   :members:\n   :exclude-members: {', '.join(elsewhere)}"
     if callable(value):
         return f".. autofunction:: {full}"
-    return f".. py:data:: {full}\n\n   {_constant_docstring(full.rpartition('.')[2], full.partition('.')[0])}"
+    return (
+        f".. py:data:: {full}\n\n   "
+        f"{_constant_docstring(full.rpartition('.')[2], full.partition('.')[0])}"
+    )
 
 
 def _constant_docstring(name: str, package: str) -> str:
-    """Return the string below the assignment of a constant, in whichever module of the package that is."""
-    for module in [m for n, m in sorted(sys.modules.items()) if n.startswith(package) and hasattr(m, name)]:
+    """Return the string below the assignment of a constant, in whichever module of the package that
+    is.
+    """
+    for module in [
+        m for n, m in sorted(sys.modules.items()) if n.startswith(package) and hasattr(m, name)
+    ]:
         body = ast.parse(inspect.getsource(module)).body
         for statement, after in pairwise(body):
-            targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
-            if [getattr(target, "id", None) for target in targets] == [name] and isinstance(after, ast.Expr):
-                return inspect.cleandoc(str(getattr(after.value, "value", ""))).replace("\n", "\n   ")
+            targets = (
+                statement.targets
+                if isinstance(statement, ast.Assign)
+                else [getattr(statement, "target", None)]
+            )
+            if [getattr(target, "id", None) for target in targets] == [name] and isinstance(
+                after, ast.Expr
+            ):
+                return inspect.cleandoc(str(getattr(after.value, "value", ""))).replace(
+                    "\n", "\n   "
+                )
     return ""

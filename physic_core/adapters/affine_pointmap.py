@@ -1,8 +1,9 @@
 """Recover focal length and z-shift of an affine point map (known up to scale and z-shift).
 
-Networks such as MoGe return points (x, y, z). For some shift s and focal length f, every point is on the ray of its
-pixel: f x / (z + s) = u and f y / (z + s) = v, with u and v relative to the image centre. For each shift, the best f
-has a closed form, so only s is searched. All shifts that keep the points in front of the camera are considered.
+Networks such as MoGe return points (x, y, z). For some shift s and focal length f, every point is
+on the ray of its pixel: f x / (z + s) = u and f y / (z + s) = v, with u and v relative to the image
+centre. For each shift, the best f has a closed form, so only s is searched. All shifts that keep
+the points in front of the camera are considered.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ _GRID = 64
 _MIN_SAMPLES = 64
 """With fewer valid points on the grid, points are sampled from all valid ones."""
 _MAX_UNCERTAINTY = 0.7
-"""Maximum of :meth:`_Problem.uncertainty`. The error of log(focal length) is about two thirds of it."""
+"""Maximum of :meth:`_Problem.uncertainty`.
+
+The error of log(focal length) is about two thirds of it.
+"""
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,9 @@ class AffineCamera:
         fx: focal length along x, px.
         fy: focal length along y, px; equal to ``fx`` unless two were given.
         shift: to add to z, in the units of the points.
-        determined: whether the points determine the focal length. Those of a flat wall parallel to the image do not.
-            The shift is then the smallest that keeps all points in front of the camera, and the focal length is the
-            best for it.
+        determined: whether the points determine the focal length. Those of a flat wall parallel to
+            the image do not. The shift is then the smallest that keeps all points in front of the
+            camera, and the focal length is the best for it.
         given: whether the focal length was given.
     """
 
@@ -49,7 +53,9 @@ class AffineCamera:
     given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
-        """Return intrinsics with the principal point in the image centre, marked as guessed if not ``determined``."""
+        """Return intrinsics with the principal point in the image centre, marked as guessed if not
+        ``determined``.
+        """
         trust = CameraTrust.ESTIMATED if self.determined else CameraTrust.GUESSED
         return replace(Intrinsics.from_focal(self.fx, width, height, source, trust), fy=self.fy)
 
@@ -67,7 +73,8 @@ def recover_camera(
     Args:
         points: (H, W, 3), x right, y down, z forward, up to scale and z-shift.
         mask: (H, W) bool, valid points.
-        focal_px: known focal length, or those along x and y; then only the shift is estimated. None if unknown.
+        focal_px: known focal length, or those along x and y; then only the shift is estimated. None
+            if unknown.
 
     Raises:
         BackendError: too few points, or no positive focal length fits them.
@@ -81,7 +88,8 @@ def recover_camera(
         uv = uv * (half / given)  # so that the focal length is 1
     problem = _Problem(xyz[:, :2], xyz[:, 2], uv)
     lowest, size = problem.lowest_shift()
-    nearest = np.geomspace(1e-4, 1e4, 97) * size  # how far the nearest point is in front of the camera
+    # how far the nearest point is in front of the camera
+    nearest = np.geomspace(1e-4, 1e4, 97) * size
     if given is not None:
         shift = _minimise(problem.error_at_1, problem.slope_at_1, lowest, nearest)
         return AffineCamera(float(given[0]), float(given[1]), shift, given=True)
@@ -101,7 +109,8 @@ def recover_camera(
 def points_on_rays(
     z: FloatArray, mask: BoolArray, found: AffineCamera, camera: Intrinsics, scale: float = 1.0
 ) -> tuple[FloatArray, BoolArray]:
-    """Add the z-shift to an affine point map, scale it, and place each point on the ray of its pixel.
+    """Add the z-shift to an affine point map, scale it, and place each point on the ray of its
+    pixel.
 
     Args:
         z: (H, W), z of the points.
@@ -111,7 +120,8 @@ def points_on_rays(
         scale: metres per unit of the points, or 1.
 
     Returns:
-        (H, W, 3) float32 points on the rays of their pixels with depth (z + shift) * scale, NaN where invalid; and (H,
+        (H, W, 3) float32 points on the rays of their pixels with depth (z + shift) * scale, NaN
+        where invalid; and (H,
         W) bool, the valid points: inside the mask, finite, in front of the camera.
     """
     height, width = mask.shape
@@ -127,10 +137,11 @@ def points_on_rays(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Least-squares problem f xy / (z + s) = uv of n points, with unknown focal length f and shift s.
+    """Least-squares problem f xy / (z + s) = uv of n points, with unknown focal length f and shift
+    s.
 
-    With p = xy / (z + s), the best f is (p . uv) / (p . p), and the sum of squares that it leaves is
-    uv . uv - (p . uv)^2 / (p . p).
+    With p = xy / (z + s), the best f is (p . uv) / (p . p), and the sum of squares that it leaves
+    is uv . uv - (p . uv)^2 / (p . p).
 
     Attributes:
         xy: (n, 2).
@@ -143,7 +154,8 @@ class _Problem:
     uv: FloatArray
 
     def lowest_shift(self) -> tuple[float, float]:
-        """Return the shift that moves the nearest point to the camera, and a length scale of the points.
+        """Return the shift that moves the nearest point to the camera, and a length scale of the
+        points.
 
         A few points much nearer than all others are outliers and do not limit the shift.
         """
@@ -151,7 +163,9 @@ class _Problem:
         near = float(self.z[self.z >= low - 3 * (middle - low) - 1e-9 * abs(middle)].min())
         size = max(float(np.sqrt(np.mean(self.xy**2))), float(np.quantile(self.z, 0.99)) - near)
         if not size > 0:
-            raise BackendError("all points of the point map are the same: the network found no depth")
+            raise BackendError(
+                "all points of the point map are the same: the network found no depth"
+            )
         return -near, size
 
     def focal(self, shift: float) -> float:
@@ -160,7 +174,9 @@ class _Problem:
         return dot / square
 
     def error(self, shift: float) -> float:
-        """Return the squared error with the best positive focal length, without the constant uv . uv."""
+        """Return the squared error with the best positive focal length, without the constant uv .
+        uv.
+        """
         dot, square = self._sums(shift, 1, 2)
         return -dot * abs(dot) / square
 
@@ -181,10 +197,11 @@ class _Problem:
         return dot_2 - square_3
 
     def uncertainty(self, shift: float) -> float:
-        """Return the relative error of the points, divided by the relative variation of their distances.
+        """Return the relative error of the points, divided by the relative variation of their
+        distances.
 
-        Points at equal distance only determine the ratio of focal length and distance. Errors as large as the variation
-        have the same effect.
+        Points at equal distance only determine the ratio of focal length and distance. Errors as
+        large as the variation have the same effect.
         """
         seen = self._in_front(shift)
         distance = self.z[seen] + shift
@@ -199,31 +216,46 @@ class _Problem:
         return front
 
     def _sums(self, shift: float, of_products: int, of_squares: int) -> tuple[float, float]:
-        """Return the sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in front of the camera."""
+        """Return the sums of uv . xy / (z + s)^k and of xy . xy / (z + s)^l over the points in
+        front of the camera.
+        """
         inverse = 1 / np.where(self._in_front(shift), self.z + shift, np.inf)
-        products, squares = (self.uv * self.xy).sum(1), (self.xy**2).sum(1)
+        products = (self.uv * self.xy).sum(1)
+        squares = (self.xy**2).sum(1)
         return float(products @ inverse**of_products), float(squares @ inverse**of_squares)
 
 
 def _minimise(
-    error: Callable[[float], float], slope: Callable[[float], float], lowest: float, nearest: FloatArray
+    error: Callable[[float], float],
+    slope: Callable[[float], float],
+    lowest: float,
+    nearest: FloatArray,
 ) -> float:
-    """Minimise ``error`` above ``lowest``: best point of a grid, then the zero of the slope near it."""
+    """Minimise ``error`` above ``lowest``: best point of a grid, then the zero of the slope near
+    it.
+    """
     from scipy.optimize import brentq
 
     errors = [error(lowest + d) for d in nearest]
     best = int(np.argmin(errors))
     low, high = (float(nearest[min(max(best + step, 0), len(nearest) - 1)]) for step in (-1, 1))
     if slope(lowest + low) < 0 < slope(lowest + high):
-        return lowest + float(brentq(lambda d: slope(lowest + d), low, high, xtol=1e-15 * high, rtol=1e-14))
+        return lowest + float(
+            brentq(lambda d: slope(lowest + d), low, high, xtol=1e-15 * high, rtol=1e-14)
+        )
     return lowest + float(nearest[best])
 
 
 def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Sample (n, 3) valid points and their (n, 2) pixels, relative to the image centre in half diagonals."""
+    """Sample (n, 3) valid points and their (n, 2) pixels, relative to the image centre in half
+    diagonals.
+    """
     height, width = mask.shape
     if points.shape != (height, width, 3):
-        raise BackendError(f"a point map of {width} x {height} px must be ({height}, {width}, 3), got {points.shape}")
+        raise BackendError(
+            f"a point map of {width} x {height} px must be ({height}, {width}, 3), got "
+            f"{points.shape}"
+        )
     rows = np.arange(min(height, _GRID)) * height // min(height, _GRID)
     columns = np.arange(min(width, _GRID)) * width // min(width, _GRID)
     v, u = (index.reshape(-1) for index in np.meshgrid(rows, columns, indexing="ij"))
@@ -231,9 +263,11 @@ def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArra
     if seen.sum() < _MIN_SAMPLES:
         v, u = np.nonzero(mask & np.isfinite(points).all(-1))
         some = np.linspace(0, len(v) - 1, min(len(v), _GRID**2)).astype(int)
-        v, u = v[some], u[some]
+        v = v[some]
+        u = u[some]
     else:
-        v, u = v[seen], u[seen]
+        v = v[seen]
+        u = u[seen]
     if len(v) < 3:
         raise BackendError(
             f"the point map has {len(v)} valid points of {width} x {height}, too few for a camera: "

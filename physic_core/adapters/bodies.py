@@ -1,7 +1,9 @@
-"""Convert the output of body networks (SMPL, MHR) to Bodies, and keypoints to the joints that are visible.
+"""Convert the output of body networks (SMPL, MHR) to Bodies, and keypoints to the joints that are
+visible.
 
-Joints 0-21 of SMPL and SMPL-X and their rotations are the same. SMPL's joints 22 and 23, the hands, are omitted: SMPL-X
-has no such joints, its wrists already rotate the hands. MHR bodies (SAM 3D Body, InstantHMR) have 70 keypoints.
+Joints 0-21 of SMPL and SMPL-X and their rotations are the same. SMPL's joints 22 and 23, the hands,
+are omitted: SMPL-X has no such joints, its wrists already rotate the hands. MHR bodies (SAM 3D
+Body, InstantHMR) have 70 keypoints.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     """Convert rotation matrices or vectors to rotation vectors (N, joints, 3) float64, radians.
 
     Args:
-        rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices, approximately
-            orthonormal. Non-finite or invalid rotations become NaN.
+        rotations: (N, joints, 3) or (N, 3 joints) rotation vectors, or (N, joints, 3, 3) matrices,
+            approximately orthonormal. Non-finite or invalid rotations become NaN.
         joints: number of joints; it distinguishes matrices of one joint from vectors of three.
 
     Raises:
@@ -38,7 +40,8 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
         return given.reshape(rows, joints, 3).copy()
     if given.shape != (rows, joints, 3, 3):
         raise ValueError(
-            f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, {joints}, 3, 3), "
+            f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, "
+            f"{joints}, 3, 3), "
             f"got {given.shape}"
         )
     flat = given.reshape(-1, 3, 3)
@@ -61,7 +64,8 @@ def parameters_from_rotvecs(
     """Build BodyParameters from rotation vectors in SMPL-X joint order, float32.
 
     Args:
-        rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero for joints without an estimate.
+        rotvecs: (N, 22, 3), or (N, 55, 3) with jaw, eyes and hands, radians; zero for joints
+            without an estimate.
         betas: (N, K) shape.
         transl: (N, 3) metres.
         expression: (N, E); None for E = 0.
@@ -82,7 +86,9 @@ def parameters_from_rotvecs(
         left_hand_pose=flat(25, 40),
         right_hand_pose=flat(40, 55),
         betas=np.asarray(betas, np.float32),
-        expression=np.zeros((rows, 0), np.float32) if expression is None else np.asarray(expression, np.float32),
+        expression=np.zeros((rows, 0), np.float32)
+        if expression is None
+        else np.asarray(expression, np.float32),
         transl=np.asarray(transl, np.float32).reshape(rows, 3),
     )
 
@@ -99,31 +105,45 @@ def bodies_from_smpl(
     """Build Bodies of the model "smpl" from SMPL parameters.
 
     Args:
-        rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of SMPL's joints relative
-            to their parents; 22 joints are also accepted.
+        rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of
+            SMPL's joints relative to their parents; 22 joints are also accepted.
         betas: (N, K) SMPL shape.
         transl: (N, 3) metres, added after posing.
-        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not evaluated.
+        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not
+            evaluated.
         mesh: SMPL meshes, or None.
         observed: (N, 55) bool, visible joints, or None.
 
     Raises:
         ValueError: a shape does not match.
     """
-    count = SHARED_JOINTS if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS) else SMPL_JOINTS
+    count = (
+        SHARED_JOINTS
+        if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS)
+        else SMPL_JOINTS
+    )
     rotvecs = to_rotvecs(rotations, count)[:, :SHARED_JOINTS]
     placed = None
     if joints is not None:
         placed = np.full((len(rotvecs), NUM_JOINTS, 3), np.nan, np.float32)
         placed[:, :SHARED_JOINTS] = np.asarray(joints)[:, :SHARED_JOINTS]
-    return Bodies(parameters_from_rotvecs(rotvecs, betas, transl), "smpl", observed=observed, joints=placed, mesh=mesh)
+    return Bodies(
+        parameters_from_rotvecs(rotvecs, betas, transl),
+        "smpl",
+        observed=observed,
+        joints=placed,
+        mesh=mesh,
+    )
 
 
 def empty_bodies(body_model: str, num_betas: int = 10) -> Bodies:
     """Return Bodies with zero rows, for an image without people."""
     none = np.zeros((0, SHARED_JOINTS, 3), np.float32)
     return Bodies(
-        parameters_from_rotvecs(none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)), body_model
+        parameters_from_rotvecs(
+            none, np.zeros((0, num_betas), np.float32), np.zeros((0, 3), np.float32)
+        ),
+        body_model,
     )
 
 
@@ -135,7 +155,9 @@ _WRIST = {"left": 62, "right": 41}
 _FIRST_FINGER = {"left": 42, "right": 21}
 _FINGER_NAMES = ("thumb", "index", "middle", "ring", "pinky")
 _FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
-"""Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball of the foot."""
+"""Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball
+of the foot.
+"""
 _BALL = np.array([0.2, 0.4, 0.4], np.float32)
 """Weights of that mean: on worlds it is 5 mm off on average, and 31 mm with bent toes."""
 
@@ -143,8 +165,9 @@ _BALL = np.array([0.2, 0.4, 0.4], np.float32)
 def _table() -> dict[int, int]:
     """Return the SMPL-X joint of each keypoint that has one.
 
-    Fingers are sorted from the thumb, each from its tip: tip, "first", "second", "third joint". The third is the
-    knuckle, SMPL-X's first. The neck is omitted because it is another point; so are olecranon, fossa and acromion.
+    Fingers are sorted from the thumb, each from its tip: tip, "first", "second", "third joint". The
+    third is the knuckle, SMPL-X's first. The neck is omitted because it is another point; so are
+    olecranon, fossa and acromion.
     """
     table = {number: JOINT_INDEX[name] for name, number in _EYES.items()}
     for name, number in _BODY.items():
@@ -162,24 +185,36 @@ JOINT_BY_KEYPOINT = _table()
 
 
 def joints_from_mhr70(keypoints: FloatArray) -> FloatArray:
-    """Convert keypoints (N, 70, 3) to SMPL-X joints (N, 55, 3) float32; NaN for joints without a keypoint."""
+    """Convert keypoints (N, 70, 3) to SMPL-X joints (N, 55, 3) float32; NaN for joints without a
+    keypoint.
+    """
     joints = np.full((len(keypoints), NUM_JOINTS, 3), np.nan, np.float32)
     joints[:, list(JOINT_BY_KEYPOINT.values())] = keypoints[:, list(JOINT_BY_KEYPOINT)]
     for side, points in _FOOT.items():
-        joints[:, JOINT_INDEX[f"{side}_foot"]] = np.einsum("k,nki->ni", _BALL, keypoints[:, list(points)])
+        joints[:, JOINT_INDEX[f"{side}_foot"]] = np.einsum(
+            "k,nki->ni", _BALL, keypoints[:, list(points)]
+        )
     return joints
 
 
 SeenConfidence = Annotated[
     float,
-    Field(ge=0, le=1, description="confidence of keypoints from which their joints count as seen; 0 takes all"),
+    Field(
+        ge=0,
+        le=1,
+        description="confidence of keypoints from which their joints count as seen; 0 takes all",
+    ),
 ]
-"""Type of a backend's option ``seen_confidence``, the argument ``least`` of :func:`observed_joints`."""
+"""Type of a backend's option ``seen_confidence``, the argument ``least`` of
+:func:`observed_joints`.
+"""
 
 _LIMBS = {name: joint_pair(name) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")}
-_FEET, _COLLARS = joint_pair("foot"), joint_pair("collar")
+_FEET = joint_pair("foot")
+_COLLARS = joint_pair("collar")
 _FINGERS = [[joint for finger in hand for joint in finger] for hand in FINGER_JOINTS]
-_PELVIS, _CHEST = JOINT_INDEX["pelvis"], JOINT_INDEX["spine3"]
+_PELVIS = JOINT_INDEX["pelvis"]
+_CHEST = JOINT_INDEX["spine3"]
 _LOWER_SPINE = [JOINT_INDEX[name] for name in ("spine1", "spine2")]
 _FACE = [JOINT_INDEX[name] for name in ("neck", "head", "jaw", "left_eye", "right_eye")]
 
@@ -189,16 +224,18 @@ def observed_joints(
 ) -> BoolArray | None:
     """Return which SMPL-X joints have confident keypoints inside the image.
 
-    Joints without a keypoint depend on other joints: collars on shoulders; the foot's joint on heel or toes; neck,
-    head, jaw and eyes on nose, eyes or ears; the pelvis on a hip, the chest on a shoulder, the spine between them on
-    both; fingers on a share of the hand's points and the wrist, or only on the wrist.
+    Joints without a keypoint depend on other joints: collars on shoulders; the foot's joint on heel
+    or toes; neck, head, jaw and eyes on nose, eyes or ears; the pelvis on a hip, the chest on a
+    shoulder, the spine between them on both; fingers on a share of the hand's points and the wrist,
+    or only on the wrist.
 
     Args:
         keypoints: of N people.
         height: of the image, px.
         width: of the image, px.
         least: minimum confidence of a visible keypoint.
-        finger_share: minimum share of a hand's points that are visible if its fingers are; 0 uses only the wrist.
+        finger_share: minimum share of a hand's points that are visible if its fingers are; 0 uses
+            only the wrist.
 
     Returns:
         (N, 55) bool, or None if the skeleton lacks a shoulder, elbow, wrist, hip, knee or ankle.
@@ -219,7 +256,13 @@ def observed_joints(
         wrist: BoolArray = observed[:, _LIMBS["wrist"][k]]
         ankle: BoolArray = observed[:, _LIMBS["ankle"][k]]
         foot = seen_of(*(f"{side}_{name}" for name in ("big_toe", "small_toe", "heel", "foot_tip")))
-        hand = seen_of(*(name for name in row if name.startswith(side) and (is_finger(name) or "hand_root" in name)))
+        hand = seen_of(
+            *(
+                name
+                for name in row
+                if name.startswith(side) and (is_finger(name) or "hand_root" in name)
+            )
+        )
         observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
         observed[:, _COLLARS[k]] = observed[:, _LIMBS["shoulder"][k]]
         share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))

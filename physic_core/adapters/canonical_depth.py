@@ -1,8 +1,9 @@
 """Convert the depth of a canonical camera to metres with the photo's focal length.
 
-Size and distance are ambiguous without the focal length. Metric networks therefore estimate depth for a camera of one
-fixed focal length. Metric depth is proportional to the focal length of the network's input image, in px of that image.
-An image resized to another aspect has two focal lengths; each formula states which one it uses.
+Size and distance are ambiguous without the focal length. Metric networks therefore estimate depth
+for a camera of one fixed focal length. Metric depth is proportional to the focal length of the
+network's input image, in px of that image. An image resized to another aspect has two focal
+lengths; each formula states which one it uses.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-_LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in depth_from_canonical_inverse; larger depths become 10 km
+# 1 / m in depth_from_canonical_inverse; larger depths become 10 km
+_LEAST_INVERSE = 1e-4
+_MOST_INVERSE = 1e4
 
 
 def focal_from_fov(fov_deg: float, width: float) -> float:
-    """Return the focal length in px of an image ``width`` px wide with a horizontal field of view in degrees.
+    """Return the focal length in px of an image ``width`` px wide with a horizontal field of view
+    in degrees.
 
     Raises:
         ValueError: the angle is not between 0 and 180 degrees.
@@ -32,10 +36,12 @@ def focal_from_fov(fov_deg: float, width: float) -> float:
 
 
 def depth_from_canonical_inverse(raw: FloatArray, focal_px: float, width: float) -> FloatArray:
-    """Convert canonical inverse depth, of a camera whose focal length is its image width, to metres.
+    """Convert canonical inverse depth, of a camera whose focal length is its image width, to
+    metres.
 
-    ``1 / z = raw * width / focal_px``. Resample inverse depth before this conversion, not metres after it: networks are
-    trained so that between a near and a far surface the mean of the inverses is right.
+    ``1 / z = raw * width / focal_px``. Resample inverse depth before this conversion, not metres
+    after it: networks are trained so that between a near and a far surface the mean of the inverses
+    is right.
 
     Args:
         raw: (h, w) canonical inverse depth, at any resolution.
@@ -51,11 +57,13 @@ def depth_from_canonical_inverse(raw: FloatArray, focal_px: float, width: float)
 
 
 def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: float) -> FloatArray:
-    """Convert depth predicted for a canonical focal length to metres: ``raw * focal_px / canonical_focal_px``.
+    """Convert depth predicted for a canonical focal length to metres: ``raw * focal_px /
+    canonical_focal_px``.
 
     Args:
         raw: (h, w) depth for the canonical camera, m.
-        focal_px: focal length of the network's input image, px: the photo's focal length times the resize factor.
+        focal_px: focal length of the network's input image, px: the photo's focal length times the
+            resize factor.
         canonical_focal_px: 300 for Depth Anything 3, or the network's own estimate.
 
     Returns:
@@ -66,7 +74,9 @@ def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: f
 
 
 def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
-    """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have no intrinsics."""
+    """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have
+    no intrinsics.
+    """
     camera, (height, width) = hints.intrinsics, image.shape[:2]
     if camera is None or (camera.width, camera.height) == (width, height):
         return camera

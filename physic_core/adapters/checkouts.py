@@ -1,8 +1,9 @@
 """Import code from a repository that the user has checked out, isolated from other modules.
 
-Research repositories often name their packages ``core``, ``models`` or ``utils``, so two of them cannot be imported
-together. Here each has its own modules. They are in ``sys.modules`` only while the code of the checkout runs, and other
-modules of these names are restored afterwards. Packages of the environment (torch, timm, ...) are shared.
+Research repositories often name their packages ``core``, ``models`` or ``utils``, so two of them
+cannot be imported together. Here each has its own modules. They are in ``sys.modules`` only while
+the code of the checkout runs, and other modules of these names are restored afterwards. Packages of
+the environment (torch, timm, ...) are shared.
 
 The code runs with the user's rights. Only folders that the user named are imported.
 """
@@ -36,7 +37,8 @@ PIP_NAMES: Mapping[str, str] = {
     "pytorch_lightning": "pytorch-lightning",
     "skimage": "scikit-image",
     "sklearn": "scikit-learn",
-    # The commit that MoGe's own pyproject.toml names; the package of that name on the index has another API.
+    # The commit that MoGe's own pyproject.toml names; the package of that name on the index has
+    # another API.
     "utils3d": "git+https://github.com/EasternJournalist/utils3d.git@3fab839f0be9931dac7c8488eb0e1600c236e183",
     "yaml": "pyyaml",
 }
@@ -55,7 +57,8 @@ class Checkout:
     """A cloned repository whose modules are imported in isolation.
 
     Attributes:
-        folder: its root; "" if its package is installed in the environment, and then nothing is isolated.
+        folder: its root; "" if its package is installed in the environment, and then nothing is
+            isolated.
         name: of the project, for messages.
         package: main module, such as "core.camerahmr_model"; its file must exist.
         homepage: where to get it.
@@ -98,15 +101,17 @@ class Checkout:
         root = self.root
         folder, found = ("", "") if root is None else (str(root), checkout_commit(root))
         here = not self._problem()
-        repository = Repository(self.option, self.name, self.homepage, self.commit, folder, found, here)
+        repository = Repository(
+            self.option, self.name, self.homepage, self.commit, folder, found, here
+        )
         return (repository, Packages(self.needs)) if self.needs else (repository,)
 
     def load(self, module: str | None = None) -> ModuleType:
         """Import and return a module of the checkout, by default ``package``.
 
         Raises:
-            WeightsMissingError: the folder is missing or is another project, or a package of the environment is
-                missing.
+            WeightsMissingError: the folder is missing or is another project, or a package of the
+                environment is missing.
             BackendError: its code cannot be imported.
         """
         fault = self._problem()
@@ -119,12 +124,14 @@ class Checkout:
             except ModuleNotFoundError as error:
                 absent = (error.name or "").partition(".")[0]
                 raise WeightsMissingError(
-                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is not a part of it: "
+                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is "
+                    f"not a part of it: "
                     f"pip install {PIP_NAMES.get(absent, absent)}"
                 ) from error
             except Exception as error:  # its code can raise anything at import
                 raise BackendError(
-                    f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: {error}; "
+                    f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: "
+                    f"{error}; "
                     "try its own demo in this environment first"
                 ) from error
 
@@ -145,7 +152,8 @@ class Checkout:
 
     @contextmanager
     def activated(self) -> Iterator[None]:
-        """Make the modules of the checkout importable inside a ``with`` block, by ``sys.path`` and ``sys.modules``.
+        """Make the modules of the checkout importable inside a ``with`` block, by ``sys.path`` and
+        ``sys.modules``.
 
         Only one checkout is active at a time, in all threads.
         """
@@ -178,12 +186,16 @@ class Checkout:
 
     def close(self) -> None:
         """Discard the imported modules."""
-        self._modules, self._own, self._fingerprint = {}, None, None
+        self._modules = {}
+        self._own = None
+        self._fingerprint = None
 
     def fingerprint(self) -> str:
-        """Return a hash of the contents of all code and configuration in the folder; "" if the folder is missing.
+        """Return a hash of the contents of all code and configuration in the folder; "" if the
+        folder is missing.
 
-        After :meth:`load` it stays the hash of the imported code, even if its files are edited later.
+        After :meth:`load` it stays the hash of the imported code, even if its files are edited
+        later.
         """
         root = self.root
         if self._fingerprint is not None or root is None or not root.is_dir():
@@ -197,11 +209,15 @@ class Checkout:
             if _exists(self.package.partition(".")[0]):
                 return ""
             return (
-                f"{self.name} is neither installed nor given: set {self.option} to a checkout of {self.homepage} "
+                f"{self.name} is neither installed nor given: set {self.option} to a checkout of "
+                f"{self.homepage} "
                 f"({self._clone()})"
             )
         if not root.is_dir():
-            return f"there is no folder {root}: set {self.option} to a checkout of {self.homepage} ({self._clone()})"
+            return (
+                f"there is no folder {root}: set {self.option} to a checkout of "
+                f"{self.homepage} ({self._clone()})"
+            )
         place = root.joinpath(*self.package.split("."))
         if place.with_suffix(".py").is_file() or place.is_dir():
             return ""
@@ -223,7 +239,9 @@ class Checkout:
 
 
 def checkout_commit(folder: Path) -> str:
-    """Return the commit that a git repository has checked out, without running git; "" if the folder is not one."""
+    """Return the commit that a git repository has checked out, without running git; "" if the
+    folder is not one.
+    """
     place = folder / ".git"
     try:
         if place.is_file():  # a worktree or a submodule
@@ -251,9 +269,11 @@ def _exists(module: str) -> bool:
 
 
 def _top_names(root: Path) -> dict[str, Path | None]:
-    """Return the top-level module names in a folder -> the package folder if it has no ``__init__.py``, else None.
+    """Return the top-level module names in a folder -> the package folder if it has no
+    ``__init__.py``, else None.
 
-    Python prefers any other package of the same name on the path to such a package, so it is created explicitly.
+    Python prefers any other package of the same name on the path to such a package, so it is
+    created explicitly.
     """
     names: dict[str, Path | None] = {}
     for place in root.iterdir() if root.is_dir() else ():
@@ -270,24 +290,31 @@ def _top_names(root: Path) -> dict[str, Path | None]:
 def _digest_of_code(root: Path) -> str:
     """Return a hash of the names and contents of code and configuration in a folder.
 
-    Hidden folders, Python environments and large files are skipped. Of the links to folders, only packages are
-    followed.
+    Hidden folders, Python environments and large files are skipped. Of the links to folders, only
+    packages are followed.
     """
     digest = hashlib.sha256()
-    left, followed = [root], {root.resolve()}
+    left = [root]
+    followed = {root.resolve()}
     for folder, folders, names in chain.from_iterable(map(os.walk, left)):
         folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
         if "pyvenv.cfg" in names or "conda-meta" in folders:
             folders.clear()
             continue
-        for linked in (path for path in (Path(folder, name) for name in folders) if path.is_symlink()):
-            if linked.resolve() not in followed and (any(linked.glob("*.py")) or any(linked.glob("*/*.py"))):
+        for linked in (
+            path for path in (Path(folder, name) for name in folders) if path.is_symlink()
+        ):
+            if linked.resolve() not in followed and (
+                any(linked.glob("*.py")) or any(linked.glob("*/*.py"))
+            ):
                 followed.add(linked.resolve())
                 left.append(linked)
         for path in (Path(folder, name) for name in sorted(names) if name.endswith(_CODE)):
             if path.is_file() and path.stat().st_size < _MAX_CODE_BYTES:
                 content = path.read_bytes()
-                digest.update(f"{path.relative_to(root).as_posix()} {len(content)};".encode() + content)
+                digest.update(
+                    f"{path.relative_to(root).as_posix()} {len(content)};".encode() + content
+                )
     return digest.hexdigest()
 
 

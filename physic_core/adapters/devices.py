@@ -1,4 +1,6 @@
-"""Check that a compute device exists, and limit the CPU threads of torch and of the BLAS of NumPy and SciPy."""
+"""Check that a compute device exists, and limit the CPU threads of torch and of the BLAS of NumPy
+and SciPy.
+"""
 
 from __future__ import annotations
 
@@ -48,16 +50,19 @@ def check_device(device: str) -> None:
 
 def has_gpu() -> bool:
     """Return whether an NVIDIA driver is loaded; faster than importing torch."""
-    return shutil.which("nvidia-smi") is not None or any(Path(path).exists() for path in _DRIVER_PATHS)
+    return shutil.which("nvidia-smi") is not None or any(
+        Path(path).exists() for path in _DRIVER_PATHS
+    )
 
 
 @contextmanager
 def limited_threads(count: int = 1) -> Iterator[None]:
     """Limit torch and BLAS to ``count`` threads inside the block.
 
-    For tensors of the size of a body, a second thread costs more than it gains. With another busy process, two threads
-    made fits up to 45 times slower. torch has its own thread pool, which threadpoolctl does not control. If torch is
-    not imported yet, a thread imports it while the block runs: this takes more than a second.
+    For tensors of the size of a body, a second thread costs more than it gains. With another busy
+    process, two threads made fits up to 45 times slower. torch has its own thread pool, which
+    threadpoolctl does not control. If torch is not imported yet, a thread imports it while the
+    block runs: this takes more than a second.
 
     Args:
         count: threads, at least 1.
@@ -68,7 +73,8 @@ def limited_threads(count: int = 1) -> Iterator[None]:
     before = list[int]()
 
     def limit_torch() -> None:
-        with suppress(ImportError, OSError):  # code that needs torch imports it again, and raises the error
+        # code that needs torch imports it again, and raises the error
+        with suppress(ImportError, OSError):
             import torch
 
             before.append(torch.get_num_threads())

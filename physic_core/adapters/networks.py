@@ -1,15 +1,19 @@
-"""Base classes of backends that run a network; an adapter adds how its input is made and how its output is read.
+"""Base classes of backends that run a network; an adapter adds how its input is made and how its
+output is read.
 
 ::
 
     class MyDepth(TorchBackend, MetricDepth):
-        Options = MyOptions  # with the option "weights", the name of a set in the folder "weights" of the package
+        # with the option "weights", the name of a set in the folder "weights" of the package
+        Options = MyOptions
 
         def build(self, device):
             return open_torchscript(self.file(), device)
 
         def preprocess(self, image, hints):
-            return picture_tensor(image, IMAGENET_MEAN, IMAGENET_STD, size=(384, 512), device=self.device)
+            return picture_tensor(
+                image, IMAGENET_MEAN, IMAGENET_STD, size=(384, 512), device=self.device
+            )
 
         def postprocess(self, output, image, hints):
             return DepthMap(resize_map(to_numpy(output)[0], *image.shape[:2]))
@@ -39,10 +43,11 @@ if TYPE_CHECKING:
 
 
 class NetworkBackend(Backend):
-    """Base class of a backend that runs networks; in the list of base classes, it precedes the interface.
+    """Base class of a backend that runs networks; in the list of base classes, it precedes the
+    interface.
 
-    ``infer`` is ``preprocess``, ``run`` and ``postprocess``; a backend that asks its network more than once has an
-    ``infer`` of its own.
+    ``infer`` is ``preprocess``, ``run`` and ``postprocess``; a backend that asks its network more
+    than once has an ``infer`` of its own.
 
     Attributes:
         weight_options: names of the options that name weights; all but the first may be empty.
@@ -55,9 +60,15 @@ class NetworkBackend(Backend):
 
     @classmethod
     def manifest(cls) -> Path:
-        """Return the folder of the weight manifests: "weights" in the package of the class, or else of a base class."""
+        """Return the folder of the weight manifests: "weights" in the package of the class, or else
+        of a base class.
+        """
         packages = (sys.modules[kind.__module__.partition(".")[0]] for kind in cls.__mro__)
-        folders = (Path(path) / "weights" for package in packages for path in getattr(package, "__path__", ()))
+        folders = (
+            Path(path) / "weights"
+            for package in packages
+            for path in getattr(package, "__path__", ())
+        )
         return next(folder for folder in folders if folder.is_dir())
 
     @abstractmethod
@@ -127,11 +138,17 @@ class NetworkBackend(Backend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing weights, and how to get them."""
-        return tuple(text for value in self._weights_named() for text in weights.missing(self.manifest(), value))
+        return tuple(
+            text
+            for value in self._weights_named()
+            for text in weights.missing(self.manifest(), value)
+        )
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
-        return " ".join(weights.fingerprint(self.manifest(), value) for value in self._weights_named())
+        return " ".join(
+            weights.fingerprint(self.manifest(), value) for value in self._weights_named()
+        )
 
     def _weights_named(self) -> list[str]:
         values = [getattr(self.options, option) for option in self.weight_options]
@@ -143,7 +160,8 @@ class TorchOptions(Options):
 
     precision: Literal["float32", "float16", "bfloat16"] = Field(
         default="float32",
-        description="numbers that the network computes with; float16 and bfloat16 take less memory and are faster on "
+        description="numbers that the network computes with; float16 and bfloat16 take less "
+        "memory and are faster on "
         "a GPU; on a CPU they are slower, and float16 is refused there",
     )
 
@@ -156,7 +174,11 @@ class TorchBackend(NetworkBackend):
         """The torch type that the option ``precision`` names; float32 without the option."""
         import torch
 
-        return getattr(torch, self.options.precision) if isinstance(self.options, TorchOptions) else torch.float32
+        return (
+            getattr(torch, self.options.precision)
+            if isinstance(self.options, TorchOptions)
+            else torch.float32
+        )
 
     def load(self, device: str = "cpu") -> None:
         """Build the network on a torch device, unless it is built.
@@ -182,9 +204,13 @@ def _check_precision(dtype: Any, device: str) -> None:
     import torch
 
     if dtype is torch.float16 and device == "cpu":
-        raise DeviceError("precision 'float16' needs a GPU: take 'float32', or 'bfloat16', on the device 'cpu'")
+        raise DeviceError(
+            "precision 'float16' needs a GPU: take 'float32', or 'bfloat16', on the device 'cpu'"
+        )
     if dtype is torch.bfloat16 and device != "cpu" and not torch.cuda.is_bf16_supported():
-        raise DeviceError(f"device '{device}' cannot compute in 'bfloat16': take 'float16' or 'float32'")
+        raise DeviceError(
+            f"device '{device}' cannot compute in 'bfloat16': take 'float16' or 'float32'"
+        )
 
 
 def open_torchscript(path: Path, device: str) -> Any:
@@ -196,11 +222,14 @@ def open_torchscript(path: Path, device: str) -> Any:
     import torch
 
     try:
-        with warnings.catch_warnings():  # torch has newer formats, but files are published in this one
+        # torch has newer formats, but files are published in this one
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
             return torch.jit.load(str(path), map_location=device).eval()  # type: ignore[no-untyped-call]
     except Exception as error:  # torch raises many classes for files of other kinds
-        raise BackendError(f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}") from error
+        raise BackendError(
+            f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}"
+        ) from error
 
 
 def run_in_batches(
@@ -228,11 +257,17 @@ def run_in_batches(
         count = shown = len(next(iter(part.values())))
         if full:
             shown = size
-            part = {name: np.concatenate([v, np.repeat(v[-1:], size - count, axis=0)]) for name, v in part.items()}
+            part = {
+                name: np.concatenate([v, np.repeat(v[-1:], size - count, axis=0)])
+                for name, v in part.items()
+            }
         outputs = [to_numpy(output) for output in call(part)]
-        if wrong := [output.shape for output in outputs if output.ndim == 0 or len(output) != shown]:
+        if wrong := [
+            output.shape for output in outputs if output.ndim == 0 or len(output) != shown
+        ]:
             raise BackendError(
-                f"the network was shown {shown} pictures and returned an array of shape {wrong[0]}: it does not keep "
+                f"the network was shown {shown} pictures and returned an array of shape "
+                f"{wrong[0]}: it does not keep "
                 "its batch"
             )
         parts.append([output[:count] for output in outputs])
@@ -248,14 +283,17 @@ def picture_tensor(
     align_corners: bool = False,
     device: str = "cpu",
 ) -> Any:
-    """Return images as the input of a torch network, resized and normalised on the device by kornia.
+    """Return images as the input of a torch network, resized and normalised on the device by
+    kornia.
 
     Args:
         image: (H, W, 3) or (N, H, W, 3) uint8 RGB.
         mean: mean of each channel, for values from 0 to 1.
         std: standard deviation of each channel, the same.
-        size: rows and columns to which the image is resized, bilinear without antialiasing; None to keep its size.
-        align_corners: whether the centres of the corner pixels stay in the corners when it is resized.
+        size: rows and columns to which the image is resized, bilinear without antialiasing; None to
+            keep its size.
+        align_corners: whether the centres of the corner pixels stay in the corners when it is
+            resized.
         device: of torch.
 
     Returns:

@@ -52,7 +52,9 @@ _GPU = "install onnxruntime-gpu in place of onnxruntime"
 _PROVIDERS = {
     "cpu": ExecutionProvider("CPU", "CPUExecutionProvider", "install onnxruntime"),
     "cuda": ExecutionProvider("CUDA", "CUDAExecutionProvider", _GPU),
-    "tensorrt": ExecutionProvider("TensorRT", "TensorrtExecutionProvider", f"{_GPU}, and TensorRT beside it"),
+    "tensorrt": ExecutionProvider(
+        "TensorRT", "TensorrtExecutionProvider", f"{_GPU}, and TensorRT beside it"
+    ),
     "coreml": ExecutionProvider(
         "CoreML", "CoreMLExecutionProvider", "use the onnxruntime for macOS, which contains it"
     ),
@@ -73,21 +75,33 @@ class OnnxSession:
     """
 
     def __init__(
-        self, session: InferenceSession, provider: ExecutionProvider, name: str = "", made_of: str = ""
+        self,
+        session: InferenceSession,
+        provider: ExecutionProvider,
+        name: str = "",
+        made_of: str = "",
     ) -> None:
-        self.session, self.provider, self.name, self.made_of = session, provider, name, made_of
+        self.session = session
+        self.provider = provider
+        self.name = name
+        self.made_of = made_of
 
     def run(
-        self, outputs: Sequence[str] | None, inputs: Mapping[str, NDArray[Any]], *, keep: bool = False
+        self,
+        outputs: Sequence[str] | None,
+        inputs: Mapping[str, NDArray[Any]],
+        *,
+        keep: bool = False,
     ) -> list[Any]:
         """Run the network and return the named outputs in that order, or all outputs for None.
 
         Args:
             outputs: their names.
             inputs: by name.
-            keep: keep the outputs in the cache of backend results, and take them from it for equal inputs. Useful if
-                running takes much longer than reading, and if the backend has inputs that the network does not get.
-                Outputs are kept only if SHA-256s of the files are published.
+            keep: keep the outputs in the cache of backend results, and take them from it for equal
+                inputs. Useful if running takes much longer than reading, and if the backend has
+                inputs that the network does not get. Outputs are kept only if SHA-256s of the files
+                are published.
         """
         names = None if outputs is None else list(outputs)
 
@@ -112,13 +126,14 @@ def open_session(
 
     Args:
         path: file; its external data files are read from the same folder.
-        threads: threads inside one operator on the CPU; 0 takes one for each core that the process may use.
+        threads: threads inside one operator on the CPU; 0 takes one for each core that the process
+            may use.
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
-        published: SHA-256 by name of the file and of all its external data files. Exactly the compared bytes are used,
-            or the graph that onnxruntime optimised for the CPU is read from the cache. Empty for no comparison and no
-            cache.
+        published: SHA-256 by name of the file and of all its external data files. Exactly the
+            compared bytes are used, or the graph that onnxruntime optimised for the CPU is read
+            from the cache. Empty for no comparison and no cache.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
@@ -136,7 +151,10 @@ def open_session(
         return ort.InferenceSession(content, options, providers=providers)
 
     def create_compared(options: SessionOptions) -> InferenceSession:
-        contents = {name: _read_compared(path.with_name(name), sha256, broken) for name, sha256 in published.items()}
+        contents = {
+            name: _read_compared(path.with_name(name), sha256, broken)
+            for name, sha256 in published.items()
+        }
         graph = contents.pop(path.name)
         options.add_external_initializers_from_files_in_memory(
             list(contents), list(contents.values()), list(map(len, contents.values()))
@@ -146,12 +164,20 @@ def open_session(
     def optimise(graph: Path, weights: str) -> InferenceSession:
         options = _session_options(path.parent, threads, chosen)
         options.optimized_model_filepath = str(graph)
-        options.add_session_config_entry("session.optimized_model_external_initializers_file_name", weights)
-        options.add_session_config_entry("session.optimized_model_external_initializers_min_size_in_bytes", "1024")
+        options.add_session_config_entry(
+            "session.optimized_model_external_initializers_file_name", weights
+        )
+        options.add_session_config_entry(
+            "session.optimized_model_external_initializers_min_size_in_bytes", "1024"
+        )
         return create_compared(options)
 
     session = None
-    kept = KeptGraph.of(path.stem, " ".join(published.values())) if published and chosen.name == "CPU" else None
+    kept = (
+        KeptGraph.of(path.stem, " ".join(published.values()))
+        if published and chosen.name == "CPU"
+        else None
+    )
     if kept is not None:
         if (content := kept.read()) is not None:
             options = _session_options(kept.kept.path, threads, chosen)
@@ -168,12 +194,16 @@ def open_session(
         except BackendError:
             raise
         except Exception as cause:
-            raise BackendError(f"onnxruntime cannot open {path} with {chosen.name}: {cause}. {broken}") from cause
+            raise BackendError(
+                f"onnxruntime cannot open {path} with {chosen.name}: {cause}. {broken}"
+            ) from cause
     running = session.get_providers()
     if chosen.key not in running:
         raise DeviceError(
-            f"onnxruntime {ort.__version__} offers {chosen.name} but could not start it on this machine, and would "
-            f"run {path.name} with {', '.join(running)}: check that the driver and its libraries fit this "
+            f"onnxruntime {ort.__version__} offers {chosen.name} but could not start it on this "
+            f"machine, and would "
+            f"run {path.name} with {', '.join(running)}: check that the driver and its libraries "
+            f"fit this "
             "onnxruntime, or use the CPU"
         )
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
@@ -185,14 +215,17 @@ def open_session(
 def _own_cores() -> int:
     """Return the number of cores that the process may use.
 
-    onnxruntime's own choice ignores them: it starts a thread for each core of the machine, and pins it there.
+    onnxruntime's own choice ignores them: it starts a thread for each core of the machine, and pins
+    it there.
     """
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def _session_options(weights_folder: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:
+def _session_options(
+    weights_folder: Path, threads: int, provider: ExecutionProvider
+) -> SessionOptions:
     import onnxruntime as ort
 
     options = ort.SessionOptions()
@@ -202,11 +235,13 @@ def _session_options(weights_folder: Path, threads: int, provider: ExecutionProv
     # Photos have all sizes. Memory planned for one size would stay allocated for each.
     options.enable_mem_pattern = False
     if provider.name == "CPU":
-        # Planning which outputs share memory takes half the time of opening a graph without fixed sizes. The arena
-        # reuses memory anyway.
+        # Planning which outputs share memory takes half the time of opening a graph without fixed
+        # sizes. The arena reuses memory anyway.
         options.enable_mem_reuse = False
     options.add_session_config_entry("session.use_env_allocators", "1")
-    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(weights_folder))
+    options.add_session_config_entry(
+        "session.model_external_initializers_file_folder_path", str(weights_folder)
+    )
     # Threads that spin while they wait take processor time from others, and end later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return options
@@ -215,7 +250,8 @@ def _session_options(weights_folder: Path, threads: int, provider: ExecutionProv
 def select_provider(
     name: str, device: str, available: Sequence[str]
 ) -> tuple[ExecutionProvider, list[str | tuple[str, dict[str, str]]]]:
-    """Return the execution provider for a provider name and a device, and onnxruntime's settings of the provider.
+    """Return the execution provider for a provider name and a device, and onnxruntime's settings of
+    the provider.
 
     Args:
         name: "auto", "cpu", "cuda", "tensorrt", "coreml" or "directml".
@@ -231,15 +267,20 @@ def select_provider(
     key = device.partition(":")[0] if name == "auto" else name
     provider = _PROVIDERS[key]
     if provider.key not in available:
-        has = ", ".join(f"'{short}'" for short, other in _PROVIDERS.items() if other.key in available)
+        has = ", ".join(
+            f"'{short}'" for short, other in _PROVIDERS.items() if other.key in available
+        )
         why = f"device {device!r} needs" if name == "auto" else f"provider {name!r} is"
         raise DeviceError(
-            f"{why} {provider.name}, and the installed onnxruntime has only {has or 'unknown providers'}: "
-            f"{provider.install}, or choose " + ("device 'cpu'" if name == "auto" else "provider 'cpu'")
+            f"{why} {provider.name}, and the installed onnxruntime has only "
+            f"{has or 'unknown providers'}: "
+            f"{provider.install}, or choose "
+            + ("device 'cpu'" if name == "auto" else "provider 'cpu'")
         )
     index = {"device_id": found[1] or "0"}
     if key == "cuda":
-        # The default strategy doubles the allocated memory at each growth, and other networks share the GPU.
+        # The default strategy doubles the allocated memory at each growth, and other networks share
+        # the GPU.
         return provider, [(provider.key, {**index, "arena_extend_strategy": "kSameAsRequested"})]
     if key == "tensorrt":
         return provider, [(provider.key, index), ("CUDAExecutionProvider", index)]
@@ -256,28 +297,35 @@ def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
         raise BackendError(f"{path} cannot be read: {error.strerror}. {broken}") from error
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
-        raise BackendError(f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}")
+        raise BackendError(
+            f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}"
+        )
     return content
 
 
 @cache
 def _register_shared_arena() -> None:
-    """Let all sessions of the process take their working memory on the CPU from one arena, which keeps it.
+    """Let all sessions of the process take their working memory on the CPU from one arena, which
+    keeps it.
 
-    With an arena each, the five largest embedded networks hold 2.8 GB. With arenas that shrink after each run, or
-    without arenas, memory comes anew from the system: 400,000 page faults a photo, 6 % of its processor time or more.
+    With an arena each, the five largest embedded networks hold 2.8 GB. With arenas that shrink
+    after each run, or without arenas, memory comes anew from the system: 400,000 page faults a
+    photo, 6 % of its processor time or more.
     """
     import onnxruntime as ort
 
-    memory = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
+    memory = ort.OrtMemoryInfo(
+        "Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT
+    )
     ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
 
 
 def release_memory() -> None:
-    """Give CPU memory that was freed back to the system: that of the arena, and that of the C library of Linux.
+    """Give CPU memory that was freed back to the system: that of the arena, and that of the C
+    library of Linux.
 
-    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo. To take it again costs a
-    photo .2 CPU seconds.
+    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo. To take it
+    again costs a photo .2 CPU seconds.
     """
     if _register_shared_arena.cache_info().currsize:
         _shrink_arena()

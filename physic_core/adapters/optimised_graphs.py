@@ -1,7 +1,9 @@
-"""Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time.
+"""Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a
+third of the time.
 
-A file has the weights, which onnxruntime maps into memory, then the graph, its size and a sum of both. The sum
-finds damage, not forgery: files are kept only in a folder that no one else can write to.
+A file has the weights, which onnxruntime maps into memory, then the graph, its size and a sum of
+both. The sum finds damage, not forgery: files are kept only in a folder that no one else can write
+to.
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ _END = struct.Struct("<QQ")
 class KeptGraph:
     """The optimised form of one ONNX graph for this onnxruntime and this processor.
 
-    The name of a file is a digest of its inputs, so another version is never taken for it; its sum shows damage.
-    Files are renamed when they are complete, so several processes may write at once.
+    The name of a file is a digest of its inputs, so another version is never taken for it; its sum
+    shows damage. Files are renamed when they are complete, so several processes may write at once.
 
     Attributes:
         kept: the cache.
@@ -49,15 +51,25 @@ class KeptGraph:
 
     @classmethod
     def of(cls, graph: str, sha256: str) -> KeptGraph | None:
-        """Return the kept form of a graph, by its name and the SHA-256 of its files; None if none can be kept."""
+        """Return the kept form of a graph, by its name and the SHA-256 of its files; None if none
+        can be kept.
+        """
         import onnxruntime as ort
 
         kept = claimed_cache("graphs")
-        made_of = f"mapped weights, sum {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
-        return None if kept is None else cls(kept, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
+        made_of = (
+            f"mapped weights, sum {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
+        )
+        return (
+            None
+            if kept is None
+            else cls(kept, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
+        )
 
     def read(self) -> bytes | None:
-        """Return the graph, whose weights are in a file of the cache, if it is kept; a damaged file is deleted."""
+        """Return the graph, whose weights are in a file of the cache, if it is kept; a damaged file
+        is deleted.
+        """
         for path in self._files():
             with suppress(OSError):
                 if (graph := _graph_of(path)) is not None:
@@ -73,7 +85,8 @@ class KeptGraph:
                 path.unlink()
 
     def write(self, optimise: Callable[[Path, str], InferenceSession]) -> InferenceSession | None:
-        """Keep the graph that ``optimise`` writes, and return its session; None if nothing can be written.
+        """Keep the graph that ``optimise`` writes, and return its session; None if nothing can be
+        written.
 
         Args:
             optimise: writes a graph to a path and its weights to a file of a name beside it.
@@ -86,7 +99,8 @@ class KeptGraph:
         except OSError:  # such as a read-only cache
             return None
         try:
-            graph, weights = part / "graph", part / complete.name
+            graph = part / "graph"
+            weights = part / complete.name
             session = optimise(graph, weights.name)
             with suppress(OSError):
                 if not self._files():  # else another process was faster
@@ -95,7 +109,8 @@ class KeptGraph:
                     weights.rename(complete)
                 self.kept.trim(MAX_GRAPH_BYTES)
             return session
-        except Exception:  # onnxruntime raises it for a full disk, too; the caller opens the graph again
+        # onnxruntime raises it for a full disk, too; the caller opens the graph again
+        except Exception:
             return None
         finally:
             shutil.rmtree(part, ignore_errors=True)
@@ -128,7 +143,9 @@ def _graph_of(path: Path) -> bytes | None:
 
 
 def _sum(content: mmap.mmap | memoryview) -> int:
-    """Return the sum of the 64-bit words of a file, of which the last may be shorter: a third of the time of a CRC."""
+    """Return the sum of the 64-bit words of a file, of which the last may be shorter: a third of
+    the time of a CRC.
+    """
     count = len(content) // 8
     words = int(np.add.reduce(np.frombuffer(content, "<u8", count)))
     return (words + int.from_bytes(content[8 * count :], "little")) % (1 << 64)
@@ -139,6 +156,10 @@ def _processor() -> str:
     """Return a text that identifies the instruction set of the processor."""
     named = f"{platform.system()} {platform.machine()} {platform.processor()}"
     with suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as lines:
-        flags = [line for line in lines if line.startswith(("model name", "flags", "Features", "CPU part"))]
+        flags = [
+            line
+            for line in lines
+            if line.startswith(("model name", "flags", "Features", "CPU part"))
+        ]
         return " ".join([named, *sorted(set(flags))])
     return named

@@ -1,7 +1,9 @@
-"""Convert the boxes and masks of networks to the output of a Segmenter: overlap, duplicates, disjoint masks.
+"""Convert the boxes and masks of networks to the output of a Segmenter: overlap, duplicates,
+disjoint masks.
 
-Boxes are x0 y0 x1 y1 px, half open like a slice. Their coordinates are pixel edges, so resizing a photo multiplies
-them. A point at a pixel centre has integer coordinates; as an edge coordinate it is half a pixel larger.
+Boxes are x0 y0 x1 y1 px, half open like a slice. Their coordinates are pixel edges, so resizing a
+photo multiplies them. A point at a pixel centre has integer coordinates; as an edge coordinate it
+is half a pixel larger.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ class Detections:
 
 def xyxy_from_cxcywh(boxes: FloatArray) -> FloatArray:
     """Convert boxes (..., 4) from centre x, centre y, width, height to x0 y0 x1 y1."""
-    centre, half = boxes[..., :2], boxes[..., 2:] / 2
+    centre = boxes[..., :2]
+    half = boxes[..., 2:] / 2
     corners: FloatArray = np.concatenate([centre - half, centre + half], axis=-1)
     return corners
 
@@ -72,17 +75,20 @@ def box_iou(boxes: FloatArray, others: FloatArray) -> FloatArray:
 def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.intp]:
     """Return the indices of boxes to keep by non-maximum suppression, best score first.
 
-    A box is removed if its intersection over union with a kept box of a better score is more than ``overlap``.
+    A box is removed if its intersection over union with a kept box of a better score is more than
+    ``overlap``.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1.
         scores: (N,).
-        overlap: in [0, 1]; 0.45 for boxes of people, a larger value removes fewer people of a crowd.
+        overlap: in [0, 1]; 0.45 for boxes of people, a larger value removes fewer people of a
+            crowd.
     """
     left = np.argsort(-scores, kind="stable")
     kept = []
     while len(left):
-        best, left = left[0], left[1:]
+        best = left[0]
+        left = left[1:]
         kept.append(best)
         left = left[box_iou(boxes[best : best + 1], boxes[left])[0] <= overlap]
     return np.array(kept, np.intp)
@@ -91,7 +97,8 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
 def clip_boxes(
     boxes: FloatArray, height: int, width: int, smallest: float = 1.0
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Clip boxes to the photo, and return which clipped boxes are finite and at least ``smallest`` px wide and high.
+    """Clip boxes to the photo, and return which clipped boxes are finite and at least ``smallest``
+    px wide and high.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1 px; boxes with non-finite coordinates are not kept.
@@ -103,7 +110,9 @@ def clip_boxes(
         (N, 4) clipped boxes, and (N,) bool, which to keep.
     """
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(boxes).all(axis=1))
-    inside: FloatArray = np.clip(np.where(finite[:, None], boxes, 0.0), 0.0, [width, height, width, height])
+    inside: FloatArray = np.clip(
+        np.where(finite[:, None], boxes, 0.0), 0.0, [width, height, width, height]
+    )
     large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= smallest).all(axis=1))
     return inside, finite & large
 
@@ -121,11 +130,12 @@ def people_from_masks(
 ) -> People:
     """Build People from masks: disjoint masks with tight boxes, best score first.
 
-    A pixel of several masks goes to the largest logit, or for bool masks to the best score. People with fewer than
-    ``smallest`` pixels are removed. Pixels of people are removed from the floor.
+    A pixel of several masks goes to the largest logit, or for bool masks to the best score. People
+    with fewer than ``smallest`` pixels are removed. Pixels of people are removed from the floor.
 
     Args:
-        masks: N of (H, W), logits (above 0 inside) or bool; processed one by one, so a generator saves memory.
+        masks: N of (H, W), logits (above 0 inside) or bool; processed one by one, so a generator
+            saves memory.
         boxes: (N, 4) x0 y0 x1 y1 px of the detector, which limit the masks; None for no limit.
         scores: (N,) in [0, 1].
         floor: (H, W) bool or None.
@@ -150,7 +160,9 @@ def people_from_masks(
         best[wins] = scores[i]
         strongest[wins] = strength[wins]
     area = np.bincount(owner[owner >= 0].ravel(), minlength=len(scores))
-    rows = np.array([i for i in np.argsort(-scores, kind="stable") if area[i] >= max(1, smallest)], int)
+    rows = np.array(
+        [i for i in np.argsort(-scores, kind="stable") if area[i] >= max(1, smallest)], int
+    )
     final = np.stack([owner == i for i in rows]) if len(rows) else np.zeros((0, *size), bool)
     if keypoints is not None:
         keypoints = select_people(keypoints, rows)
@@ -160,10 +172,13 @@ def people_from_masks(
 
 
 def boxes_from_masks(masks: BoolArray) -> FloatArray:
-    """Return the bounding boxes (N, 4) x0 y0 x1 y1 px of masks (N, H, W), half open; zeros for an empty mask."""
+    """Return the bounding boxes (N, 4) x0 y0 x1 y1 px of masks (N, H, W), half open; zeros for an
+    empty mask.
+    """
     boxes: FloatArray = np.zeros((len(masks), 4))
     for i, mask in enumerate(masks):
-        columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+        columns = np.flatnonzero(mask.any(axis=0))
+        rows = np.flatnonzero(mask.any(axis=1))
         if len(rows):
             boxes[i] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
     return boxes
@@ -191,7 +206,9 @@ def mask_nms(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDAr
 
 
 def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
-    """Return a mask (H, W) of the pixels of a box enlarged by ``reach`` of its size on each side."""
+    """Return a mask (H, W) of the pixels of a box enlarged by ``reach`` of its size on each
+    side.
+    """
     grow = reach * (box[2:] - box[:2])
     x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)
     x1, y1 = np.ceil(box[2:] + grow).astype(int)

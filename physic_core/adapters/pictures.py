@@ -1,6 +1,8 @@
-"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation, masks to fill.
+"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation, masks to
+fill.
 
-Integer pixel coordinates are pixel centres. So coordinate x of an image becomes (x + 0.5) s - 0.5 after resizing by s.
+Integer pixel coordinates are pixel centres. So coordinate x of an image becomes (x + 0.5) s - 0.5
+after resizing by s.
 """
 
 from __future__ import annotations
@@ -25,16 +27,23 @@ IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
 Resampling = Literal[
-    "nearest", "bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias"
+    "nearest",
+    "bilinear",
+    "bicubic",
+    "area",
+    "bilinear-antialias",
+    "bicubic-antialias",
+    "lanczos-antialias",
 ]
 """Interpolation methods.
 
-"nearest" is OpenCV's INTER_NEAREST_EXACT and Pillow's NEAREST: the pixel whose centre is nearest. OpenCV's
-INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bicubic" and "area" are as in OpenCV and torch; with
-"antialias", as in Pillow.
+"nearest" is OpenCV's INTER_NEAREST_EXACT and Pillow's NEAREST: the pixel whose centre is nearest.
+OpenCV's INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bicubic" and "area" are
+as in OpenCV and torch; with "antialias", as in Pillow.
 """
 
-_OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})  # types that OpenCV 5 interpolates
+# types that OpenCV 5 interpolates
+_OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})
 _CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
 _INTEGERS = {"float32": 2**24, "float64": 2**53}  # up to which these types hold every integer
 
@@ -45,31 +54,37 @@ def normalized_nchw(
     std: Sequence[float] = (1.0, 1.0, 1.0),
     scale: float = 1 / 255,
 ) -> FloatArray:
-    """Convert an image (H, W, 3) to network input (1, 3, H, W) float32: (image * scale - mean) / std."""
+    """Convert an image (H, W, 3) to network input (1, 3, H, W) float32: (image * scale - mean) /
+    std.
+    """
     factor = scale / np.asarray(std, np.float64)
     offset = np.asarray(mean, np.float64) / np.asarray(std, np.float64)
     values = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32)
-    values = values * factor.astype(np.float32)[:, None, None] - offset.astype(np.float32)[:, None, None]
+    values = (
+        values * factor.astype(np.float32)[:, None, None] - offset.astype(np.float32)[:, None, None]
+    )
     return np.asarray(values[None], np.float32)
 
 
-def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
+def resize_image(
+    image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear"
+) -> NDArray[Any]:
     """Resize an image to exactly ``height`` x ``width``; the aspect may change.
 
     Args:
-        image: (H, W) or (H, W, C), with any number of channels. Any type of values for "nearest", else bool, integers
-            or floats up to float64.
+        image: (H, W) or (H, W, C), with any number of channels. Any type of values for "nearest",
+            else bool, integers or floats up to float64.
         height: px.
         width: px.
         how: see :data:`Resampling`.
 
     Returns:
-        The image with the same type of values. Interpolated integers are rounded and clipped to their type, and a bool
-        is True where more than half is.
+        The image with the same type of values. Interpolated integers are rounded and clipped to
+        their type, and a bool is True where more than half is.
 
     Raises:
-        InputError: ``image`` is not an image array; its numbers are larger than the method can compute exactly; the
-            size is not positive.
+        InputError: ``image`` is not an image array; its numbers are larger than the method can
+            compute exactly; the size is not positive.
     """
     if height < 1 or width < 1:
         raise InputError(f"an image cannot be resized to {width} x {height} px")
@@ -77,7 +92,9 @@ def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling =
     if image.shape[:2] == (height, width):
         return image.copy()
     if how == "nearest":
-        rows, columns = (_nearest_indices(*sizes) for sizes in zip(image.shape[:2], (height, width), strict=True))
+        rows, columns = (
+            _nearest_indices(*sizes) for sizes in zip(image.shape[:2], (height, width), strict=True)
+        )
         return image[rows[:, None], columns]
     if how.endswith("antialias"):
         return _pillow(image, height, width, how.removesuffix("-antialias"))
@@ -85,7 +102,8 @@ def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling =
 
 
 def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
-    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to neighbours.
+    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to
+    neighbours.
 
     Raises:
         InputError: ``values`` is not an array of numbers, or the size is not positive.
@@ -95,26 +113,36 @@ def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
 
 
 def _require_picture(image: object, *, any_values: bool = False) -> None:
-    """Raise InputError unless an image is a plain numpy array (H, W) or (H, W, C) of real numbers that has pixels."""
+    """Raise InputError unless an image is a plain numpy array (H, W) or (H, W, C) of real numbers
+    that has pixels.
+    """
     if type(image) not in (np.ndarray, np.memmap):
         advice = tensor_advice(image) or ": write numpy.asarray(...)"
-        raise InputError(f"an image to resize must be a numpy array, got {type(image).__name__}{advice}")
+        raise InputError(
+            f"an image to resize must be a numpy array, got {type(image).__name__}{advice}"
+        )
     assert isinstance(image, np.ndarray)
     if image.ndim not in (2, 3) or 0 in image.shape[:2]:
-        raise InputError(f"an image to resize must be (H, W) or (H, W, C), with pixels, got {image.shape}")
+        raise InputError(
+            f"an image to resize must be (H, W) or (H, W, C), with pixels, got {image.shape}"
+        )
     if not any_values and (image.dtype.kind not in "biuf" or image.dtype.itemsize > 8):
         raise InputError(
-            f"an image to resize must hold bool, integers or floats up to float64, got {image.dtype}: convert it, or "
+            f"an image to resize must hold bool, integers or floats up to float64, got "
+            f"{image.dtype}: convert it, or "
             "take 'nearest'"
         )
 
 
 def _require_exact(image: NDArray[Any], computed: str) -> None:
-    """Raise InputError if an image has integers that the type in which it is resized does not hold."""
+    """Raise InputError if an image has integers that the type in which it is resized does not
+    hold.
+    """
     limit = _INTEGERS[computed]
     if image.dtype.kind in "iu" and image.size and max(-int(image.min()), int(image.max())) > limit:
         raise InputError(
-            f"an image is resized in {computed}, which holds integers to {limit}, got {image.dtype} from {image.min()} "
+            f"an image is resized in {computed}, which holds integers to {limit}, got "
+            f"{image.dtype} from {image.min()} "
             f"to {image.max()}: convert it, or take 'nearest'"
         )
 
@@ -139,7 +167,9 @@ def _opencv(image: NDArray[Any], height: int, width: int, how: str) -> NDArray[A
     channels = values[..., None] if image.ndim == 2 else values
     parts = [
         cv2.resize(
-            np.ascontiguousarray(channels[..., first : first + _CHANNELS]), (width, height), interpolation=kinds[how]
+            np.ascontiguousarray(channels[..., first : first + _CHANNELS]),
+            (width, height),
+            interpolation=kinds[how],
         ).reshape(height, width, -1)
         for first in range(0, channels.shape[2], _CHANNELS)
     ]
@@ -150,7 +180,8 @@ def _opencv(image: NDArray[Any], height: int, width: int, how: str) -> NDArray[A
 def _as_type(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Convert interpolated values; integers are rounded and clipped to the limits of their type."""
     if values.dtype == dtype or dtype.kind == "f":
-        with np.errstate(over="ignore"):  # bicubic float16 may exceed its type, and is infinite then
+        # bicubic float16 may exceed its type, and is infinite then
+        with np.errstate(over="ignore"):
             return values.astype(dtype, copy=False)
     if dtype.kind == "b":
         return values > 0.5
@@ -185,15 +216,21 @@ class Letterbox:
         return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
 
     def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
-        """Map half-open boxes (..., 4) x0 y0 x1 y1, which are pixel edges, from the canvas to the photo."""
-        return np.asarray((boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64)
+        """Map half-open boxes (..., 4) x0 y0 x1 y1, which are pixel edges, from the canvas to the
+        photo.
+        """
+        return np.asarray(
+            (boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64
+        )
 
     def crop(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the part of a map (h, w, ...) of the canvas that the photo covers, as a view."""
         return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
 
     def map_to_photo(self, values: NDArray[Any]) -> FloatArray:
-        """Resize the photo's part of a map (h, w) or (h, w, C) of the canvas to the photo's size, bilinear."""
+        """Resize the photo's part of a map (h, w) or (h, w, C) of the canvas to the photo's size,
+        bilinear.
+        """
         return resize_map(self.crop(values), *self.size)
 
     def _factor(self) -> FloatArray:
@@ -220,7 +257,8 @@ def letterbox(
         width: of the canvas, px.
         fill: padding value, one or one per channel.
         where: position of the photo.
-        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to keep it.
+        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to
+            keep it.
         how: see :data:`Resampling`.
     """
     rows, columns = image.shape[:2]
@@ -237,7 +275,9 @@ def letterbox(
 
 
 def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
-    """Resize an image with Pillow, channel by channel in float32 if Pillow cannot resize it directly."""
+    """Resize an image with Pillow, channel by channel in float32 if Pillow cannot resize it
+    directly.
+    """
     from PIL import Image
 
     resampling = {
@@ -246,7 +286,9 @@ def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[
         "lanczos": Image.Resampling.LANCZOS,
     }[kind]
     if image.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] == 3):
-        return np.array(Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling))
+        return np.array(
+            Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling)
+        )
     _require_exact(image, "float32")
     channels = image[..., None] if image.ndim == 2 else image
     resized = np.empty((height, width, channels.shape[2]), np.float32)
@@ -265,15 +307,22 @@ def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
     mask = np.asarray(mask, bool)
     if mask.shape != image.shape[:2]:
         raise BackendError(
-            f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: resize it first"
+            f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: "
+            f"resize it first"
         )
     if mask.all():
-        raise BackendError("the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one")
+        raise BackendError(
+            "the mask covers the whole image, which leaves nothing to fill it from: pass a "
+            "smaller one"
+        )
     return mask
 
 
 def inpaint_masked(
-    image: UInt8Array, mask: BoolArray, rim: float, fill: Callable[[UInt8Array, BoolArray], UInt8Array]
+    image: UInt8Array,
+    mask: BoolArray,
+    rim: float,
+    fill: Callable[[UInt8Array, BoolArray], UInt8Array],
 ) -> UInt8Array:
     """Inpaint the pixels of a mask; pixels outside it are not changed.
 
@@ -287,7 +336,11 @@ def inpaint_masked(
         BackendError: the mask's size differs from the image's, or it covers the complete image.
     """
     mask = check_mask(image, mask)
-    return np.where(mask[..., None], fill(image, dilate_mask(mask, rim)), image) if mask.any() else image.copy()
+    return (
+        np.where(mask[..., None], fill(image, dilate_mask(mask, rim)), image)
+        if mask.any()
+        else image.copy()
+    )
 
 
 def dilate_mask(mask: BoolArray, share: float) -> BoolArray:

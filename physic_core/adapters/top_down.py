@@ -1,12 +1,14 @@
-"""Networks that see one person or hand at a time: crop a box at the input size, and decode joints from the output.
+"""Networks that see one person or hand at a time: crop a box at the input size, and decode joints
+from the output.
 
-Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks differ in how they align
-the box with the pixel grid of their input. A wrong choice shifts the result by half a pixel:
+Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks
+differ in how they align the box with the pixel grid of their input. A wrong choice shifts the
+result by half a pixel:
 
-- "corners": the centres of the first and last pixel are on the edges of the box (unbiased data processing, ViTPose with
-  17 joints);
-- "halves": the centre of the box is pixel coordinate (width / 2, height / 2) (MMPose's affine, RTMPose, ViTPose with
-  133 joints; HMR 2.0, WiLoR);
+- "corners": the centres of the first and last pixel are on the edges of the box (unbiased data
+  processing, ViTPose with 17 joints);
+- "halves": the centre of the box is pixel coordinate (width / 2, height / 2) (MMPose's affine,
+  RTMPose, ViTPose with 133 joints; HMR 2.0, WiLoR);
 - "areas": pixels are cells that tile the box (as in resampling with half-pixel centres).
 
 Decoded points are in px of the network's own grid; :class:`Crop` maps them to the photo.
@@ -57,8 +59,11 @@ class Crop:
         return np.array([[self.step[0], 0.0, self.origin[0]], [0.0, self.step[1], self.origin[1]]])
 
 
-def padded_region(box: FloatArray, aspect: float, padding: float = 1.25) -> tuple[FloatArray, FloatArray]:
-    """Return the centre (2,) and size (2,) of the smallest region of a fixed aspect around a box, enlarged.
+def padded_region(
+    box: FloatArray, aspect: float, padding: float = 1.25
+) -> tuple[FloatArray, FloatArray]:
+    """Return the centre (2,) and size (2,) of the smallest region of a fixed aspect around a box,
+    enlarged.
 
     Args:
         box: (4,) x0 y0 x1 y1 px of the photo, half open.
@@ -66,7 +71,8 @@ def padded_region(box: FloatArray, aspect: float, padding: float = 1.25) -> tupl
         padding: factor on both sides.
 
     Returns:
-        Centre in pixel-centre coordinates, and width and height, px of the photo. An empty box counts as one pixel.
+        Centre in pixel-centre coordinates, and width and height, px of the photo. An empty box
+        counts as one pixel.
     """
     corners = np.asarray(box, np.float64)
     middle = (corners[:2] + corners[2:] - 1) / 2
@@ -76,7 +82,13 @@ def padded_region(box: FloatArray, aspect: float, padding: float = 1.25) -> tupl
 
 
 def crop_around_box(
-    box: FloatArray, width: int, height: int, *, padding: float = 1.25, grid: PixelAlignment, mirrored: bool = False
+    box: FloatArray,
+    width: int,
+    height: int,
+    *,
+    padding: float = 1.25,
+    grid: PixelAlignment,
+    mirrored: bool = False,
 ) -> Crop:
     """Return the mapping of a crop of ``width`` x ``height`` px around a box, without distortion.
 
@@ -104,16 +116,22 @@ def crop_around_box(
     if mirrored:
         step = step * np.array([-1.0, 1.0])
     origin = middle - step * centre
-    return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height)
+    return Crop(
+        (float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height
+    )
 
 
 def antialias_sigma(crop: Crop) -> float:
-    """Return the standard deviation of the anti-aliasing blur of HMR 2.0 and WiLoR, px of the photo."""
+    """Return the standard deviation of the anti-aliasing blur of HMR 2.0 and WiLoR, px of the
+    photo.
+    """
     half = abs(crop.step[0]) / 2
     return (half - 1) / 2 if half > 1.1 else 0.0
 
 
-def resample_crop(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0) -> UInt8Array:
+def resample_crop(
+    image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0
+) -> UInt8Array:
     """Resample a crop (height, width, 3) from an image (H, W, 3) by bilinear interpolation.
 
     Args:
@@ -125,7 +143,9 @@ def resample_crop(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float 
     import cv2
 
     if sigma > 0:
-        image = cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE).astype(np.uint8)
+        image = cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE).astype(
+            np.uint8
+        )
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     found: UInt8Array = cv2.warpAffine(
         image,
@@ -138,7 +158,9 @@ def resample_crop(image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float 
     return found
 
 
-_FLOOR, _CEILING = 1e-3, 50.0  # of a heat map before its logarithm
+# of a heat map before its logarithm
+_FLOOR = 1e-3
+_CEILING = 50.0
 _FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 
@@ -158,11 +180,15 @@ def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, np.take_along_axis(flat, index[..., None], -1)[..., 0].astype(np.float64)
 
 
-def subpixel_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5) -> tuple[FloatArray, FloatArray]:
-    """Return sub-cell peaks by one Newton step on the logarithm of the smoothed map (DARK, arXiv:1910.06278).
+def subpixel_peaks(
+    heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5
+) -> tuple[FloatArray, FloatArray]:
+    """Return sub-cell peaks by one Newton step on the logarithm of the smoothed map (DARK,
+    arXiv:1910.06278).
 
-    The logarithm of a Gaussian is a parabola, so one step from the highest cell reaches its centre. If the map has no
-    peak there, or one more than a cell away, the centre of the highest cell is returned.
+    The logarithm of a Gaussian is a parabola, so one step from the highest cell reaches its centre.
+    If the map has no peak there, or one more than a cell away, the centre of the highest cell is
+    returned.
 
     Args:
         heatmaps: (N, J, h, w).
@@ -176,17 +202,23 @@ def subpixel_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5)
 
     cells, value = heatmap_peaks(heatmaps)
     smooth = gaussian_filter(heatmaps.astype(np.float64), sigma, radius=radius, axes=(2, 3))
-    logs = np.pad(np.log(np.clip(smooth, _FLOOR, _CEILING)), ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
+    logs = np.pad(
+        np.log(np.clip(smooth, _FLOOR, _CEILING)), ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge"
+    )
     n, j = value.shape
-    person, joint = np.arange(n)[:, None], np.arange(j)[None]
-    column, row = cells[..., 0].astype(int) + 1, cells[..., 1].astype(int) + 1
+    person = np.arange(n)[:, None]
+    joint = np.arange(j)[None]
+    column = cells[..., 0].astype(int) + 1
+    row = cells[..., 1].astype(int) + 1
 
     def at(right: int, down: int) -> FloatArray:
         found: FloatArray = logs[person, joint, row + down, column + right]
         return found
 
-    dx, dy = (at(1, 0) - at(-1, 0)) / 2, (at(0, 1) - at(0, -1)) / 2
-    dxx, dyy = at(1, 0) - 2 * at(0, 0) + at(-1, 0), at(0, 1) - 2 * at(0, 0) + at(0, -1)
+    dx = (at(1, 0) - at(-1, 0)) / 2
+    dy = (at(0, 1) - at(0, -1)) / 2
+    dxx = at(1, 0) - 2 * at(0, 0) + at(-1, 0)
+    dyy = at(0, 1) - 2 * at(0, 0) + at(0, -1)
     dxy = (at(1, 1) - at(1, 0) - at(0, 1) + 2 * at(0, 0) - at(-1, 0) - at(0, -1) + at(-1, -1)) / 2
     determinant = dxx * dyy - dxy**2
     peaked = (dxx < 0) & (determinant > 1e-12)

@@ -1,4 +1,6 @@
-"""Compare two results of one photo person by person, and two folders of results photo by photo; tables and a page."""
+"""Compare two results of one photo person by person, and two folders of results photo by photo;
+tables and a page.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,16 @@ from physic_core.visual.palette import contact_label
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, ContactPartner, FloatArray, Person, Reconstruction
 
-HEAD = ("photo, person", "grade A", "grade B", "distance A", "distance B", "joints", "pose", "contact that differs")
+HEAD = (
+    "photo, person",
+    "grade A",
+    "grade B",
+    "distance A",
+    "distance B",
+    "joints",
+    "pose",
+    "contact that differs",
+)
 
 PICTURE_HEIGHT = 320
 """Height of the pictures on the page, px."""
@@ -48,12 +59,16 @@ class JointDifference:
     worst_m: float
 
     def __str__(self) -> str:
-        return f"{1000 * self.mean_m:.0f} mm ({self.worst.replace('_', ' ')} {1000 * self.worst_m:.0f} mm)"
+        return (
+            f"{1000 * self.mean_m:.0f} mm ({self.worst.replace('_', ' ')} "
+            f"{1000 * self.worst_m:.0f} mm)"
+        )
 
 
 @dataclass(frozen=True)
 class PersonPair:
-    """One person of two results A and B; pairs of values are in this order, None where a result has none.
+    """One person of two results A and B; pairs of values are in this order, None where a result has
+    none.
 
     Attributes:
         index: of the person in each result; None in the one that has no such person.
@@ -78,11 +93,12 @@ class Comparison:
 
     Attributes:
         photo: name of the photo, or of the folder of A if that is not known.
-        changed: backends, settings and versions that differ, such as "inpainter: embedded -> telea", after a sentence
-            about photos that differ.
+        changed: backends, settings and versions that differ, such as "inpainter: embedded ->
+            telea", after a sentence about photos that differ.
         grade: of each result.
         focal_px: focal length of each camera.
-        depth_m: median depth of each scene, over the pixels that both know; None without such pixels.
+        depth_m: median depth of each scene, over the pixels that both know; None without such
+            pixels.
         depth_difference: median of the relative difference of depth of one pixel.
         people: those of A, then those that only B has.
     """
@@ -110,7 +126,9 @@ class PairedFolders:
 
 
 def pair_results(a: Path, b: Path) -> PairedFolders:
-    """Find the results of the same photos, by the digests of the photos. Two results of one photo each are one pair.
+    """Find the results of the same photos, by the digests of the photos.
+
+    Two results of one photo each are one pair.
 
     Args:
         a: folder of a result, or of a batch, or of results.
@@ -123,7 +141,10 @@ def pair_results(a: Path, b: Path) -> PairedFolders:
         return PairedFolders(((a, b),), ((), ()))
     found = _by_photo(a), _by_photo(b)
     both = tuple((folder, found[1][key]) for key, folder in found[0].items() if key in found[1])
-    only = [tuple(folder for key, folder in one.items() if key not in other) for one, other in (found, found[::-1])]
+    only = [
+        tuple(folder for key, folder in one.items() if key not in other)
+        for one, other in (found, found[::-1])
+    ]
     return PairedFolders(both, (only[0], only[1]))
 
 
@@ -140,7 +161,9 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     """
     sizes = [f"{one.intrinsics.width} x {one.intrinsics.height}" for one in (a, b)]
     if sizes[0] != sizes[1]:
-        raise InputError(f"the results are of {sizes[0]} and {sizes[1]} px: compare two results of one photo")
+        raise InputError(
+            f"the results are of {sizes[0]} and {sizes[1]} px: compare two results of one photo"
+        )
     matching = match_by_masks(_masks(b), _masks(a))
     partner = matching.predicted_of
     known = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
@@ -153,36 +176,54 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
         grade=(_text(a.grade), _text(b.grade)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
         depth_m=(_median(depths[0]), _median(depths[1])),
-        depth_difference=error.depth_relative_median if math.isfinite(error.depth_relative_median) else None,
+        depth_difference=error.depth_relative_median
+        if math.isfinite(error.depth_relative_median)
+        else None,
         people=(*known, *added),
     )
 
 
 def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
-    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of each person.
+    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of
+    each person.
 
     The distance of the scene is its median depth.
     """
     rows = [(photo.photo, *_grades(photo.grade), *map(_metres, photo.depth_m), "", "", "")]
     for person in photo.people:
         joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
-        own = [", ".join(sorted(set(one) - set(other))) for one, other in (person.contacts, person.contacts[::-1])]
-        contact = "; ".join(f"only {name}: {text}" for name, text in zip("AB", own, strict=True) if text)
+        own = [
+            ", ".join(sorted(set(one) - set(other)))
+            for one, other in (person.contacts, person.contacts[::-1])
+        ]
+        contact = "; ".join(
+            f"only {name}: {text}" for name, text in zip("AB", own, strict=True) if text
+        )
         distances = map(_metres, person.distance_m)
         rows.append((f"  {_title(person)}", *_grades(person.grade), *distances, *joints, contact))
     return rows
 
 
 def changed_lines(photos: Sequence[Comparison]) -> list[str]:
-    """Return the backends, settings and versions that differ, and in how many photos if not in all."""
+    """Return the backends, settings and versions that differ, and in how many photos if not in
+    all.
+    """
     if not photos:
         return ["no photo is in both"]
     counts = Counter(text for photo in photos for text in photo.changed)
-    of_some = {text: f" ({count} of {len(photos)} photos)" for text, count in counts.items() if count < len(photos)}
-    return [text + of_some.get(text, "") for text in counts] or ["no setting: A and B have the same"]
+    of_some = {
+        text: f" ({count} of {len(photos)} photos)"
+        for text, count in counts.items()
+        if count < len(photos)
+    }
+    return [text + of_some.get(text, "") for text in counts] or [
+        "no setting: A and B have the same"
+    ]
 
 
-def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequence[Path]]) -> list[str]:
+def summary_lines(
+    photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequence[Path]]
+) -> list[str]:
     """Return sentences about all photos, and about the photos with a result in only one folder."""
     people = [person for photo in photos for person in photo.people]
     pairs = [person for person in people if None not in person.index]
@@ -190,15 +231,24 @@ def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequ
     poses = [person.pose.mean_m for person in pairs if person.pose is not None]
     ratios = [b / a for a, b in (photo.depth_m for photo in photos) if a and b]
     lines = [
-        f"people in both: {len(pairs)}; only in A: {sum(person.index[1] is None for person in people)}; "
+        f"people in both: {len(pairs)}; only in A: "
+        f"{sum(person.index[1] is None for person in people)}; "
         f"only in B: {sum(person.index[0] is None for person in people)}"
     ]
-    for what, grades in (("photos", [one.grade for one in photos]), ("people", [one.grade for one in pairs])):
+    for what, grades in (
+        ("photos", [one.grade for one in photos]),
+        ("people", [one.grade for one in pairs]),
+    ):
         steps = Counter(map(_step, grades))
-        if graded := [f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]]:
+        if graded := [
+            f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]
+        ]:
             lines.append(f"grades of {what} in B: {', '.join(graded)}")
     if joints:
-        lines.append(f"medians of people: joints {1000 * median(joints):.0f} mm, pose {1000 * median(poses):.0f} mm")
+        lines.append(
+            f"medians of people: joints {1000 * median(joints):.0f} mm, pose "
+            f"{1000 * median(poses):.0f} mm"
+        )
     if ratios:
         lines.append(f"median of scenes: the depth of B is {median(ratios):.2f} times that of A")
     for name, folders in zip("AB", only, strict=True):
@@ -233,7 +283,9 @@ def comparison_page(
 
 
 def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
-    """Return the results below a folder by digest of the photo, sorted by their names; equal photos are numbered."""
+    """Return the results below a folder by digest of the photo, sorted by their names; equal photos
+    are numbered.
+    """
     counts = Counter[str]()
     found = {}
     for result in sorted(find_results(folder), key=lambda one: one.name):
@@ -248,7 +300,9 @@ def _masks(result: Reconstruction) -> BoolArray:
     return np.concatenate([none, *(person.mask[None] for person in result.people)])
 
 
-def _pair(a: Reconstruction, b: Reconstruction, first: int | None, second: int | None) -> PersonPair:
+def _pair(
+    a: Reconstruction, b: Reconstruction, first: int | None, second: int | None
+) -> PersonPair:
     one = None if first is None else a.people[first]
     other = None if second is None else b.people[second]
     joints = pose = None
@@ -257,7 +311,10 @@ def _pair(a: Reconstruction, b: Reconstruction, first: int | None, second: int |
         pose = _difference(one.joints - one.joints[:1], other.joints - other.joints[:1])
     return PersonPair(
         index=(first, second),
-        grade=(None if one is None else _text(one.grade), None if other is None else _text(other.grade)),
+        grade=(
+            None if one is None else _text(one.grade),
+            None if other is None else _text(other.grade),
+        ),
         distance_m=(
             None if one is None else pelvis_distance_m(one),
             None if other is None else pelvis_distance_m(other),
@@ -271,12 +328,17 @@ def _pair(a: Reconstruction, b: Reconstruction, first: int | None, second: int |
 def _contacts(person: Person | None) -> tuple[str, ...]:
     """Return likely contacts as "part: what it touches"."""
     likely = [] if person is None else [one for one in person.contacts if one.likely]
-    texts = [f"{part_words(c.part)}: {_touched(c.partner)}{', assumed' if c.assumed else ''}" for c in likely]
+    texts = [
+        f"{part_words(c.part)}: {_touched(c.partner)}{', assumed' if c.assumed else ''}"
+        for c in likely
+    ]
     return tuple(dict.fromkeys(texts))
 
 
 def _touched(partner: ContactPartner) -> str:
-    """Return the title of a partner, without the numbers of surfaces and people, which differ between results."""
+    """Return the title of a partner, without the numbers of surfaces and people, which differ
+    between results.
+    """
     return partner.title if partner.surface or partner.kind == "hidden" else contact_label(partner)
 
 
@@ -284,32 +346,54 @@ def _difference(one: FloatArray, other: FloatArray) -> JointDifference | None:
     apart = np.linalg.norm(np.asarray(one[BODY_JOINTS], np.float64) - other[BODY_JOINTS], axis=-1)
     if not len(apart) or not np.isfinite(apart).all():
         return None
-    return JointDifference(float(apart.mean()), JOINT_NAMES[int(apart.argmax())], float(apart.max()))
+    return JointDifference(
+        float(apart.mean()), JOINT_NAMES[int(apart.argmax())], float(apart.max())
+    )
 
 
 def _changed(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
-    """Return what differs in the photos and configurations of two results, and in the versions of their plugins."""
+    """Return what differs in the photos and configurations of two results, and in the versions of
+    their plugins.
+    """
     one, other = (_settings(result) for result in (a, b))
     names = [name for name in dict.fromkeys((*one, *other)) if one.get(name) != other.get(name)]
-    backends = tuple(f"{name}.options." for name in names if "." not in name)  # another backend has other options
+    # another backend has other options
+    backends = tuple(f"{name}.options." for name in names if "." not in name)
     changed = {
-        name: (one.get(name, "default"), other.get(name, "default")) for name in names if not name.startswith(backends)
+        name: (one.get(name, "default"), other.get(name, "default"))
+        for name in names
+        if not name.startswith(backends)
     }
     old, new = (
-        {stage.provenance.distribution: stage.provenance.version for stage in result.stages if stage.provenance}
+        {
+            stage.provenance.distribution: stage.provenance.version
+            for stage in result.stages
+            if stage.provenance
+        }
         for result in (a, b)
     )
-    changed |= {name: (old[name], new[name]) for name in old.keys() & new.keys() if old[name] != new[name]}
-    settings = tuple(f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items())
-    kinds = {one.photo.partition(":")[0] for one in (a, b)}  # of digest: of the file, or of the pixels
+    changed |= {
+        name: (old[name], new[name]) for name in old.keys() & new.keys() if old[name] != new[name]
+    }
+    settings = tuple(
+        f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items()
+    )
+    # of digest: of the file, or of the pixels
+    kinds = {one.photo.partition(":")[0] for one in (a, b)}
     if a.photo == b.photo or len(kinds) > 1:
         return settings
     both = f"{a.photo_name or 'that of A'} and {b.photo_name or 'that of B'}"
-    return (f"the photo: {both} differ, so the rest is of use only if both show one scene from one place", *settings)
+    return (
+        f"the photo: {both} differ, so the rest is of use only if both show one scene from one "
+        f"place",
+        *settings,
+    )
 
 
 def _settings(result: Reconstruction) -> dict[str, Any]:
-    """Return the settings of a result that have an effect, by dotted names; a backend has that of its interface."""
+    """Return the settings of a result that have an effect, by dotted names; a backend has that of
+    its interface.
+    """
     flat: dict[str, Any] = {}
 
     def add(name: str, value: Any) -> None:
@@ -322,11 +406,17 @@ def _settings(result: Reconstruction) -> dict[str, Any]:
     for name, table in result.config.items():
         add(name, table)
     unimportant = {f"run.{name}" for name in WITHOUT_EFFECT}
-    return {n: value for n, value in flat.items() if n not in unimportant and not n.endswith(".options.threads")}
+    return {
+        n: value
+        for n, value in flat.items()
+        if n not in unimportant and not n.endswith(".options.threads")
+    }
 
 
 def _texts(name: str, values: tuple[Any, Any]) -> list[str]:
-    """Return two values of a setting as texts, backends of different names without their distributions."""
+    """Return two values of a setting as texts, backends of different names without their
+    distributions.
+    """
     full = [str(value) for value in values]
     short = [text.rpartition(":")[2] for text in full]
     return full if "." in name or short[0] == short[1] else short
@@ -344,7 +434,9 @@ def _title(person: PersonPair) -> str:
     one, other = person.index
     if one == other:
         return f"person {one}"
-    return "person " + ", ".join(f"{i} of {name}" for name, i in zip("AB", (one, other), strict=True) if i is not None)
+    return "person " + ", ".join(
+        f"{i} of {name}" for name, i in zip("AB", (one, other), strict=True) if i is not None
+    )
 
 
 def _grades(pair: tuple[str | None, str | None]) -> tuple[str, str]:
@@ -364,7 +456,9 @@ def _step(grade: tuple[str | None, str | None]) -> str:
 
 
 def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]]]]:
-    """Yield title and rows of the photo and of each person: name, value of A and of B, and how they differ."""
+    """Yield title and rows of the photo and of each person: name, value of A and of B, and how they
+    differ.
+    """
     a, b = photo.depth_m
     ratio = f"x {b / a:.2f}" if a and b else ""
     depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
@@ -376,7 +470,11 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
         rows = [
             ("grade", *_grades(person.grade), _step(person.grade)),
             ("distance", _metres(one), _metres(other), further),
-            *((name, "", "", str(value)) for name, value in differences.items() if value is not None),
+            *(
+                (name, "", "", str(value))
+                for name, value in differences.items()
+                if value is not None
+            ),
             ("contact", *person.contacts, ""),
         ]
         yield _title(person).capitalize(), rows

@@ -1,4 +1,6 @@
-"""``contact-sheet.html``: thumbnails and numbers of many photos on one page, with filters, without a network."""
+"""``contact-sheet.html``: thumbnails and numbers of many photos on one page, with filters, without
+a network.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +31,16 @@ _FILE = "contact-sheet.html"
 _MARK = "<title>PhySIC contact sheet</title>"
 _THUMBNAIL = (320, 180)
 _HEIGHT = 180  # px of a thumbnail: photo with people, and side view
-_NARROWEST, _WIDEST, _SIDE_VIEW = 1 / 3, 16 / 9, 11 / 9
+_NARROWEST = 1 / 3
+_WIDEST = 16 / 9
+_SIDE_VIEW = 11 / 9
 """Width over height of the narrowest and the widest photo, and of the side view."""
 
 
 def check_contact_sheet(out: Path) -> None:
-    """Raise OutputError if the contact sheet of a folder would replace a file that PhySIC has not written."""
+    """Raise OutputError if the contact sheet of a folder would replace a file that PhySIC has not
+    written.
+    """
     check_own(out / _FILE, mark=_MARK)
 
 
@@ -68,21 +74,25 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
     """Return the page.
 
     Args:
-        cards: of photos: name (its id), title, link, lacks_page (whether its page can still be written), thumbnail
-            (base64 JPEG), state, error, message, grade, people, checks.
+        cards: of photos: name (its id), title, link, lacks_page (whether its page can still be
+            written), thumbnail (base64 JPEG), state, error, message, grade, people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
     from physic_core.pipeline.checks import CHECKS
 
     notes = [f"{hidden:,} more photos are in the summary table only."] if hidden else []
     if any(card.get("lacks_page") for card in cards):
-        notes.append('"physic report . --each" in the folder of this file writes a 3D page of each photo and links it.')
+        notes.append(
+            '"physic report . --each" in the folder of this file writes a 3D page of each photo '
+            "and links it."
+        )
     labels = {spec.name: spec.label for spec in CHECKS.values()}
     return fill_page("contact_sheet.html", NOTES=notes, LABELS=labels, DATA=list(cards))
 
 
 def fill_page(name: str, **data: Any) -> str:
-    """Return a page of this package with the common style, the mark of PhySIC, and data in place of @NAME@.
+    """Return a page of this package with the common style, the mark of PhySIC, and data in place of
+    @NAME@.
 
     Texts of the user are in the last ones: a later name in them would be replaced.
     """
@@ -91,7 +101,9 @@ def fill_page(name: str, **data: Any) -> str:
     page = page.replace("@STYLE@", (package / "page.css").read_text(encoding="utf-8"))
     for key, value in data.items():
         # "<" could end the script element.
-        page = page.replace(f"@{key}@", json.dumps(value, ensure_ascii=True).replace("<", "\\u003c"))
+        page = page.replace(
+            f"@{key}@", json.dumps(value, ensure_ascii=True).replace("<", "\\u003c")
+        )
     return page
 
 
@@ -101,20 +113,28 @@ def find_results(folder: Path) -> list[Path]:
     Raises:
         InputError: there is none.
     """
-    found = sorted(Path(at) for at, _, names in os.walk(folder) if {DOCUMENT_FILE, ARRAYS_FILE} & set(names))
+    found = sorted(
+        Path(at) for at, _, names in os.walk(folder) if {DOCUMENT_FILE, ARRAYS_FILE} & set(names)
+    )
     if not found and not any(folder.glob("journal*.jsonl")):
-        raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+        raise InputError(
+            f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
+        )
     return found
 
 
 def result_link(place: Path, result: Path) -> str:
-    """Return the link from a folder to the page of a result, else to its preview; "" without both."""
+    """Return the link from a folder to the page of a result, else to its preview; "" without
+    both.
+    """
     pages = (result / name for name in (REPORT_FILE, PREVIEW_FILE) if (result / name).is_file())
     return next((Path(os.path.relpath(page, place)).as_posix() for page in pages), "")
 
 
 def _common_folder(paths: Sequence[str]) -> str:
-    """Return the common folder of all photos with its separator, which the page omits from their paths."""
+    """Return the common folder of all photos with its separator, which the page omits from their
+    paths.
+    """
     try:
         return os.path.join(os.path.commonpath([os.path.dirname(path) for path in paths]), "")
     except ValueError:  # no photos, or addresses among the paths
@@ -122,7 +142,8 @@ def _common_folder(paths: Sequence[str]) -> str:
 
 
 def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
-    path, done = str(row.get("path", "")), row["state"] == "done"
+    path = str(row.get("path", ""))
+    done = row["state"] == "done"
     thumbnail = out / thumbnail_path(photo_folder(str(row["id"])))
     title = path.removeprefix(above) if above else os.path.basename(path)
     message = str(row.get("message", "")).replace(path, title)
@@ -134,8 +155,12 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
         "name": row["id"],
         "title": title or row["id"],
         "link": link,
-        "lacks_page": done and row.get("save") in ("pictures", "numbers") and not link.endswith(REPORT_FILE),
-        "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode() if done and thumbnail.is_file() else "",
+        "lacks_page": done
+        and row.get("save") in ("pictures", "numbers")
+        and not link.endswith(REPORT_FILE),
+        "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode()
+        if done and thumbnail.is_file()
+        else "",
         "state": row["state"],
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),
@@ -147,21 +172,36 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
 
 def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     name = result.relative_to(folder).as_posix()
-    card: dict[str, Any] = {"name": name, "title": name, "link": result_link(folder, result), "thumbnail": ""}
+    card: dict[str, Any] = {
+        "name": name,
+        "title": name,
+        "link": result_link(folder, result),
+        "thumbnail": "",
+    }
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
         record = read_record(result)
         thumbnail = _thumbnail(result)
     except PhysicError as error:
-        return card | {"state": "failed", "error": "InputError", "message": str(error).replace(f"{folder}{os.sep}", "")}
+        return card | {
+            "state": "failed",
+            "error": "InputError",
+            "message": str(error).replace(f"{folder}{os.sep}", ""),
+        }
     failed = list(dict.fromkeys(check.name for check in record.checks if check.failed))
-    card |= {"grade": str(record.grade or ""), "checks": failed, "people": len(record.people), "thumbnail": thumbnail}
+    card |= {
+        "grade": str(record.grade or ""),
+        "checks": failed,
+        "people": len(record.people),
+        "thumbnail": thumbnail,
+    }
     lacks_page = thumbnail != "" and not card["link"].endswith(REPORT_FILE)
     return card | {"state": "done", "lacks_page": lacks_page}
 
 
 def _thumbnail(result: Path) -> str:
-    """Return the photo of a result as a small JPEG in base64; "" for a result with only people, which has no photo.
+    """Return the photo of a result as a small JPEG in base64; "" for a result with only people,
+    which has no photo.
 
     Raises:
         InputError: the arrays are damaged.
@@ -213,6 +253,8 @@ def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:
         side_view(geometry, round(_SIDE_VIEW * height), height).picture,
     )
     buffer = io.BytesIO()
-    picture = Image.fromarray(np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1))
+    picture = Image.fromarray(
+        np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1)
+    )
     picture.save(buffer, "JPEG", quality=72, optimize=True, comment=MARK)
     return buffer.getvalue()

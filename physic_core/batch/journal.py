@@ -1,8 +1,10 @@
-"""The journal of a batch, one JSON line per attempt at a photo, only appended; and the tables made from it.
+"""The journal of a batch, one JSON line per attempt at a photo, only appended; and the tables made
+from it.
 
-The last line of an id counts. Lines of one file are in order of time. In several files, such as those of shards, the
-line of the run with the larger number is the later one; clocks of machines may differ. A damaged or truncated line is
-ignored. The tables are the last line of each photo, and of each person in them.
+The last line of an id counts. Lines of one file are in order of time. In several files, such as
+those of shards, the line of the run with the larger number is the later one; clocks of machines may
+differ. A damaged or truncated line is ignored. The tables are the last line of each photo, and of
+each person in them.
 """
 
 from __future__ import annotations
@@ -46,14 +48,17 @@ COLUMNS: Mapping[str, str] = {
     "result": "run that wrote the files, as they state it; empty without files",
     "version": "of physic-core",
 }
-"""Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``, which tables have
-before "seconds"."""
+"""Columns of every row; rows of finished photos also have the numbers of
+``Reconstruction.summary``, which tables have before "seconds".
+"""
 
 THUMBNAIL = "thumbnail"
 """Name of the thumbnail in the column ``files``."""
 
 PEOPLE_COLUMN = "people_rows"
-"""Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no table has it."""
+"""Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no
+table has it.
+"""
 
 _ALWAYS = ("id", "state", "config", "finished")
 _TABLE = "summary.csv"
@@ -93,7 +98,9 @@ class Journal:
             self._end_torn_line()
             self._run = 1 + read_journals(path.parent, ()).run
         except Timeout:
-            raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder") from None
+            raise OutputError(
+                f"another batch is writing {path}: wait for its end, or name another folder"
+            ) from None
         except OSError as error:
             raise self._error(error) from error
 
@@ -111,7 +118,9 @@ class Journal:
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        line = json.dumps(to_json({**row, "run": self._run}, digits=9), ensure_ascii=True, allow_nan=False)
+        line = json.dumps(
+            to_json({**row, "run": self._run}, digits=9), ensure_ascii=True, allow_nan=False
+        )
         try:
             self._file.write(f"{line}\n".encode())
             self._file.flush()
@@ -128,7 +137,8 @@ class Journal:
 
     def _error(self, error: OSError) -> OutputError:
         return OutputError(
-            f"cannot write the journal {self.path}: {error.strerror}; the same command goes on from here later"
+            f"cannot write the journal {self.path}: {error.strerror}; the same command goes on "
+            f"from here later"
         )
 
 
@@ -156,7 +166,9 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
     for _, row in _lines(folder):
         if row["run"] >= runs.get(row["id"], 0):
             runs[row["id"]] = row["run"]
-            found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+            found[row["id"]] = (
+                row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+            )
     return JournalRows(found, max(runs.values(), default=0))
 
 
@@ -204,8 +216,9 @@ def all_columns() -> tuple[str, ...]:
 
 
 def _in_order(numbers: Set[str]) -> tuple[str, ...]:
-    """Return the columns of a table: the photo and its grade, the numbers of its result, time, memory and files, and at
-    the end the values of the checks, by name."""
+    """Return the columns of a table: the photo and its grade, the numbers of its result, time,
+    memory and files, and at the end the values of the checks, by name.
+    """
     known = (name for name in SUMMARY_KEYS if name in numbers)
     return tuple(dict.fromkeys((*_BEFORE_NUMBERS, *known, *COLUMNS, *sorted(numbers))))
 
@@ -217,10 +230,11 @@ def check_tables(out: Path) -> None:
 
 
 def write_tables(out: Path) -> list[Path]:
-    """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person; return their paths.
+    """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
+    return their paths.
 
-    Numbers of results are empty for failed photos. People are in the order of the photos' rows. Texts are those of
-    :func:`physic_core.files.text.write_csv`.
+    Numbers of results are empty for failed photos. People are in the order of the photos' rows.
+    Texts are those of :func:`physic_core.files.text.write_csv`.
 
     Raises:
         OutputError: a file cannot be written, or no batch has written the one there.
@@ -234,6 +248,9 @@ def write_tables(out: Path) -> list[Path]:
     )
     tables = ((_TABLE, _in_order(numbers), last_rows(out)), (PEOPLE_TABLE, _PEOPLE_COLUMNS, people))
     for name, columns, rows in tables:
-        with atomic_write(out) as temporary, temporary(name).open("w", newline="", encoding="utf-8") as file:
+        with (
+            atomic_write(out) as temporary,
+            temporary(name).open("w", newline="", encoding="utf-8") as file,
+        ):
             write_csv(file, columns, rows)
     return [out / name for name, _, _ in tables]

@@ -36,8 +36,8 @@ class PhotoItem:
         id: unique in the batch, and equal in every run of it.
         path: absolute.
         settings: of the table ``[photo]``, only for this photo.
-        stamp: size in bytes and modification time in ns of the file at some time before it is read, by
-            :meth:`stamped`; None if it is unknown, or there is no file.
+        stamp: size in bytes and modification time in ns of the file at some time before it is read,
+            by :meth:`stamped`; None if it is unknown, or there is no file.
         replaces: names of the files of an earlier result, of which some are lost.
     """
 
@@ -49,7 +49,9 @@ class PhotoItem:
 
     @classmethod
     def at(cls, path: str | os.PathLike[str], **fields: Any) -> PhotoItem:
-        """Return the photo at a path; its id is by default the name of the file and a hash of the path."""
+        """Return the photo at a path; its id is by default the name of the file and a hash of the
+        path.
+        """
         absolute = os.fspath(path) if "://" in os.fspath(path) else os.path.abspath(path)
         name = f"{Path(absolute).stem}-{hashlib.sha256(os.fsencode(absolute)).hexdigest()[:16]}"
         return cls(**{"id": name, "path": absolute, **fields})
@@ -80,32 +82,43 @@ class PhotoList:
 def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> PhotoList:
     """List the photos of files, folders (recursively) and CSV tables, without duplicates.
 
-    A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and "id". Photos of folders are sorted
-    by path. Of these, files below ``out``, and in folders of results and of earlier batches, are skipped, and so are
-    files that are hidden or have a suffix that no photo has.
+    A table has a column "path", relative to the table's folder, and may have "camera" (focal length
+    in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and
+    "id". Photos of folders are sorted by path. Of these, files below ``out``, and in folders of
+    results and of earlier batches, are skipped, and so are files that are hidden or have a suffix
+    that no photo has.
 
     Raises:
-        InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
-            there are no photos.
+        InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
+            have one id, or there are no photos.
     """
     skipped = 0
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items_of(text)):
-        if item is None or (out is not None and Path(item.path).is_relative_to(os.path.abspath(out))):
+        if item is None or (
+            out is not None and Path(item.path).is_relative_to(os.path.abspath(out))
+        ):
             skipped += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
-            where = _show(same.path) if same.path == item.path else f"{_show(same.path)} and {_show(item.path)}"
-            raise InputError(f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own")
+            where = (
+                _show(same.path)
+                if same.path == item.path
+                else f"{_show(same.path)} and {_show(item.path)}"
+            )
+            raise InputError(
+                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own"
+            )
     if not found:
         raise InputError(f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped})")
     return PhotoList(list(found.values()), skipped)
 
 
 def photo_folder(item_id: str) -> str:
-    """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits of the id's hash."""
+    """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits
+    of the id's hash.
+    """
     digest = hashlib.sha256(os.fsencode(item_id)).hexdigest()
     name = quote(item_id, safe=" +,=@()[]", errors="surrogateescape")
     if len(name) > _MAX_NAME or name.startswith(".") or not name:
@@ -135,16 +148,23 @@ class Shard:
         match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
         number, count = (int(part) for part in match.groups()) if match else (0, 0)
         if not 1 <= number <= count:
-            raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got {quoted(text)})")
+            raise ConfigError(
+                f"a shard is written 3/16, with a first number from 1 to the second (got "
+                f"{quoted(text)})"
+            )
         return cls(number, count)
 
     def __contains__(self, item_id: str) -> bool:
         """Return whether the photo with an id belongs to this shard."""
-        return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % self.count == self.number - 1
+        return (
+            int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % self.count
+            == self.number - 1
+        )
 
 
 def _items_of(source: str) -> Iterator[PhotoItem | None]:
-    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that is not a photo.
+    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that
+    is not a photo.
 
     Raises:
         ConfigError: it is an address.
@@ -160,7 +180,9 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
         raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
     elif source.lower().endswith(".csv"):
         if not os.path.isfile(source):  # reading a pipe would block
-            raise InputError(f"cannot read {_show(source)}: it is not a regular file; name a CSV table")
+            raise InputError(
+                f"cannot read {_show(source)}: it is not a regular file; name a CSV table"
+            )
         yield from _table_items(Path(source))
     else:
         yield PhotoItem.at(source)
@@ -176,7 +198,10 @@ def _files_below(top: str) -> Iterator[tuple[str, bool]]:
         is_result = in_batch or DOCUMENT_FILE in names
         for name in names:
             suffix = os.path.splitext(name)[1].lower()
-            yield os.path.join(folder, name), not is_result and not name.startswith(".") and suffix in _PHOTO_SUFFIXES
+            yield (
+                os.path.join(folder, name),
+                not is_result and not name.startswith(".") and suffix in _PHOTO_SUFFIXES,
+            )
 
 
 def _raise(error: OSError) -> None:
@@ -189,7 +214,10 @@ def _raise(error: OSError) -> None:
 def _table_items(table: Path) -> Iterator[PhotoItem]:
     for number, row in enumerate(_rows(table), start=1):
         if unknown := sorted(set(row) - set(_COLUMNS)):
-            raise InputError(f"{table}: unknown column {quoted(unknown[0])}; a table may have {', '.join(_COLUMNS)}")
+            raise InputError(
+                f"{table}: unknown column {quoted(unknown[0])}; a table may have "
+                f"{', '.join(_COLUMNS)}"
+            )
         try:
             item = photo_of_row(row, table.parent)
             PhotoSettings.model_validate(item.settings)
@@ -203,7 +231,8 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
 
 
 def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
-    """Return the photo of a row with "path", and where given "camera", "stature", "depth", "pointmap" and "id".
+    """Return the photo of a row with "path", and where given "camera", "stature", "depth",
+    "pointmap" and "id".
 
     A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.
 
@@ -226,7 +255,10 @@ def _rows(table: Path) -> Iterator[dict[str, Any]]:
         with table.open(newline="", encoding="utf-8-sig") as stream:
             for number, row in enumerate(csv.DictReader(stream), start=1):
                 if None in row:
-                    raise InputError(f"{table}, row {number}: it has more cells than the first line; quote commas")
+                    raise InputError(
+                        f"{table}, row {number}: it has more cells than the first line; quote "
+                        f"commas"
+                    )
                 yield row
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
@@ -249,15 +281,21 @@ def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[st
     if camera:
         numbers = _numbers(camera)
         if len(numbers) not in (1, 4):
-            raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got {quoted(camera)})")
+            raise ValueError(
+                f"a camera is a focal length in px, or fx,fy,cx,cy (got {quoted(camera)})"
+            )
         settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
     for name, unit in (("stature", "m"), ("age", "years")):
         if text := _text(row.get(name)):
             settings[name] = _numbers(text)
             if not settings[name]:
-                raise ValueError(f"{name}s are numbers in {unit}, from left to right (got {quoted(text)})")
+                raise ValueError(
+                    f"{name}s are numbers in {unit}, from left to right (got {quoted(text)})"
+                )
     files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
-    return settings | {name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()}
+    return settings | {
+        name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()
+    }
 
 
 def _numbers(text: str) -> list[float]:

@@ -1,7 +1,7 @@
 """Reconstruct one photo of a batch and return its row of the journal; every executor calls this.
 
-An executor opens one :class:`PhotoProcessor` per process or actor, and passes it one photo after the other. Its rows
-are ready for JSON; without ``people_rows``, they are flat.
+An executor opens one :class:`PhotoProcessor` per process or actor, and passes it one photo after
+the other. Its rows are ready for JSON; without ``people_rows``, they are flat.
 """
 
 from __future__ import annotations
@@ -38,14 +38,17 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
 WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
-"""Settings of ``[run]`` that change no result by more than rounding, as the option ``threads`` of backends."""
+"""Settings of ``[run]`` that change no result by more than rounding, as the option ``threads`` of
+backends.
+"""
 
 
 def batch_config(config: Config, *, cache: bool) -> Config:
     """Return a configuration for one of several processes.
 
-    Every backend that has an option ``threads`` gets one thread unless the configuration sets it, and ``[run] threads``
-    is 1 unless it is set. The cache is off unless ``cache``: a batch sees each photo once.
+    Every backend that has an option ``threads`` gets one thread unless the configuration sets it,
+    and ``[run] threads`` is 1 unless it is set. The cache is off unless ``cache``: a batch sees
+    each photo once.
     """
     run: dict[str, Any] = {"cache": cache}
     if config.source("run.threads") == "default":
@@ -58,7 +61,9 @@ def batch_config(config: Config, *, cache: bool) -> Config:
         fields = load_class(find_backend(interface, choice.backend)).Options.model_fields
         if "threads" in fields and "threads" not in choice.options:
             chosen[interface] = (choice.backend, {**choice.options, "threads": 1})
-    return config.with_backends(chosen).model_copy(update={"run": config.run.model_copy(update=run)})
+    return config.with_backends(chosen).model_copy(
+        update={"run": config.run.model_copy(update=run)}
+    )
 
 
 def config_digest(config: Config) -> str:
@@ -76,11 +81,16 @@ def config_digest(config: Config) -> str:
 
 
 def settings_digest(of_config: str, settings: Mapping[str, Any]) -> str:
-    """Return a short digest of a configuration, given by its digest, with the settings of one photo.
+    """Return a short digest of a configuration, given by its digest, with the settings of one
+    photo.
 
     Of files that the settings name, such as a depth map, the content counts.
     """
-    return _digest([of_config, dict(settings), list(files_named_by(settings))]) if settings else of_config
+    return (
+        _digest([of_config, dict(settings), list(files_named_by(settings))])
+        if settings
+        else of_config
+    )
 
 
 def _digest(value: Any) -> str:
@@ -98,7 +108,8 @@ class BatchJob:
     Attributes:
         config: of the pipeline; see :func:`physic_core.batch.process.batch_config`.
         out: absolute path of the output folder.
-        save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or "none".
+        save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or
+            "none".
         thumbnails: whether to write a thumbnail of each photo for the contact sheet.
     """
 
@@ -121,14 +132,17 @@ class PhotoProcessor:
 
     Args:
         job: of the batch.
-        reconstruct: replaces the pipeline of the job's config; called with a path and the settings of the photo.
+        reconstruct: replaces the pipeline of the job's config; called with a path and the settings
+            of the photo.
 
     Raises:
         PhysicError: the backends cannot be loaded.
     """
 
     def __init__(
-        self, job: BatchJob, reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction] | None = None
+        self,
+        job: BatchJob,
+        reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction] | None = None,
     ) -> None:
         self.job = job
         if reconstruct is None:
@@ -143,7 +157,8 @@ class PhotoProcessor:
         self._reconstruct = reconstruct
 
     def __call__(self, item: PhotoItem) -> dict[str, Any]:
-        """Reconstruct a photo, write its files, and return its row; errors of the photo become a failed row.
+        """Reconstruct a photo, write its files, and return its row; errors of the photo become a
+        failed row.
 
         Raises:
             OutputError: the files cannot be written: the disk is full, or gone.
@@ -156,7 +171,12 @@ class PhotoProcessor:
         except Exception as error:  # an error of one photo must not end the batch
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
-            return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start) | config
+            return (
+                failed_row(
+                    self.job, item, type(error).__name__, str(error), time.perf_counter() - start
+                )
+                | config
+            )
         summary = result.summary()
         loading = float(summary["load_seconds"] or 0)
         failed = dict.fromkeys(check.name for check in result.checks if check.failed)
@@ -176,10 +196,13 @@ class PhotoProcessor:
 
     def _save(self, result: Reconstruction, item: PhotoItem) -> str:
         """Write the files of a photo, and return the column ``files`` of its row."""
-        out, folder = Path(self.job.out), photo_folder(item.id)
+        out = Path(self.job.out)
+        folder = photo_folder(item.id)
         sizes = {}
         if self.job.save != "none":
-            paths = save_reconstruction(result, out / folder, self.job.save, overwrite=True, earlier=item.replaces)
+            paths = save_reconstruction(
+                result, out / folder, self.job.save, overwrite=True, earlier=item.replaces
+            )
             sizes = {path.name: path.stat().st_size for path in paths}
         if self.job.thumbnails:
             sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
@@ -211,7 +234,9 @@ def failed_row(
 
 
 def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
-    """Return a row with the columns that do not depend on the result, and empty ones for the others."""
+    """Return a row with the columns that do not depend on the result, and empty ones for the
+    others.
+    """
     size, modified = item.stamp or (None, None)
     return dict.fromkeys(COLUMNS, "") | {
         "id": item.id,
@@ -239,7 +264,8 @@ def prepare_job(
     cache: bool = False,
     write: bool = True,
 ) -> BatchJob:
-    """Return the job of a batch after checks of its configuration, weights and output folder; no network is loaded.
+    """Return the job of a batch after checks of its configuration, weights and output folder; no
+    network is loaded.
 
     Args:
         config: as of :class:`physic_core.Pipeline`.

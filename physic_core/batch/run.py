@@ -1,4 +1,6 @@
-"""Run a batch: decide which photos to do, let an executor do them, and write a row of the journal for each."""
+"""Run a batch: decide which photos to do, let an executor do them, and write a row of the journal
+for each.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
 
-It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be written.
+It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be
+written.
 """
 
 _NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modified")
@@ -37,9 +40,10 @@ class BatchPlan:
         todo: photos without a valid row in the journal.
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again.
-        replaced: number of the photos in ``todo`` that are done with other settings, whose results are replaced.
-        again: number of the other photos in ``todo`` that were tried before, with other content or settings, or that
-            were done before, but with files missing, truncated or replaced.
+        replaced: number of the photos in ``todo`` that are done with other settings, whose results
+            are replaced.
+        again: number of the other photos in ``todo`` that were tried before, with other content or
+            settings, or that were done before, but with files missing, truncated or replaced.
     """
 
     todo: tuple[PhotoItem, ...]
@@ -49,12 +53,14 @@ class BatchPlan:
     again: int
 
 
-def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> BatchPlan:
+def plan_batch(
+    items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False
+) -> BatchPlan:
     """Compare the photos with the journals in the output folder.
 
-    A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
-    if its files are missing, truncated or of another run. Content is compared by size and modification time first, then
-    by digest.
+    A photo is done anew if its content, the configuration, its settings or what is saved differ
+    from its last row, or if its files are missing, truncated or of another run. Content is compared
+    by size and modification time first, then by digest.
 
     Args:
         items: the photos.
@@ -80,7 +86,11 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
         else:
             count[row["state"]] += 1
     return BatchPlan(
-        tuple(item.stamped() for item in todo), count["done"], count["failed"], count["replaced"], count["again"]
+        tuple(item.stamped() for item in todo),
+        count["done"],
+        count["failed"],
+        count["replaced"],
+        count["again"],
     )
 
 
@@ -146,16 +156,20 @@ def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    """Return whether the folder of a photo holds the result that its row states, with all its files.
+    """Return whether the folder of a photo holds the result that its row states, with all its
+    files.
 
-    Pictures and the document may be edited; the size of the arrays must agree. The thumbnail does not count.
+    Pictures and the document may be edited; the size of the arrays must agree. The thumbnail does
+    not count.
     """
     if job.save == "none":
         return True
-    folder, sizes = Path(job.out, photo_folder(item.id)), _sizes(row)
+    folder = Path(job.out, photo_folder(item.id))
+    sizes = _sizes(row)
     if row["state"] == "done" and not row.get("result"):
         return False
-    if run_of_result(folder) != row.get("result"):  # files of a later run that was killed before its row
+    # files of a later run that was killed before its row
+    if run_of_result(folder) != row.get("result"):
         return False
     try:
         found = {name: (folder / name).lstat().st_size for name in sizes}
@@ -179,7 +193,8 @@ class ExecutorSettings:
 
     Attributes:
         workers: number of processes or actors; None lets the executor choose.
-        timeout: of one photo, as of :class:`physic_core.batch.workers.WorkerSettings`; None for no limit.
+        timeout: of one photo, as of :class:`physic_core.batch.workers.WorkerSettings`; None for no
+            limit.
         logs: folder for what the workers print; None for none.
         address: of a running cluster; None for none, or for what the executor starts itself.
         options: further settings of the executor, as text.
@@ -204,14 +219,18 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
     executor: Executor = import_item(found, "executor")(settings)
     if not callable(executor):
-        raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")
+        raise PluginError(
+            f"the executor '{name}' should return a function, got {type(executor).__name__}"
+        )
     return executor
 
 
 def _local(settings: ExecutorSettings) -> Executor:
     if settings.address is not None or settings.options:
         option = "--executor-set" if settings.address is None else "--address"
-        raise ConfigError(f"{option} is for clusters; the executor 'local' uses this machine (see --executor)")
+        raise ConfigError(
+            f"{option} is for clusters; the executor 'local' uses this machine (see --executor)"
+        )
 
     def run(items: Iterable[PhotoItem], job: BatchJob) -> Generator[dict[str, Any], None, None]:
         count = settings.workers or partial(default_workers, device=job.config.run.device)

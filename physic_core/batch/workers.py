@@ -1,7 +1,8 @@
-"""Worker processes for a batch: each is opened once, gets one task at a time, and is replaced if it dies or hangs.
+"""Worker processes for a batch: each is opened once, gets one task at a time, and is replaced if it
+dies or hangs.
 
-Each process has a pipe of its own, so that one that is killed leaves no lock that the others wait for. Workers end with
-the process that started them, even if it is killed.
+Each process has a pipe of its own, so that one that is killed leaves no lock that the others wait
+for. Workers end with the process that started them, even if it is killed.
 """
 
 from __future__ import annotations
@@ -36,9 +37,16 @@ _RETRY = "--timeout sets the limit, and --retry failed tries the photo again"
 
 _GROUP_FILES = {
     "": ("sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"),
-    "memory": ("sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+    "memory": (
+        "sys/fs/cgroup/memory",
+        "memory.limit_in_bytes",
+        "memory.usage_in_bytes",
+        "total_inactive_file",
+    ),
 }
-"""Folder of control groups of version 2 and 1, the files of a group, and the line of the cache in ``memory.stat``."""
+"""Folder of control groups of version 2 and 1, the files of a group, and the line of the cache in
+``memory.stat``.
+"""
 
 _MEMORY_RESERVE = 1.25
 """A worker is expected to need this multiple of what its first photo needed."""
@@ -55,8 +63,8 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
     """Return how many workers fit: one per core, as memory allows; one if they share a GPU.
 
     Args:
-        peak_mb: memory of the first worker after its first photo, MB, without files that all share; 0 if unknown, then
-            one worker is used.
+        peak_mb: memory of the first worker after its first photo, MB, without files that all share;
+            0 if unknown, then one worker is used.
         device: of the networks.
     """
     if device != "cpu" or peak_mb <= 0:
@@ -68,8 +76,8 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
 def free_memory_mb(root: Path = Path("/")) -> float:
     """Return the memory, MB, that this process may still take; infinity if the system does not say.
 
-    It is the least of the machine's and of all control groups of the process, such as the container's, in which the
-    cache of files counts as free.
+    It is the least of the machine's and of all control groups of the process, such as the
+    container's, in which the cache of files counts as free.
 
     Args:
         root: folder with ``proc`` and ``sys``.
@@ -80,7 +88,8 @@ def free_memory_mb(root: Path = Path("/")) -> float:
         free_mb.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
     with suppress(OSError):
         for line in (root / "proc/self/cgroup").read_text().splitlines():
-            _, controllers, path = line.split(":", 2)  # the only line of version 2 has no controllers
+            # the only line of version 2 has no controllers
+            _, controllers, path = line.split(":", 2)
             if controllers in _GROUP_FILES:
                 folder, *names = _GROUP_FILES[controllers]
                 top = root / folder
@@ -91,7 +100,9 @@ def free_memory_mb(root: Path = Path("/")) -> float:
 
 
 def _free_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
-    """Return the free memory of one control group by the names of its files, MB; infinity without a limit."""
+    """Return the free memory of one control group by the names of its files, MB; infinity without a
+    limit.
+    """
     with suppress(OSError, ValueError, IndexError):
         cached = (group / "memory.stat").read_text().partition(f"\n{cache} ")[2].split()[0]
         used = int((group / usage).read_text()) - int(cached)
@@ -100,7 +111,9 @@ def _free_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
 
 
 def _work_seconds(pid: int) -> float:
-    """Return the CPU seconds of a process and of its children that have ended; elsewhere than on Linux, a clock."""
+    """Return the CPU seconds of a process and of its children that have ended; elsewhere than on
+    Linux, a clock.
+    """
     if sys.platform != "linux":
         return time.monotonic()
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -118,10 +131,14 @@ def peak_memory_mb() -> float:
 
 
 def _own_peak_mb() -> float:
-    """Return the peak memory of this process without the pages of files, which other workers share; 0 if unknown."""
+    """Return the peak memory of this process without the pages of files, which other workers share;
+    0 if unknown.
+    """
     shared = 0.0
     with suppress(OSError, ValueError, IndexError):
-        shared = float(Path("/proc/self/status").read_text().partition("RssFile:")[2].split()[0]) / 1e3
+        shared = (
+            float(Path("/proc/self/status").read_text().partition("RssFile:")[2].split()[0]) / 1e3
+        )
     return max(0.0, peak_memory_mb() - shared)
 
 
@@ -152,7 +169,8 @@ class Outcome(Generic[Task]):
         message: reason of the failure.
         seconds: wall-clock time of the last attempt.
         attempts: number of attempts.
-        peak_mb: peak memory of the worker so far, without files that all workers share; 0 if unknown.
+        peak_mb: peak memory of the worker so far, without files that all workers share; 0 if
+            unknown.
     """
 
     task: Task
@@ -169,9 +187,10 @@ class WorkerSettings:
     """Number, time limit and logs of the workers.
 
     Attributes:
-        count: number of processes; a function gets ``Outcome.peak_mb`` of the first worker after its first task.
-        timeout: CPU seconds after which a task ends, and seconds without work after which it ends; None for no limit.
-            Elsewhere than on Linux, seconds by the clock.
+        count: number of processes; a function gets ``Outcome.peak_mb`` of the first worker after
+            its first task.
+        timeout: CPU seconds after which a task ends, and seconds without work after which it ends;
+            None for no limit. Elsewhere than on Linux, seconds by the clock.
         logs: folder for what the workers print, one file each; None prints to the terminal.
     """
 
@@ -181,12 +200,14 @@ class WorkerSettings:
 
 
 def run_in_workers(
-    tasks: Iterable[Task], open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings
+    tasks: Iterable[Task],
+    open_worker: Callable[[], Callable[[Task], Any]],
+    settings: WorkerSettings,
 ) -> Generator[Outcome[Task], None, None]:
     """Run tasks in worker processes and yield their outcomes in the order in which they end.
 
-    The first worker is opened alone, so that one that cannot be opened is reported once. A task whose worker dies is
-    tried once more, in a new process.
+    The first worker is opened alone, so that one that cannot be opened is reported once. A task
+    whose worker dies is tried once more, in a new process.
 
     Args:
         tasks: the next one is read when a worker is free; can be pickled.
@@ -194,13 +215,15 @@ def run_in_workers(
         settings: number of workers, time limit, logs.
 
     Raises:
-        PhysicError: a worker cannot be opened. Its class is that of the error in the worker, if it is one of
-            :mod:`physic_core.errors`.
+        PhysicError: a worker cannot be opened. Its class is that of the error in the worker, if it
+            is one of :mod:`physic_core.errors`.
         OutputError: a task raised OutputError, or a file of the user has the name of a log.
     """
     if settings.logs is not None:
         check_own(*settings.logs.glob("worker-*.txt"))
-    tasks, logs, limit = iter(tasks), count(), 1
+    tasks = iter(tasks)
+    logs = count()
+    limit = 1
     workers: list[_Worker[Task]] = []
     try:
         while True:
@@ -229,7 +252,9 @@ def run_in_workers(
 
 
 def _wait_for_any(workers: list[_Worker[Task]]) -> list[_Worker[Task]]:
-    """Wait until a worker has sent something, has ended, or has exceeded its time; return all such workers."""
+    """Wait until a worker has sent something, has ended, or has exceeded its time; return all such
+    workers.
+    """
     left = min(worker.deadline for worker in workers) - time.monotonic()
     handles = [handle for worker in workers for handle in worker.handles]
     ready = connection.wait(handles, None if math.isinf(left) else max(0.0, left))
@@ -238,14 +263,16 @@ def _wait_for_any(workers: list[_Worker[Task]]) -> list[_Worker[Task]]:
 
 
 class _TimeLimit:
-    """The time limit of one task, in seconds that its worker computes, so that other programs take no task its time.
+    """The time limit of one task, in seconds that its worker computes, so that other programs take
+    no task its time.
 
     Attributes:
         deadline: by the monotonic clock, when to look at the worker again.
     """
 
     def __init__(self, pid: int, limit: float) -> None:
-        self._pid, self._limit = pid, limit
+        self._pid = pid
+        self._limit = limit
         self._start = self._work_at_mark = _work_seconds(pid)
         self._mark = time.monotonic()
         self.deadline = self._mark + limit
@@ -276,9 +303,14 @@ class _Worker(Generic[Task]):
     """
 
     def __init__(
-        self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings, logs: Iterator[int]
+        self,
+        open_worker: Callable[[], Callable[[Task], Any]],
+        settings: WorkerSettings,
+        logs: Iterator[int],
     ) -> None:
-        self._open_worker, self._settings, self._logs = open_worker, settings, logs
+        self._open_worker = open_worker
+        self._settings = settings
+        self._logs = logs
         self._process: Any = None
         self._limit: _TimeLimit | None = None
         self._starts = 0
@@ -286,7 +318,8 @@ class _Worker(Generic[Task]):
 
     def begin(self, task: Task) -> None:
         """Give the worker a task."""
-        self._task, self._attempt = task, 1
+        self._task = task
+        self._attempt = 1
         self._go_on()
 
     def step(self) -> Outcome[Task] | None:
@@ -299,12 +332,14 @@ class _Worker(Generic[Task]):
         try:
             kind, *content = self._pipe.recv() if self._pipe.poll() else ("silent",)
         except (EOFError, OSError):
-            kind, content = "silent", []
+            kind = "silent"
+            content = []
         seconds = time.monotonic() - self._since
         if kind == "refused":
             raise error_named(*content)
         if kind == "open":
-            self.is_open, self._starts = True, 0
+            self.is_open = True
+            self._starts = 0
             self._go_on()
             return None
         if kind == "done":
@@ -312,7 +347,8 @@ class _Worker(Generic[Task]):
         if time.monotonic() >= self.deadline and self._process.is_alive():
             return self._look(seconds)
         self._process.join(_END_S)
-        how, was_open = _describe_end(self._process.exitcode, self._log), self.is_open
+        how = _describe_end(self._process.exitcode, self._log)
+        was_open = self.is_open
         self.end()
         if not was_open and self._starts == _MAX_STARTS:
             raise BackendError(f"a worker ended while it loaded the backends: {how}")
@@ -323,7 +359,8 @@ class _Worker(Generic[Task]):
         return None
 
     def _look(self, seconds: float) -> Outcome[Task] | None:
-        """Return the outcome of a task that has exceeded its time, whose process is ended; None if it may go on.
+        """Return the outcome of a task that has exceeded its time, whose process is ended; None if
+        it may go on.
 
         Raises:
             BackendError: the process is not open.
@@ -344,7 +381,9 @@ class _Worker(Generic[Task]):
             self._process.kill()
             self._process.join()
             self._pipe.close()
-        self._process, self.is_open, self._limit = None, False, None
+        self._process = None
+        self.is_open = False
+        self._limit = None
 
     def _go_on(self) -> None:
         """Start the process, or send it the task if it is open."""
@@ -374,9 +413,12 @@ class _Worker(Generic[Task]):
         self.handles = (self._pipe, self._process.sentinel)
 
 
-def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None) -> None:
+def _work(
+    pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None
+) -> None:
     """Open the worker, then serve tasks until the pipe is closed; runs in the worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
+    # Ctrl-C reaches the parent, which ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if log is not None:
         with open_to_append(log) as file:
             os.dup2(file.fileno(), 1)
@@ -391,7 +433,8 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
         pipe.send(("refused", type(error).__name__, str(error)))
         return
     gc.collect()
-    gc.freeze()  # garbage collection skips the loaded libraries, which would take 0.1 s after each task
+    # garbage collection skips the loaded libraries, which would take 0.1 s after each task
+    gc.freeze()
     pipe.send(("open",))
     with suppress(EOFError):
         while True:
@@ -412,7 +455,9 @@ def _end_with_parent() -> None:
 
 
 def error_named(name: str, message: str) -> PhysicError:
-    """Return an error of a worker from the name of its class; BackendError if that is not of physic_core.errors."""
+    """Return an error of a worker from the name of its class; BackendError if that is not of
+    physic_core.errors.
+    """
     kind = getattr(errors, name, None)
     if isinstance(kind, type) and issubclass(kind, PhysicError):
         return kind(message)
@@ -423,14 +468,17 @@ def _describe_end(code: int | None, log: Path | None) -> str:
     seen = f"; see {log}" if log is not None else ""
     if code is not None and code < 0:
         with suppress(ValueError):
-            memory = "; often the memory is too small" if -code == getattr(signal, "SIGKILL", 9) else ""
+            memory = (
+                "; often the memory is too small" if -code == getattr(signal, "SIGKILL", 9) else ""
+            )
             return f"it was ended by {signal.Signals(-code).name}{memory}{seen}"
     return f"it exited with code {code}{seen}"
 
 
 @contextmanager
 def started_processes(variables: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Start processes in the block: they import nothing from the current folder, where Python looks first otherwise.
+    """Start processes in the block: they import nothing from the current folder, where Python looks
+    first otherwise.
 
     Args:
         variables: of the environment of these processes, unless they are set already.

@@ -20,8 +20,9 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
     """Load the embedded body model or a SMPL-X file.
 
     Args:
-        source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its first 10 shape and 10
-            expression components are used, ``physic_core.body.files.load_smplx`` takes other numbers).
+        source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its
+            first 10 shape and 10 expression components are used,
+            ``physic_core.body.files.load_smplx`` takes other numbers).
         device: where its tensors go.
 
     Raises:

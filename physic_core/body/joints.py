@@ -34,13 +34,17 @@ JOINT_NAMES: tuple[str, ...] = (
     "right_eye",
     *(f"{side}_{finger}{k}" for side in SIDES for finger in _FINGERS for k in (1, 2, 3)),
 )
-"""0-21 body, 22 jaw, 23-24 eyes, 25-39 left hand, 40-54 right hand (index, middle, pinky, ring, thumb; base first)."""
+"""0-21 body, 22 jaw, 23-24 eyes, 25-39 left hand, 40-54 right hand (index, middle, pinky, ring,
+thumb; base first).
+"""
 
 JOINT_INDEX: dict[str, int] = {name: i for i, name in enumerate(JOINT_NAMES)}
 
 
 def joint_pair(name: str) -> list[int]:
-    """Return the indices of the left and the right joint of a name: ``joint_pair("ankle") == [7, 8]``."""
+    """Return the indices of the left and the right joint of a name: ``joint_pair("ankle") == [7,
+    8]``.
+    """
     return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
 
 
@@ -58,7 +62,8 @@ ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
 """Rotations of BodyParameters, in the order of the joints, with the number of joints of each."""
 
 FINGER_JOINTS: tuple[tuple[tuple[int, ...], ...], ...] = tuple(
-    tuple(tuple(JOINT_INDEX[f"{side}_{finger}{k}"] for k in (1, 2, 3)) for finger in _FINGERS) for side in SIDES
+    tuple(tuple(JOINT_INDEX[f"{side}_{finger}{k}"] for k in (1, 2, 3)) for finger in _FINGERS)
+    for side in SIDES
 )
 """(2, 5, 3) indices of the finger joints: side, finger, joint from the base."""
 
@@ -75,5 +80,9 @@ PARENTS: tuple[int, ...] = (
 
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 
-PART_NAMES: tuple[str, ...] = ("torso", "head", *(f"{side}_{limb}" for limb in _LIMBS for side in SIDES))
+PART_NAMES: tuple[str, ...] = (
+    "torso",
+    "head",
+    *(f"{side}_{limb}" for limb in _LIMBS for side in SIDES),
+)
 """Names of the body parts: torso with pelvis, head with neck, and six parts on each side."""

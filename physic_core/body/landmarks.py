@@ -1,9 +1,12 @@
-"""Points, parts and vertex sets of a body: keypoints of skeletons, body parts, and what often touches the scene.
+"""Points, parts and vertex sets of a body: keypoints of skeletons, body parts, and what often
+touches the scene.
 
-Each keypoint is a joint of the model, or the mean of a few surface vertices. Left is always the body's own left.
+Each keypoint is a joint of the model, or the mean of a few surface vertices. Left is always the
+body's own left.
 
-Parts follow from skinning weights. Contact sets (as in PROX: feet, thighs, gluteus, back, hands) and landmarks (nose,
-ears, fingertips, toes) follow from the geometry of the T-pose. All work for any mesh with SMPL-X joints.
+Parts follow from skinning weights. Contact sets (as in PROX: feet, thighs, gluteus, back, hands)
+and landmarks (nose, ears, fingertips, toes) follow from the geometry of the T-pose. All work for
+any mesh with SMPL-X joints.
 """
 
 from __future__ import annotations
@@ -81,7 +84,9 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Landm
 
 
 def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
-    """Return the (J, P) weights of P body points for each keypoint, with rows that sum to 1, and the P names."""
+    """Return the (J, P) weights of P body points for each keypoint, with rows that sum to 1, and
+    the P names.
+    """
     used = [other for blend in skeleton.on_body.values() for other in blend]
     names = list(dict.fromkeys(name for name in (*skeleton.names, *used) if name in BODY_POINTS))
     column = {name: i for i, name in enumerate(names)}
@@ -102,13 +107,16 @@ def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
     """Raise BodyModelError if a keypoint has no valid definition on the body."""
     if strange := [other for other in shares if other not in BODY_POINTS]:
         raise BodyModelError(
-            f"the point {name!r} of the skeleton {skeleton!r} refers to {', '.join(strange)}, which no body has: "
+            f"the point {name!r} of the skeleton {skeleton!r} refers to {', '.join(strange)}, "
+            f"which no body has: "
             f"choose among {', '.join(BODY_POINTS)}"
         )
     if name not in BODY_POINTS and abs(sum(shares.values()) - 1) > _SHARES_OFF:
         raise BodyModelError(
-            f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its shares of body points "
-            f"sum to {sum(shares.values()):g}, not 1: state in Skeleton.on_body where it lies, or {{}} for nowhere"
+            f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its "
+            f"shares of body points "
+            f"sum to {sum(shares.values()):g}, not 1: state in Skeleton.on_body where it lies, or "
+            f"{{}} for nowhere"
         )
 
 
@@ -130,7 +138,8 @@ def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> LandmarkRegress
 
 @dataclass(frozen=True)
 class TPoseMesh:
-    """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x, metres.
+    """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x,
+    metres.
 
     Attributes:
         vertices: (V, 3).
@@ -158,7 +167,9 @@ CONTACT_SETS: tuple[str, ...] = (
     "gluteus",
     "back",
 )
-"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of thighs, seat, back."""
+"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of
+thighs, seat, back.
+"""
 
 _SOLE_DEPTH = 0.02
 """Maximum height of a downward-facing sole vertex over the lowest point of the foot, metres."""
@@ -184,11 +195,14 @@ def _part_of_joint(name: str) -> str:
 
 
 def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into PART_NAMES."""
+    """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into
+    PART_NAMES.
+    """
     member = np.zeros((len(JOINT_NAMES), len(PART_NAMES)))
     for joint, name in enumerate(JOINT_NAMES):
         member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
-    # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the first part.
+    # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the
+    # first part.
     labels: NDArray[np.int64] = np.argmax((weights @ member).round(6), axis=1)
     return labels
 
@@ -196,8 +210,10 @@ def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
 def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
     part = label_parts(mesh.weights)
-    x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
-    down, back = -mesh.normals[:, 1], -mesh.normals[:, 2]
+    x = mesh.vertices[:, 0]
+    y = mesh.vertices[:, 1]
+    down = -mesh.normals[:, 1]
+    back = -mesh.normals[:, 2]
 
     def within(*names: str) -> NDArray[np.bool_]:
         return mesh.outer & np.isin(part, [PART_NAMES.index(name) for name in names])
@@ -215,14 +231,18 @@ def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     hips = (height("left_hip") + height("right_hip")) / 2
     knees = (height("left_knee") + height("right_knee")) / 2
     thigh = hips - knees
-    seat_low, seat_high = hips - 0.25 * thigh, hips + 0.25 * thigh
+    seat_low = hips - 0.25 * thigh
+    seat_high = hips + 0.25 * thigh
     behind = back > 0.3
     legs = within("left_upper_leg", "right_upper_leg")
     torso = within("torso")
     chosen["thighs"] = legs & behind & (y < seat_low)
     chosen["gluteus"] = (legs | torso) & behind & (y >= seat_low) & (y < seat_high)
     chosen["back"] = (
-        torso & behind & (y >= seat_high) & (np.abs(x) < np.abs(mesh.joints[JOINT_INDEX["left_shoulder"], 0]))
+        torso
+        & behind
+        & (y >= seat_high)
+        & (np.abs(x) < np.abs(mesh.joints[JOINT_INDEX["left_shoulder"], 0]))
     )
     return {name: np.flatnonzero(chosen[name]) for name in CONTACT_SETS}
 
@@ -233,15 +253,20 @@ _MOUTH_HALF_WIDTH = 0.024
 """Distance from the centre of the mouth to its corners, metres."""
 _MOUTH_DROP = 0.85
 """Height of the mouth below the tip of the nose, relative to the height of the eyes above it."""
-_EAR_DEPTH, _EAR_FORWARD = 0.012, 0.012
+_EAR_DEPTH = 0.012
+_EAR_FORWARD = 0.012
 """Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
 
 
 def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
-    """Return landmark name -> vertex ids, for each name in SURFACE_POINTS. A landmark is the mean of its vertices."""
+    """Return landmark name -> vertex ids, for each name in SURFACE_POINTS.
+
+    A landmark is the mean of its vertices.
+    """
     part = label_parts(mesh.weights)
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
-    whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are not part of the outer surface
+    # with the lids or eyeballs, which are not part of the outer surface
+    whole_head = part == PART_NAMES.index("head")
     head = mesh.outer & whole_head
     picks: dict[str, NDArray[np.int64]] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
@@ -265,11 +290,15 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
             tip = mesh.outer & (mesh.weights.argmax(1) == last)
             along = mesh.joints[last] - mesh.joints[last - 1]
             picks[f"{side}_{finger}_tip"] = _furthest(mesh, tip, along, 4)
-        picks.update(_pick_foot(mesh, mesh.outer & (part == PART_NAMES.index(f"{side}_foot")), side, sign))
+        picks.update(
+            _pick_foot(mesh, mesh.outer & (part == PART_NAMES.index(f"{side}_foot")), side, sign)
+        )
     return {name: picks[name] for name in SURFACE_POINTS}
 
 
-def _pick_foot(mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float) -> dict[str, NDArray[np.int64]]:
+def _pick_foot(
+    mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float
+) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of toes, heel and foot tip of one foot."""
     x, _, z = mesh.vertices.T
     forward = np.array([0.0, 0.0, 1.0])
@@ -277,7 +306,8 @@ def _pick_foot(mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float)
     if not toes.any():
         toes = foot
     lateral = sign * x
-    low, high = lateral[toes].min(), lateral[toes].max()
+    low = lateral[toes].min()
+    high = lateral[toes].max()
     medial_half = toes & (lateral <= low + 0.35 * (high - low))
     lateral_rim = toes & (lateral >= low + 0.85 * (high - low))
     return {
@@ -295,20 +325,28 @@ def _furthest(
     return _first(mask, -(mesh.vertices @ direction), count)
 
 
-def _nearest(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def _nearest(
+    mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int
+) -> NDArray[np.int64]:
     """Return the ids of the ``count`` vertices of the mask nearest to a point."""
     return _first(mask, np.linalg.norm(mesh.vertices - point, axis=1), count)
 
 
-def _in_front(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray from ``point``."""
+def _in_front(
+    mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int
+) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray
+    from ``point``.
+    """
     facing = mask & (mesh.vertices[:, 2] > point[2]) & (mesh.normals[:, 2] > 0)
     off_axis = np.linalg.norm(mesh.vertices[:, :2] - point[:2], axis=1)
     return _first(facing if facing.any() else mask, off_axis, count)
 
 
 def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all if it is empty."""
+    """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all
+    if it is empty.
+    """
     ids = np.flatnonzero(mask if mask.any() else np.ones_like(mask))
     # Mirrored vertices have the same cost but for rounding: ties go to the first vertex.
     return np.sort(ids[np.argsort(cost[ids].round(6), kind="stable")[:count]])

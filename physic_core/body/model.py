@@ -51,8 +51,8 @@ class BodyOutput(ShortRepr):
 class BodyModel:
     """Body model with SMPL-X joints: zero rotations are a T-pose, y up, facing +z, left on +x.
 
-    The root turns about the pelvis joint and ``transl`` is added after posing. Everything is differentiable; the float
-    type and the device are those of the asset (:meth:`to`).
+    The root turns about the pelvis joint and ``transl`` is added after posing. Everything is
+    differentiable; the float type and the device are those of the asset (:meth:`to`).
 
     Attributes:
         name: "embedded" or "smplx"; their parameters are not interchangeable.
@@ -65,10 +65,12 @@ class BodyModel:
         contact_sets: name -> (n,) int64 vertex ids that often are in contact with the scene.
         outer: (V,) bool, False in the cavities of mouth, nose and eyes, which have no contact.
         kinematics: rest joints and forward kinematics.
-        skin: blend shapes and skinning weights; the directions are shape, expression, then pose correctives.
+        skin: blend shapes and skinning weights; the directions are shape, expression, then pose
+            correctives.
         surface_points: landmark -> (n,) int64 vertex ids; the landmark is their mean.
         extremes: (n,) int64 vertices that can be the highest or the lowest point in the T-pose.
-        regressors: skeletons that the asset defines; those of others follow from ``surface_points``.
+        regressors: skeletons that the asset defines; those of others follow from
+            ``surface_points``.
         info: source and licence of the asset, in words.
         joint_names: 55 names in SMPL-X order.
     """
@@ -92,7 +94,8 @@ class BodyModel:
 
     def __repr__(self) -> str:
         return (
-            f"BodyModel({self.name}, {self.num_vertices} vertices, {self.num_betas} betas, {self.dtype}, {self.device})"
+            f"BodyModel({self.name}, {self.num_vertices} vertices, {self.num_betas} betas, "
+            f"{self.dtype}, {self.device})"
         )
 
     @property
@@ -133,10 +136,14 @@ class BodyModel:
     def coarse(self) -> CoarseMesh:
         """Decimated mesh with a quarter of the vertices, 2 cm apart, for visibility tests."""
         # Sums on the CPU have a fixed order, so the result is deterministic.
-        template, faces, part = (t.cpu() for t in (self.skin.template.T, self.faces, self.part_of_vertex))
+        template, faces, part = (
+            t.cpu() for t in (self.skin.template.T, self.faces, self.part_of_vertex)
+        )
         return to_device(coarse_mesh(template, faces, part, _COARSE_M), self.device)
 
-    def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
+    def to(
+        self, device: torch.device | str | None = None, dtype: torch.dtype | None = None
+    ) -> BodyModel:
         """Return a copy on another device, or in another float type."""
         return to_device(self, device, dtype)
 
@@ -166,19 +173,29 @@ class BodyModel:
         """
         self._check(rotations, betas, transl, expression)
         coefficients = _coefficients(self.num_expression, betas, expression)
-        world, skinning = self.kinematics.transforms(rotations, self.kinematics.rest_joints(coefficients))
+        world, skinning = self.kinematics.transforms(
+            rotations, self.kinematics.rest_joints(coefficients)
+        )
         joints = world[..., 3] + transl[:, None]
         if joints_only:
             return BodyOutput(rotations.new_zeros(len(rotations), 0, 3), joints, world[..., :3])
         skin = self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
-        vertices = skin.pose(skin.with_correctives(coefficients, rotations), skinning) + transl[:, None]
+        vertices = (
+            skin.pose(skin.with_correctives(coefficients, rotations), skinning) + transl[:, None]
+        )
         return BodyOutput(vertices, joints, world[..., :3])
 
     def zero_pose(self, batch: int = 1) -> tuple[Tensor, Tensor, Tensor]:
-        """Return rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its T-pose."""
+        """Return rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its
+        T-pose.
+        """
         like = self.skin.template
         eye = torch.eye(3, dtype=like.dtype, device=like.device)
-        return eye.repeat(batch, NUM_JOINTS, 1, 1), like.new_zeros(batch, self.num_betas), like.new_zeros(batch, 3)
+        return (
+            eye.repeat(batch, NUM_JOINTS, 1, 1),
+            like.new_zeros(batch, self.num_betas),
+            like.new_zeros(batch, 3),
+        )
 
     def regressor(self, skeleton: Skeleton | str) -> LandmarkRegressor:
         """Return the linear map from joints and vertices to the keypoints of a skeleton.
@@ -212,7 +229,9 @@ class BodyModel:
             )
         return regressor(output.joints, output.vertices.index_select(1, regressor.vertex_ids))
 
-    def landmarks_only(self, skeletons: Sequence[Skeleton | str], vertex_ids: Tensor | None = None) -> LandmarkModel:
+    def landmarks_only(
+        self, skeletons: Sequence[Skeleton | str], vertex_ids: Tensor | None = None
+    ) -> LandmarkModel:
         """Return a model that poses only the keypoints of some skeletons, for iterative fits.
 
         Args:
@@ -222,12 +241,20 @@ class BodyModel:
         Raises:
             BodyModelError: as :meth:`regressor`.
         """
-        extra = torch.zeros(0, dtype=torch.int64, device=self.device) if vertex_ids is None else vertex_ids
+        extra = (
+            torch.zeros(0, dtype=torch.int64, device=self.device)
+            if vertex_ids is None
+            else vertex_ids
+        )
         regressors = {skeleton: self.regressor(skeleton) for skeleton in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
         sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
         return LandmarkModel(
-            self, self.skin.subset(wanted).in_blocks(), regressors, tuple(sizes), JointTree(self.kinematics)
+            self,
+            self.skin.subset(wanted).in_blocks(),
+            regressors,
+            tuple(sizes),
+            JointTree(self.kinematics),
         )
 
     def stature(self, betas: Tensor) -> Tensor:
@@ -237,7 +264,9 @@ class BodyModel:
         height = output.vertices[..., 1]
         return height.amax(1) - height.amin(1)
 
-    def _check(self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None) -> None:
+    def _check(
+        self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None
+    ) -> None:
         """Raise BodyModelError if a parameter has the wrong shape."""
         batch = len(rotations)
         wanted = [
@@ -279,8 +308,8 @@ class LandmarkModel:
         """Pose B bodies, with arguments as in :meth:`BodyModel.__call__`; differentiable once.
 
         Returns:
-            Skeleton, as it was given -> (B, J, 3) metres; also "joints" (B, 55, 3), and "vertices" (B, n, 3) of
-            ``vertex_ids``.
+            Skeleton, as it was given -> (B, J, 3) metres; also "joints" (B, 55, 3), and "vertices"
+            (B, n, 3) of ``vertex_ids``.
         """
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)
@@ -297,11 +326,15 @@ def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None)
     """Concatenate betas and expression to (B, K + E)."""
     if not num_expression:
         return betas
-    return torch.cat([betas, betas.new_zeros(len(betas), num_expression) if expression is None else expression], 1)
+    return torch.cat(
+        [betas, betas.new_zeros(len(betas), num_expression) if expression is None else expression],
+        1,
+    )
 
 
 _Array = NDArray[Any]
-_NUM_CROWN, _NUM_GROUND = 40, 400
+_NUM_CROWN = 40
+_NUM_GROUND = 400
 """Number of candidate vertices for the highest and for the lowest point of any shape."""
 
 
@@ -378,10 +411,14 @@ def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> 
 
 
 def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
-    """Derive body parts, contact sets and landmarks of the mean body from its geometry and skinning weights."""
+    """Derive body parts, contact sets and landmarks of the mean body from its geometry and skinning
+    weights.
+    """
     kinematics, skin = _mechanics(arrays)
     none = torch.zeros(1, 0)
-    world, skinning = kinematics.transforms(torch.eye(3).repeat(1, 55, 1, 1), kinematics.rest_joints(none))
+    world, skinning = kinematics.transforms(
+        torch.eye(3).repeat(1, 55, 1, 1), kinematics.rest_joints(none)
+    )
     mesh = TPoseMesh(
         vertices=skin.pose(none, skinning)[0].double().numpy(),
         faces=arrays.faces.astype(np.int64),
@@ -391,13 +428,17 @@ def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
     )
     by_height = np.argsort(mesh.vertices[:, 1], kind="stable")
     extremes = np.unique(np.concatenate([by_height[:_NUM_GROUND], by_height[-_NUM_CROWN:]]))
-    return VertexSets(label_parts(mesh.weights), contact_set_vertices(mesh), pick_surface_points(mesh), extremes)
+    return VertexSets(
+        label_parts(mesh.weights), contact_set_vertices(mesh), pick_surface_points(mesh), extremes
+    )
 
 
 def _mechanics(arrays: BodyArrays) -> tuple[Kinematics, Skin]:
     """Build the Kinematics and the Skin of an asset."""
     bind_rot = None if arrays.bind_rot is None else _float(arrays.bind_rot)
-    kinematics = Kinematics.build(_float(arrays.joint_template), _float(arrays.joint_directions), bind_rot, PARENTS)
+    kinematics = Kinematics.build(
+        _float(arrays.joint_template), _float(arrays.joint_directions), bind_rot, PARENTS
+    )
     skin = Skin(
         _float(arrays.template).T.contiguous(),
         _float(arrays.directions).transpose(1, 2).contiguous(),

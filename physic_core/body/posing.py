@@ -1,8 +1,8 @@
 """Forward kinematics of the 55-joint tree, linear blend skinning, and the pose of a few vertices.
 
-The latter has a hand-written gradient for iterative fits. Values are the same as with kinematics, skinning and
-autograd; the gradient takes a fifth of the operations. In world coordinates, the gradient along the tree is two
-products with the descendant matrix.
+The latter has a hand-written gradient for iterative fits. Values are the same as with kinematics,
+skinning and autograd; the gradient takes a fifth of the operations. In world coordinates, the
+gradient along the tree is two products with the descendant matrix.
 """
 
 from __future__ import annotations
@@ -41,13 +41,15 @@ class WeightBlock:
 class Skin:
     """Blend shapes and skinning weights of a set of vertices.
 
-    Coordinates come before vertices in memory: every step then runs along contiguous rows, which halves the time.
+    Coordinates come before vertices in memory: every step then runs along contiguous rows, which
+    halves the time.
 
     Attributes:
         template: (3, V) metres, bind pose.
         directions: (D, 3, V) change with one unit of each coefficient.
         weights: (J, V) skinning weights, each column sums to 1.
-        blocks: the same weights, by blocks that follow each other; empty for products with all weights.
+        blocks: the same weights, by blocks that follow each other; empty for products with all
+            weights.
     """
 
     template: Tensor
@@ -69,8 +71,12 @@ class Skin:
         )
 
     def in_blocks(self) -> Skin:
-        """Return a copy for many products with the weights. Vertices near each other move with few of the joints."""
-        blocks, first = [], 0
+        """Return a copy for many products with the weights.
+
+        Vertices near each other move with few of the joints.
+        """
+        blocks = []
+        first = 0
         for part in self.weights.tensor_split(_BLOCKS, dim=1):
             joints = part.any(1).nonzero(as_tuple=True)[0]
             blocks.append(WeightBlock(first, joints, part.index_select(0, joints)))
@@ -83,11 +89,15 @@ class Skin:
             return motions @ self.weights
         blended = motions.new_empty(len(motions), self.num_vertices)
         for block in self.blocks:
-            torch.mm(motions.index_select(1, block.joints), block.weights, out=block.columns(blended))
+            torch.mm(
+                motions.index_select(1, block.joints), block.weights, out=block.columns(blended)
+            )
         return blended
 
     def blend_gradient(self, gradient: Tensor) -> Tensor:
-        """Return the gradient (m, J) of :meth:`blend` by the motions, from that by its result (m, V)."""
+        """Return the gradient (m, J) of :meth:`blend` by the motions, from that by its result (m,
+        V).
+        """
         if not self.blocks:
             return gradient @ self.weights.T
         total = gradient.new_zeros(len(self.weights), len(gradient))
@@ -96,7 +106,8 @@ class Skin:
         return total.T
 
     def with_correctives(self, shape: Tensor, rotations: Tensor) -> Tensor:
-        """Append the coefficients of the pose correctives, if the skin has any, to those of the shape.
+        """Append the coefficients of the pose correctives, if the skin has any, to those of the
+        shape.
 
         Args:
             shape: (B, K) shape and expression.
@@ -119,7 +130,9 @@ class Skin:
         """
         batch, count = coefficients.shape
         joints = skinning.shape[1]
-        shaped = torch.addmm(self.template.reshape(1, -1), coefficients, self.directions[:count].flatten(1))
+        shaped = torch.addmm(
+            self.template.reshape(1, -1), coefficients, self.directions[:count].flatten(1)
+        )
         shaped = shaped.view(batch, 3, 1, self.num_vertices)
         matrices = skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints) @ self.weights
         column = matrices.view(batch, 4, 3, self.num_vertices)
@@ -136,10 +149,10 @@ class Kinematics:
     Attributes:
         template: (J, 3) joints of the mean shape in the bind pose, metres.
         directions: (D, J * 3) derivative with respect to each shape (then expression) coefficient.
-        bind_rot: (J, 3, 3) world rotation of each bone from the bind pose to the canonical T-pose; None if they
-            are the same.
-        ancestors: for each round of pointer doubling the (J + 1,) index of each joint's 2^k-th ancestor, J where there
-            is none.
+        bind_rot: (J, 3, 3) world rotation of each bone from the bind pose to the canonical T-pose;
+            None if they are the same.
+        ancestors: for each round of pointer doubling the (J + 1,) index of each joint's 2^k-th
+            ancestor, J where there is none.
         parents: (J,) parent of each joint, the root its own.
     """
 
@@ -150,8 +163,12 @@ class Kinematics:
     parents: Tensor
 
     @classmethod
-    def build(cls, template: Tensor, directions: Tensor, bind_rot: Tensor | None, parents: Sequence[int]) -> Kinematics:
-        """Build from mean joints (J, 3), shape directions (D, J, 3), bind rotations (J, 3, 3), J parents (root: -1)."""
+    def build(
+        cls, template: Tensor, directions: Tensor, bind_rot: Tensor | None, parents: Sequence[int]
+    ) -> Kinematics:
+        """Build from mean joints (J, 3), shape directions (D, J, 3), bind rotations (J, 3, 3), J
+        parents (root: -1).
+        """
         none = len(parents)
         ancestor = [p if p >= 0 else none for p in parents] + [none]
         rounds = []
@@ -170,11 +187,12 @@ class Kinematics:
     def transforms(self, rotations: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
         """Compute the rigid motions of all bones for a pose.
 
-        Pointer doubling: after round k every joint holds the product over its 2^k nearest ancestors, so the chain of
-        11 levels takes four batched products.
+        Pointer doubling: after round k every joint holds the product over its 2^k nearest
+        ancestors, so the chain of 11 levels takes four batched products.
 
         Args:
-            rotations: (B, J, 3, 3) of each joint relative to its parent, identity = canonical T-pose.
+            rotations: (B, J, 3, 3) of each joint relative to its parent, identity = canonical
+                T-pose.
             rest: (B, J, 3) joints in the bind pose.
 
         Returns:
@@ -182,7 +200,9 @@ class Kinematics:
             skinning: (B, J, 3, 4) rigid motion from the bind pose to the posed body.
         """
         batch = len(rotations)
-        offsets = torch.cat([rest[:, :1], rest[:, 1:] - rest.index_select(1, self.parents[1:])], 1)[..., None]
+        offsets = torch.cat([rest[:, :1], rest[:, 1:] - rest.index_select(1, self.parents[1:])], 1)[
+            ..., None
+        ]
         if self.bind_rot is not None:
             turned = self.bind_rot.index_select(0, self.parents[1:]) @ offsets[:, 1:]
             offsets = torch.cat([offsets[:, :1], turned], 1)
@@ -204,12 +224,14 @@ class JointTree:
     Attributes:
         kinematics: joints of a shape and their motion.
         family: (J, J), 1 where column d is row j or one of its descendants.
-        incidence: (J, J), 1 at each joint itself and -1 at its parent: a bone as a difference of joints.
+        incidence: (J, J), 1 at each joint itself and -1 at its parent: a bone as a difference of
+            joints.
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics = kinematics
-        parents, like = kinematics.parents, kinematics.template
+        parents = kinematics.parents
+        like = kinematics.template
         eye = torch.eye(len(parents), dtype=like.dtype, device=like.device)
         step = eye[parents].clone()
         step[0] = 0.0  # the root has no parent
@@ -219,11 +241,15 @@ class JointTree:
             reach = reach + step @ reach
             step = step @ step
         self.family = (reach.T > 0).to(like)
-        self.incidence = eye - eye[parents] * (torch.arange(len(parents), device=like.device) > 0)[:, None]
+        self.incidence = (
+            eye - eye[parents] * (torch.arange(len(parents), device=like.device) > 0)[:, None]
+        )
 
 
 def _across_joints(matrix: Tensor, values: Tensor) -> Tensor:
-    """Return ``matrix @ values`` of each body, (J, J) and (B, J, k), by one product for all bodies."""
+    """Return ``matrix @ values`` of each body, (J, J) and (B, J, k), by one product for all
+    bodies.
+    """
     batch, joints, columns = values.shape
     product = matrix @ values.transpose(0, 1).reshape(joints, batch * columns)
     return product.view(joints, batch, columns).transpose(0, 1)
@@ -253,18 +279,29 @@ class _Pose(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, rotations: Tensor, coefficients: Tensor, transl: Tensor, tree: JointTree, skin: Skin
+        ctx: Any,
+        rotations: Tensor,
+        coefficients: Tensor,
+        transl: Tensor,
+        tree: JointTree,
+        skin: Skin,
     ) -> tuple[Tensor, Tensor]:
-        kinematics, batch, count = tree.kinematics, len(rotations), skin.num_vertices
+        kinematics = tree.kinematics
+        batch = len(rotations)
+        count = skin.num_vertices
         rest = kinematics.rest_joints(coefficients)
         world, skinning = kinematics.transforms(rotations, rest)
         shape = skin.with_correctives(coefficients, rotations)
         directions = skin.directions[: shape.shape[1]].flatten(1)
         # Homogeneous: the row of ones multiplies the bones' shifts.
         shaped = rest.new_ones(batch, 4, 1, count)
-        shaped[:, :3, 0] = torch.addmm(skin.template.reshape(1, -1), shape, directions).view(batch, 3, count)
+        shaped[:, :3, 0] = torch.addmm(skin.template.reshape(1, -1), shape, directions).view(
+            batch, 3, count
+        )
         joints = skinning.shape[1]
-        columns = skin.blend(skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints)).view(batch, 4, 3, count)
+        columns = skin.blend(skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints)).view(
+            batch, 4, 3, count
+        )
         vertices = columns[:, 3] + transl[..., None]
         for axis in range(3):
             vertices.addcmul_(columns[:, axis], shaped[:, axis])
@@ -279,12 +316,15 @@ class _Pose(torch.autograd.Function):
         tree, skin, num_shape = ctx.model
         kinematics = tree.kinematics
         batch, joints = rotations.shape[:2]
-        by_vertex, by_joint = gradients[0].transpose(1, 2).contiguous(), gradients[1]
+        by_vertex = gradients[0].transpose(1, 2).contiguous()
+        by_joint = gradients[1]
         by_transl = by_vertex.sum(-1) + by_joint.sum(1)
 
         # Skinning: gradients of the bone motions (B, J, 3, 4) and of the shaped vertices.
         by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
-        by_skinning = skin.blend_gradient(by_column).reshape(batch, 4, 3, joints).permute(0, 3, 2, 1)
+        by_skinning = (
+            skin.blend_gradient(by_column).reshape(batch, 4, 3, joints).permute(0, 3, 2, 1)
+        )
         by_shaped = columns[:, :3, 0] * by_vertex[:, :1]
         for axis in (1, 2):
             by_shaped.addcmul_(columns[:, :3, axis], by_vertex[:, axis, None])
@@ -292,30 +332,41 @@ class _Pose(torch.autograd.Function):
         by_shape = by_shaped.flatten(1) @ skin.directions[:count].flatten(1).T
 
         # From bone motions about the origin of the bind pose to bone rotations and joint positions.
-        turn, place = world[..., :3], world[..., 3]
+        turn = world[..., :3]
+        place = world[..., 3]
         by_shift = by_skinning[..., 3]
         by_turn = by_skinning[..., :3] - by_shift[..., None] * rest[..., None, :]
         by_rest = -(by_shift[..., None, :] @ skinning[..., :3])[..., 0, :]
         if kinematics.bind_rot is not None:
             by_turn = by_turn @ kinematics.bind_rot.transpose(-1, -2)
 
-        # Along the tree. With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j G_j^T,
-        # C_j = S_j + sum over its children of C_c + b_c (p_c - p_j)^T.
+        # Along the tree. With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j
+        # G_j^T, C_j = S_j + sum over its children of C_c + b_c (p_c - p_j)^T.
         pull = _across_joints(tree.family, by_joint + by_shift)
         bones = place - place.index_select(1, kinematics.parents)
         own = by_turn @ turn.transpose(-1, -2)
         lever = pull[..., None] * bones[..., None, :]
         twist = _across_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
         upper = turn.index_select(1, kinematics.parents)
-        upper = torch.cat([torch.eye(3, dtype=turn.dtype, device=turn.device).expand(batch, 1, 3, 3), upper[:, 1:]], 1)
+        upper = torch.cat(
+            [
+                torch.eye(3, dtype=turn.dtype, device=turn.device).expand(batch, 1, 3, 3),
+                upper[:, 1:],
+            ],
+            1,
+        )
         by_rotations = upper.transpose(-1, -2) @ twist @ turn
 
         by_offset = (pull[..., None, :] @ upper)[..., 0, :]
         if kinematics.bind_rot is not None:
-            turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(0, kinematics.parents[1:])
+            turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(
+                0, kinematics.parents[1:]
+            )
             by_offset = torch.cat([by_offset[:, :1], turned[:, :, 0]], 1)
         by_rest = by_rest + _across_joints(tree.incidence.T, by_offset)
-        by_coefficients = by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
+        by_coefficients = (
+            by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
+        )
         if count > num_shape:
             by_rotations[:, 1:] += by_shape[:, num_shape:].view(batch, joints - 1, 3, 3)
         return by_rotations, by_coefficients, by_transl, None, None

@@ -14,22 +14,32 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Plane
 
-_HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
-_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
+_HIPS = joint_pair("hip")
+_KNEES = joint_pair("knee")
+_ANKLES = joint_pair("ankle")
+_NECK = JOINT_INDEX["neck"]
+_PELVIS = JOINT_INDEX["pelvis"]
 
 STANDING_DEG = 40.0
-"""Largest bend of a body that stands, degrees. Body estimators bend the knees of standing people by up to 30."""
+"""Largest bend of a body that stands, degrees.
+
+Body estimators bend the knees of standing people by up to 30.
+"""
 
 _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
 _SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
 
-def standing_legs(joints: FloatArray, up: FloatArray | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
-    """Return the left and the right leg on which each body stands, (..., 2) bool; see :func:`legs_in_line`.
+def standing_legs(
+    joints: FloatArray, up: FloatArray | None = None, *, trunk: bool = True
+) -> NDArray[np.bool_]:
+    """Return the left and the right leg on which each body stands, (..., 2) bool; see
+    :func:`legs_in_line`.
 
     Args:
         joints: (..., 55, 3) metres, any frame.
-        up: (3,) in that frame; None if it is unknown, and bodies that lie straight count as standing, too.
+        up: (3,) in that frame; None if it is unknown, and bodies that lie straight count as
+            standing, too.
         trunk: False if the trunk may be bent.
     """
     exact = np.asarray(joints, np.float64)
@@ -46,10 +56,12 @@ def legs_in_line(
     up: FloatArray | None = None,
     max_deg: float = STANDING_DEG,
 ) -> NDArray[np.bool_]:
-    """Return which legs are straight, in line with the trunk, and upright: (..., 2) bool, left and right.
+    """Return which legs are straight, in line with the trunk, and upright: (..., 2) bool, left and
+    right.
 
-    No angle exceeds ``max_deg``: that of thigh and shank, of leg and trunk, and of ``up`` and the line from the ankle
-    to the neck. Works in the picture as well as in space. False where a point is NaN.
+    No angle exceeds ``max_deg``: that of thigh and shank, of leg and trunk, and of ``up`` and the
+    line from the ankle to the neck. Works in the picture as well as in space. False where a point
+    is NaN.
 
     Args:
         hips: (..., 2, D) left and right.
@@ -74,10 +86,12 @@ def lean_deg(
     of: Literal["body", "trunk"] = "body",
     legs: NDArray[np.bool_] | tuple[bool, bool] = (True, True),
 ) -> tuple[float, float]:
-    """Return the angle between body and floor normal, and its signed component towards the camera, in degrees.
+    """Return the angle between body and floor normal, and its signed component towards the camera,
+    in degrees.
 
-    The body is the line from the midpoint of the ankles to the neck, the trunk that from the midpoint of the hips. The
-    signed part is measured in the vertical plane through camera and ankles or hips: positive if the neck is nearer.
+    The body is the line from the midpoint of the ankles to the neck, the trunk that from the
+    midpoint of the hips. The signed part is measured in the vertical plane through camera and
+    ankles or hips: positive if the neck is nearer.
 
     Args:
         joints: (55, 3) metres, camera frame.
@@ -91,12 +105,18 @@ def lean_deg(
     body = np.asarray(joints[_NECK], np.float64) - foot
     towards = -foot - (-foot @ normal) * normal  # the camera is the origin
     length = float(np.linalg.norm(towards))
-    part = math.nan if length < 1e-9 else math.degrees(math.atan2(body @ towards / length, body @ normal))
+    part = (
+        math.nan
+        if length < 1e-9
+        else math.degrees(math.atan2(body @ towards / length, body @ normal))
+    )
     return float(angle_deg(body, normal)), part
 
 
 def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:
-    """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction (3,), degrees."""
+    """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction
+    (3,), degrees.
+    """
     exact = np.asarray(joints, np.float64)
     return angle_deg(exact[..., _NECK, :] - exact[..., _PELVIS, :], np.asarray(up, np.float64))
 
@@ -104,8 +124,8 @@ def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:
 def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
 
-    At 180, the trunks of all people point down in the picture. At 90, all point to the same side, people are straight,
-    and there is no floor on which they lie.
+    At 180, the trunks of all people point down in the picture. At 90, all point to the same side,
+    people are straight, and there is no floor on which they lie.
 
     Args:
         joints: (P, 55, 3) metres, camera frame, NaN for people without a body.
@@ -126,6 +146,8 @@ def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
 
 def angle_deg(first: FloatArray, second: FloatArray) -> NDArray[np.float64]:
     """Return the angles between vectors (..., D), degrees; 90 for a zero vector."""
-    one, two = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (first, second))
+    one, two = (
+        v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (first, second)
+    )
     half = np.arctan2(np.linalg.norm(one - two, axis=-1), np.linalg.norm(one + two, axis=-1))
     return np.asarray(2 * np.degrees(half))

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
+from physic_core.body.convert.correspondence import (
+    CORRESPONDENCE_VERSION,
+    Correspondence,
+    find_correspondence,
+)
 from physic_core.cache.folders import claimed_cache, plain_name
 from physic_core.errors import OutputError
 from physic_core.files.plain import DamagedFileError, read_value, write_value
@@ -26,9 +30,13 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     Raises:
         BodyModelError: as in :func:`physic_core.body.convert.correspondence.find_correspondence`.
     """
-    kept, path = claimed_cache("correspondences"), None
+    kept = claimed_cache("correspondences")
+    path = None
     if kept is not None:
-        path = kept.path / f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
+        path = (
+            kept.path
+            / f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
+        )
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
         found = find_correspondence(rest, model)
@@ -39,7 +47,11 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
 
 def _digest(rest: RestMesh, model: BodyModel) -> str:
     digest = hashlib.blake2b(f"{CORRESPONDENCE_VERSION} {model.topology}".encode(), digest_size=12)
-    for array in (rest.vertices.astype(np.float32), rest.faces.astype(np.int64), model.skin.template.cpu().numpy()):
+    for array in (
+        rest.vertices.astype(np.float32),
+        rest.faces.astype(np.int64),
+        model.skin.template.cpu().numpy(),
+    ):
         digest.update(str(array.shape).encode() + np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
@@ -50,7 +62,9 @@ def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
     except (OSError, DamagedFileError):
         return None  # missing or damaged: it is computed again
     shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
-    fits = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
+    fits = (
+        shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
+    )
     return found if fits and found.corners.max(initial=0) < others else None
 
 

@@ -1,7 +1,8 @@
 """Digests of the inputs of backends, of the source code of their classes, and of the user's files.
 
-Results of older code are not reused: a version number identifies the code of an installed release, but not that of a
-plugin under development. Large files are read once, also by several processes, until they change.
+Results of older code are not reused: a version number identifies the code of an installed release,
+but not that of a plugin under development. Large files are read once, also by several processes,
+until they change.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class Digester:
         self._arrays: dict[int, tuple[AnyArray, bytes]] = {}
 
     def digest(self, *values: object) -> str:
-        """Compute a hexadecimal digest of arrays, numbers, strings, tuples, lists, mappings and dataclasses.
+        """Compute a hexadecimal digest of arrays, numbers, strings, tuples, lists, mappings and
+        dataclasses.
 
         Arrays must not be modified while this object is in use.
 
@@ -66,7 +68,9 @@ class Digester:
             encoded = value.encode("utf-8", "surrogatepass")
             hasher.update(f"text {len(encoded)};".encode() + encoded)
         elif is_dataclass(value) and not isinstance(value, type):
-            parts = {field.name: getattr(value, field.name) for field in fields(value) if field.init}
+            parts = {
+                field.name: getattr(value, field.name) for field in fields(value) if field.init
+            }
             hasher.update(f"dataclass {type(value).__name__};".encode())
             self._feed(hasher, parts)
         elif isinstance(value, Mapping):
@@ -89,14 +93,18 @@ class Digester:
             return known[1]
         if array.dtype.hasobject:
             raise TypeError("an array of Python objects has no digest.")
-        found = hashlib.blake2b(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, digest_size=_BYTES)
+        found = hashlib.blake2b(
+            np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, digest_size=_BYTES
+        )
         # The array is stored too, so that no other array gets its id.
         self._arrays[id(array)] = (array, found.digest())
         return found.digest()
 
 
 class CodeDigester:
-    """Computes digests of the source code of classes; the files of each package are read only once."""
+    """Computes digests of the source code of classes; the files of each package are read only
+    once.
+    """
 
     def __init__(self) -> None:
         self._files: dict[Path, list[Path]] = {}
@@ -105,12 +113,12 @@ class CodeDigester:
     def digest(self, kind: type) -> str | None:
         """Compute the digest of the packages that define a class and its bases.
 
-        Sources count with their content, other files (weights, tables) with size and modification time. For a module
-        outside any package, the modules in the same folder count.
+        Sources count with their content, other files (weights, tables) with size and modification
+        time. For a module outside any package, the modules in the same folder count.
 
         Returns:
-            The digest. None if there is no reliable one: the class is defined in a function or an interactive session,
-                or its files were modified after this process started.
+            The digest. None if there is no reliable one: the class is defined in a function or an
+                interactive session, or its files were modified after this process started.
         """
         digest = hashlib.blake2b(digest_size=_CODE_BYTES)
         for base in kind.__mro__:
@@ -138,7 +146,9 @@ class CodeDigester:
 
 
 def _package(module: Path) -> Path:
-    """Return the folder of the top-level package that contains a module; that of the module outside any package."""
+    """Return the folder of the top-level package that contains a module; that of the module outside
+    any package.
+    """
     root = module.parent
     while (root / "__init__.py").is_file() and (root.parent / "__init__.py").is_file():
         root = root.parent
@@ -146,7 +156,9 @@ def _package(module: Path) -> Path:
 
 
 def _files(root: Path) -> list[Path]:
-    """Return the files of a package, none if it is too large; the modules of a folder that is not a package."""
+    """Return the files of a package, none if it is too large; the modules of a folder that is not a
+    package.
+    """
     if not (root / "__init__.py").is_file():
         return sorted(root.glob("*.py"))
     files: list[Path] = []
@@ -185,16 +197,21 @@ _known: dict[str, str] = {}
 
 
 def remembered_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits, from the cache if the file has not changed.
+    """Return the SHA-256 of a file as hexadecimal digits, from the cache if the file has not
+    changed.
 
-    A changed file has another size, inode, or time of the last change of content or inode. No user can set the last.
+    A changed file has another size, inode, or time of the last change of content or inode. No user
+    can set the last.
 
     Raises:
         OSError: the file cannot be read.
     """
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
-        stamp = f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns} {status.st_ctime_ns}"
+        stamp = (
+            f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns} "
+            f"{status.st_ctime_ns}"
+        )
         name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
         found = _known.get(name) or _read(name)
         if found is None:

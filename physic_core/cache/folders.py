@@ -23,8 +23,9 @@ CACHES = {
     "graphs": ("graphs", ".graph.onnx"),
     "hashes": ("hashes", ".sha256"),
 }
-"""Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs of networks, and
-SHA-256s of the user's files."""
+"""Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs
+of networks, and SHA-256s of the user's files.
+"""
 
 _INCOMPLETE_AGE_S = 3600.0
 """Age after which an incomplete file is deleted, s."""
@@ -67,7 +68,9 @@ class LruFolder:
 
     def files(self) -> list[CacheFile]:
         """Return the files, least recently used first."""
-        return sorted(self._matching(f"[!.]*{self.suffix}"), key=lambda file: (file.used, file.path))
+        return sorted(
+            self._matching(f"[!.]*{self.suffix}"), key=lambda file: (file.used, file.path)
+        )
 
     def mark_used(self, name: str) -> None:
         """Set the last use of a file to now."""
@@ -75,7 +78,9 @@ class LruFolder:
             os.utime(self.path / name)
 
     def trim(self, limit: int) -> None:
-        """Delete old incomplete files, then the least recently used files beyond ``limit`` bytes."""
+        """Delete old incomplete files, then the least recently used files beyond ``limit``
+        bytes.
+        """
         for file in self._incomplete():
             if file.used < time.time() - _INCOMPLETE_AGE_S:
                 file.delete()
@@ -144,44 +149,60 @@ def users_cache(name: str) -> LruFolder | None:
 
 
 def claim_folder(folder: Path | None) -> Path | None:
-    """Create a cache folder that only its user can open, or check that no one else can write to an existing one.
+    """Create a cache folder that only its user can open, or check that no one else can write to an
+    existing one.
 
-    A folder of the user that others can write is closed to them, and its cache files are deleted, since others may
-    have written them. A folder of another user is not used. One warning per process says so. Windows is not checked.
+    A folder of the user that others can write is closed to them, and its cache files are deleted,
+    since others may have written them. A folder of another user is not used. One warning per
+    process says so. Windows is not checked.
 
     Returns:
-        The folder, which does not exist if it cannot be created. None for None, and if the folder must not be used.
+        The folder, which does not exist if it cannot be created. None for None, and if the folder
+        must not be used.
     """
     if folder is None:
         return None
     with suppress(OSError):  # the first write says why
-        for missing in reversed([path for path in (folder, *folder.parents) if not os.path.exists(path)]):
+        for missing in reversed(
+            [path for path in (folder, *folder.parents) if not os.path.exists(path)]
+        ):
             missing.mkdir(mode=stat.S_IRWXU, exist_ok=True)
     if sys.platform == "win32" or not os.path.exists(folder):
         return folder
     if folder.stat().st_uid != os.geteuid():
-        _warn(f"the cache in {folder.parent} is not used, since it belongs to another user: {_ADVICE}")
+        _warn(
+            f"the cache in {folder.parent} is not used, since it belongs to another user: {_ADVICE}"
+        )
         return None
     if folder.stat().st_mode & _OTHERS_WRITE:
         with suppress(OSError):  # the next line finds out
             folder.chmod(stat.S_IRWXU)
         if folder.stat().st_mode & _OTHERS_WRITE:
-            _warn(f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}")
+            _warn(
+                f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}"
+            )
             return None
         for _, suffix in CACHES.values():
             LruFolder(folder, suffix).clear()
-        _warn(f"others could write to the cache in {folder.parent}: now only you can, and its content was discarded")
+        _warn(
+            f"others could write to the cache in {folder.parent}: now only you can, and its "
+            f"content was discarded"
+        )
     return folder
 
 
 def claimed_cache(name: str) -> LruFolder | None:
-    """Return a cache of the user after :func:`claim_folder`; None if it is disabled or must not be used."""
+    """Return a cache of the user after :func:`claim_folder`; None if it is disabled or must not be
+    used.
+    """
     found = users_cache(name)
     return None if found is None or claim_folder(found.path) is None else found
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a file or folder belongs to the user, which is not checked on Windows; False if it is gone."""
+    """Return whether a file or folder belongs to the user, which is not checked on Windows; False
+    if it is gone.
+    """
     try:
         return sys.platform == "win32" or path.stat().st_uid == os.geteuid()
     except OSError:

@@ -1,12 +1,14 @@
-"""Cache of results: with equal inputs, a backend is neither called nor loaded, and a network does not run.
+"""Cache of results: with equal inputs, a backend is neither called nor loaded, and a network does
+not run.
 
-The key is a digest of everything that can change a result: the inputs; the backend (interface, name, distribution,
-version, code, required libraries, options, device, files in the options, and its ``fingerprint``); and the version of
-its interface. If you change one backend, only it and the backends whose inputs change run again. A backend whose other
-inputs changed can still take the outputs of its networks from the cache.
+The key is a digest of everything that can change a result: the inputs; the backend (interface,
+name, distribution, version, code, required libraries, options, device, files in the options, and
+its ``fingerprint``); and the version of its interface. If you change one backend, only it and the
+backends whose inputs change run again. A backend whose other inputs changed can still take the
+outputs of its networks from the cache.
 
-The folder is ``$XDG_CACHE_HOME/physic/results``, or the system's default cache folder. Set ``PHYSIC_CACHE`` to another
-folder, or to "off".
+The folder is ``$XDG_CACHE_HOME/physic/results``, or the system's default cache folder. Set
+``PHYSIC_CACHE`` to another folder, or to "off".
 """
 
 from __future__ import annotations
@@ -48,11 +50,12 @@ KINDS = (
 
 
 def canonicalize(result: _T) -> _T:
-    """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
+    """Convert a result to the form that the cache returns, so that runs with and without cache
+    agree bit for bit.
 
-    Arrays become C-contiguous copies in the machine's order of bytes, the only one that torch takes: their order in
-    memory changes sums, and the backend may use its arrays again. NumPy scalars become Python numbers. A result that
-    cannot be stored is copied deeply.
+    Arrays become C-contiguous copies in the machine's order of bytes, the only one that torch
+    takes: their order in memory changes sums, and the backend may use its arrays again. NumPy
+    scalars become Python numbers. A result that cannot be stored is copied deeply.
     """
     try:
         return restored(result, copies=True)
@@ -61,7 +64,8 @@ def canonicalize(result: _T) -> _T:
 
 
 def restored(result: _T, *, copies: bool = False) -> _T:
-    """Return a result as it is after it was stored, with its own arrays or with C-contiguous copies.
+    """Return a result as it is after it was stored, with its own arrays or with C-contiguous
+    copies.
 
     Raises:
         TypeError: it cannot be stored.
@@ -74,7 +78,10 @@ def restored(result: _T, *, copies: bool = False) -> _T:
     if any(array.dtype.hasobject for array in arrays.values()):
         raise TypeError("an array of Python objects cannot be stored.")
     if copies:
-        arrays = {name: np.array(array, array.dtype.newbyteorder("="), order="C") for name, array in arrays.items()}
+        arrays = {
+            name: np.array(array, array.dtype.newbyteorder("="), order="C")
+            for name, array in arrays.items()
+        }
     try:
         same: _T = join(kind, document, arrays)
     except ValueError as error:
@@ -83,7 +90,9 @@ def restored(result: _T, *, copies: bool = False) -> _T:
 
 
 _VERSION = 4
-"""Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
+"""Version of the file format; increase it if old files would be read differently or fail a stricter
+validation.
+"""
 
 
 @dataclass(frozen=True)
@@ -124,12 +133,18 @@ class ResultCache:
         self._libraries = cache(required_versions)
 
     @classmethod
-    def in_users_folder(cls, megabytes: int, code: CodeDigester | None = None) -> ResultCache | None:
-        """Open the cache in the user's cache folder; None if it is disabled, or belongs to another user."""
+    def in_users_folder(
+        cls, megabytes: int, code: CodeDigester | None = None
+    ) -> ResultCache | None:
+        """Open the cache in the user's cache folder; None if it is disabled, or belongs to another
+        user.
+        """
         kept = claimed_cache("results")
         return None if kept is None else cls(kept.path, megabytes * 1_000_000, code)
 
-    def key(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> CacheKey | None:
+    def key(
+        self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]
+    ) -> CacheKey | None:
         """Compute the cache key of a backend call; None if results of this backend are not cached.
 
         Raises:
@@ -153,17 +168,26 @@ class ResultCache:
             name = self._digester.digest(_VERSION, parts, inputs)
         except TypeError:
             return None
-        return CacheKey(f"{who.interface}-{plain_name(who.backend)}-{name}{self._files.suffix}", parts)
+        return CacheKey(
+            f"{who.interface}-{plain_name(who.backend)}-{name}{self._files.suffix}", parts
+        )
 
     def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
-        """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
-        digest = Digester().digest(_VERSION, made_of, inputs)  # a separate one does not keep the inputs alive
+        """Compute the cache key of the outputs of a network; see
+        :mod:`physic_core.cache.results`.
+        """
+        # a separate one does not keep the inputs alive
+        digest = Digester().digest(_VERSION, made_of, inputs)
         return CacheKey(
-            f"network-{plain_name(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name}
+            f"network-{plain_name(name)}-{digest}{self._files.suffix}",
+            {"interface": "network", "name": name},
         )
 
     def read(self, key: CacheKey) -> object | None:
-        """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
+        """Read a cached result; None if the cache has none.
+
+        Delete a file that is damaged or has another key.
+        """
         path = self._folder / key.name
         try:
             result: object = read_value(path, KINDS, {"name": key.name})
@@ -179,11 +203,16 @@ class ResultCache:
         """Delete an invalid cached result, and add a note with the reason."""
         path = self._folder / key.name
         try:
-            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
-            self.notes.append(f"discarded a damaged cache file, and computed its result again: {path} ({why})")
+            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(
+                missing_ok=True
+            )
+            self.notes.append(
+                f"discarded a damaged cache file, and computed its result again: {path} ({why})"
+            )
         except OSError as error:
             self.notes.append(
-                f"cannot remove a damaged cache file: {path} ({why}): {error.strerror}; remove it yourself"
+                f"cannot remove a damaged cache file: {path} ({why}): {error.strerror}; remove it "
+                f"yourself"
             )
 
     def write(self, key: CacheKey, result: object) -> None:
@@ -208,7 +237,9 @@ class ResultCache:
                 self.notes.append(note)
 
     def trim(self) -> None:
-        """Delete the least recently used files beyond the size limit, and release the inputs of this run."""
+        """Delete the least recently used files beyond the size limit, and release the inputs of
+        this run.
+        """
         self._digester = Digester()
         if self._written:
             self._files.trim(self._limit)
@@ -229,13 +260,17 @@ def network_results_in(cache: ResultCache | None) -> Iterator[None]:
 
 
 def cached_network_result(
-    name: str, made_of: str, inputs: Mapping[str, NDArray[Any]], compute: Callable[[], tuple[NDArray[Any], ...]]
+    name: str,
+    made_of: str,
+    inputs: Mapping[str, NDArray[Any]],
+    compute: Callable[[], tuple[NDArray[Any], ...]],
 ) -> tuple[NDArray[Any], ...]:
     """Return the outputs of a network for these inputs from the cache, or compute and keep them.
 
     Args:
         name: of the network, a part of the name of the file.
-        made_of: what determines the outputs beside the inputs: weights, runtime, names of the outputs.
+        made_of: what determines the outputs beside the inputs: weights, runtime, names of the
+            outputs.
         inputs: of the network, by name.
         compute: runs the network.
     """

@@ -1,6 +1,7 @@
 """The command ``physic``.
 
-A command is imported when it runs. ``physic --help`` imports only click and the entry points of plugins.
+A command is imported when it runs. ``physic --help`` imports only click and the entry points of
+plugins.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ _MAX_LINE = 4096
 
 
 _OUT_OF_MEMORY = (
-    "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, or "
+    "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, "
+    "or "
     "close backends early with --low-memory (physic run)"
 )
 
@@ -64,25 +66,55 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos in several processes; can resume."),
+    "batch": (
+        "physic_core.cli.batch:batch",
+        "Reconstruct many photos in several processes; can resume.",
+    ),
     "cache": ("physic_core.cli.weights:cache", "Show or clear the cache."),
-    "compare": ("physic_core.cli.results:compare", "Compare two results, or two folders of results, person by person."),
+    "compare": (
+        "physic_core.cli.results:compare",
+        "Compare two results, or two folders of results, person by person.",
+    ),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
-    "export": ("physic_core.cli.results:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
-    "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
+    "export": (
+        "physic_core.cli.results:export",
+        "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ...",
+    ),
+    "plugins": (
+        "physic_core.cli.plugins:plugins",
+        "List installed backends; show or test them; create a plugin.",
+    ),
     "report": ("physic_core.cli.results:report", "Write a result as a page for a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
-    "show": ("physic_core.cli.result_summary:show_result", "Print the people, grade and warnings of a saved result."),
-    "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
+    "show": (
+        "physic_core.cli.result_summary:show_result",
+        "Print the people, grade and warnings of a saved result.",
+    ),
+    "weights": (
+        "physic_core.cli.weights:weights",
+        "List, download and verify the weights that plugins need.",
+    ),
 }
 
 # \b stops click from joining the lines.
-_EPILOG = "\b\nExit codes:\n" + "\n".join(f"  {code:<3}  {meaning}" for code, meaning in MEANINGS.items())
+_EPILOG = "\b\nExit codes:\n" + "\n".join(
+    f"  {code:<3}  {meaning}" for code, meaning in MEANINGS.items()
+)
 
 
-@click.group(cls=_Main, own=_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
+@click.group(
+    cls=_Main,
+    own=_COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=_EPILOG,
+)
 @click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Print the version.",
 )
 def main() -> None:
     """Reconstruct people, scene and contact from one photo, in one metric camera frame."""

@@ -1,4 +1,6 @@
-"""Types of arguments that several commands share: each kind of mistake is refused in one place, with exit code 2."""
+"""Types of arguments that several commands share: each kind of mistake is refused in one place,
+with exit code 2.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ class Numbers(click.ParamType[Any]):
     def __init__(self, names: str) -> None:
         self.name = names
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
         try:
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
@@ -75,18 +79,30 @@ class Device(click.ParamType[str]):
 
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and ``overrides``."""
+    """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and
+    ``overrides``.
+    """
     help_text = "A TOML file, or the reconstruction.json of a run."
-    file = click.option("--config", "file", metavar="FILE", type=AnyPath(), is_eager=True, help=help_text)
+    file = click.option(
+        "--config", "file", metavar="FILE", type=AnyPath(), is_eager=True, help=help_text
+    )
     default = "Preset to build on.  [default: embedded]"
     preset = click.option("--preset", metavar="NAME", callback=_refuse_file, help=default)
     several = "Change one value; may be repeated."
-    return file(preset(click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=several)(command)))
+    return file(
+        preset(
+            click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=several)(
+                command
+            )
+        )
+    )
 
 
 def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | None) -> str | None:
     if preset is not None and ctx.params["file"] is not None:
-        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
+        raise click.UsageError(
+            '--preset cannot be combined with --config: write extends = "NAME" into the file'
+        )
     return preset
 
 
@@ -101,7 +117,8 @@ def require_interface(name: str | None) -> None:
 
     if name is not None and name not in INTERFACES:
         raise click.UsageError(
-            f"no interface named '{name}'; there are: {', '.join(INTERFACES)}{did_you_mean(name, INTERFACES)}"
+            f"no interface named '{name}'; there are: "
+            f"{', '.join(INTERFACES)}{did_you_mean(name, INTERFACES)}"
         )
 
 

@@ -1,4 +1,6 @@
-"""The command ``physic batch``: reconstruct many photos in several processes, with a journal, a table and a page."""
+"""The command ``physic batch``: reconstruct many photos in several processes, with a journal, a
+table and a page.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ _ROWS = 20
 """New rows after which the tables are written while a batch runs."""
 
 _PAUSES = 20
-"""Shortest time between two writings of the tables, as a multiple of the time that the first of them took."""
+"""Shortest time between two writings of the tables, as a multiple of the time that the first of
+them took.
+"""
 
 _LEVELS = ("pictures", "numbers", "people", "none")
 
@@ -34,8 +38,14 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 @click.command()
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for all results.")
-@click.option("--workers", type=click.IntRange(1, 1024), help="Worker processes. [default: by cores and memory]")
-@click.option("--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE)
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 1024),
+    help="Worker processes. [default: by cores and memory]",
+)
+@click.option(
+    "--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE
+)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
     "--timeout",
@@ -44,16 +54,28 @@ _LEVELS = ("pictures", "numbers", "people", "none")
     show_default=True,
     help="Limit of a photo, CPU seconds, and seconds without work; 0: none.",
 )
-@click.option("--retry", type=click.Choice(("failed",)), help="Also retry photos that failed before.")
+@click.option(
+    "--retry", type=click.Choice(("failed",)), help="Also retry photos that failed before."
+)
 @click.option("--limit", metavar="N", type=click.IntRange(1), help="Process at most N photos now.")
-@click.option("--dry-run", is_flag=True, help="Print the photos to process, one per line, and write nothing.")
+@click.option(
+    "--dry-run", is_flag=True, help="Print the photos to process, one per line, and write nothing."
+)
 @click.option("--shard", metavar="I/N", help="Process only the I-th of N parts, such as 3/16.")
 @click.option("--cache", is_flag=True, help="Cache backend outputs; off by default in batches.")
 @click.option(
-    "--executor", metavar="NAME", default="local", show_default=True, help="local, or one from a plugin, such as ray."
+    "--executor",
+    metavar="NAME",
+    default="local",
+    show_default=True,
+    help="local, or one from a plugin, such as ray.",
 )
-@click.option("--address", metavar="ADDRESS", help="Address of a running cluster. [default: started here]")
-@click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Executor setting; may be repeated.")
+@click.option(
+    "--address", metavar="ADDRESS", help="Address of a running cluster. [default: started here]"
+)
+@click.option(
+    "--executor-set", metavar="KEY=VALUE", multiple=True, help="Executor setting; may be repeated."
+)
 @configuration_options
 @click.option("--device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N.")
 def batch(
@@ -66,7 +88,8 @@ def batch(
 ) -> None:
     """Reconstruct PHOTOS: files, folders, or a CSV table.
 
-    Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
+    Run the same command again to resume. A photo that fails becomes a row of the journal with the
+    reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
     from physic_core.batch.journal import check_tables, write_tables
@@ -76,11 +99,13 @@ def batch(
     check_tables(out)
     if not options["no_thumbnails"]:
         check_contact_sheet(out)
-    name, logs = "journal.jsonl", out.absolute() / "logs"
+    name = "journal.jsonl"
+    logs = out.absolute() / "logs"
     if shard is not None:
         part = Shard.parse(shard)
         words = f"{part.number}-of-{part.count}"
-        name, logs = f"journal-{words}.jsonl", logs / words
+        name = f"journal-{words}.jsonl"
+        logs = logs / words
     run = _executor(logs, options)
     listed = list_photos(photos, out)
     items = listed.photos
@@ -130,8 +155,11 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     from physic_core.batch.process import prepare_job
     from physic_core.configuration.model import load_config
 
-    file, preset, device = options["file"], options["preset"], options["device"]
-    save, thumbnails = options["save"], not options["no_thumbnails"]
+    file = options["file"]
+    preset = options["preset"]
+    device = options["device"]
+    save = options["save"]
+    thumbnails = not options["no_thumbnails"]
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_config(file, preset=preset, overrides=options["overrides"], flags=flags)
     cache = options["cache"]
@@ -152,7 +180,9 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
         if not equals or not key.strip():
             raise click.UsageError(f"--executor-set must be KEY=VALUE (got '{text}')")
         given[key.strip()] = value.strip()
-    settings = ExecutorSettings(options["workers"], options["timeout"] or None, logs, options["address"], given)
+    settings = ExecutorSettings(
+        options["workers"], options["timeout"] or None, logs, options["address"], given
+    )
     return open_executor(options["executor"], settings)
 
 
@@ -166,12 +196,15 @@ def _describe(plan: BatchPlan, photos: int) -> str:
             "name another folder with -o to keep it"
         )
     if plan.again:
-        parts.append(f"{plan.again:,} of those to do were tried before, but photo, settings or files differ")
+        parts.append(
+            f"{plan.again:,} of those to do were tried before, but photo, settings or files differ"
+        )
     return "; ".join(parts)
 
 
 class _Progress:
-    """Prints a line to stderr for each row, with rate, time left and failures, and has the tables written in between.
+    """Prints a line to stderr for each row, with rate, time left and failures, and has the tables
+    written in between.
 
     Args:
         total: number of photos.
@@ -183,7 +216,8 @@ class _Progress:
 
     def __init__(self, total: int, write: Callable[[], Any] | None) -> None:
         self.done = 0
-        self._total, self._write = total, write
+        self._total = total
+        self._write = write
         self._start = self._next_write = time.monotonic()
         self._failed = self._unwritten = 0
 
@@ -199,9 +233,14 @@ class _Progress:
         rate = f"{60 * self.done / seconds:.1f} photos/min, {left} left{failures}"
         echo(f"[{self.done}/{self._total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
         self._unwritten += 1
-        if self._write is not None and self._unwritten >= _ROWS and time.monotonic() >= self._next_write:
+        if (
+            self._write is not None
+            and self._unwritten >= _ROWS
+            and time.monotonic() >= self._next_write
+        ):
             start = time.monotonic()
-            with suppress(OutputError):  # such as of a table that is open elsewhere; the end of the batch reports it
+            # such as of a table that is open elsewhere; the end of the batch reports it
+            with suppress(OutputError):
                 self._write()
             self._unwritten = 0
             self._next_write = time.monotonic() + _PAUSES * (time.monotonic() - start)
@@ -224,16 +263,29 @@ def _stopped_by_signals() -> Iterator[None]:
 
 
 def _duration(seconds: float) -> str:
-    minutes, hours = seconds / 60, seconds / 3600
-    return f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
+    minutes = seconds / 60
+    hours = seconds / 3600
+    return (
+        f"{seconds:.0f} s"
+        if minutes < 2
+        else f"{minutes:.0f} min"
+        if hours < 2
+        else f"{hours:.1f} h"
+    )
 
 
 def _summary(out: Path, items: list[Any]) -> str:
     from physic_core.batch.journal import read_journals
 
-    rows, wanted = read_journals(out, ("state", "error")).last, {item.id for item in items}
+    rows = read_journals(out, ("state", "error")).last
+    wanted = {item.id for item in items}
     states = Counter(row["state"] for name, row in rows.items() if name in wanted)
     errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])
     reasons = ", ".join(f"{number} {error}" for error, number in errors.most_common())
-    again = "; --retry failed tries these again" if errors.keys() & {"Timeout", "WorkerDied"} else ""
-    return f"{states['done']:,} done, {states['failed']:,} failed{f' ({reasons})' if reasons else ''}{again}"
+    again = (
+        "; --retry failed tries these again" if errors.keys() & {"Timeout", "WorkerDied"} else ""
+    )
+    return (
+        f"{states['done']:,} done, {states['failed']:,} "
+        f"failed{f' ({reasons})' if reasons else ''}{again}"
+    )

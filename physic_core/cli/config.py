@@ -1,4 +1,6 @@
-"""The command ``physic config``: check and show a configuration; physic-setup adds ``init`` and ``schema``."""
+"""The command ``physic config``: check and show a configuration; physic-setup adds ``init`` and
+``schema``.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ def toml_value(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
     text = json.dumps(value, ensure_ascii=False)
-    # A path that is not UTF-8 has surrogates, which TOML cannot express and a terminal cannot print.
+    # A path that is not UTF-8 has surrogates, which TOML cannot express and a terminal cannot
+    # print.
     return text.encode(errors="backslashreplace").decode()
 
 
@@ -42,12 +45,16 @@ def config() -> None:
 @config.command()
 @configuration_options
 @click.pass_context
-def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check a configuration and the options of its backends, and list what is missing on this machine.
+def check(
+    ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]
+) -> None:
+    """Check a configuration and the options of its backends, and list what is missing on this
+    machine.
 
-    No backend is loaded: only a run shows whether they fit one another. A body model file is opened. Exits with code 2
-    if the configuration has errors or the device is missing, with 3 if a file that it names cannot be used, with 4 if
-    weights or the body model are missing, and with 5 if a backend is broken.
+    No backend is loaded: only a run shows whether they fit one another. A body model file is
+    opened. Exits with code 2 if the configuration has errors or the device is missing, with 3 if a
+    file that it names cannot be used, with 4 if weights or the body model are missing, and with 5
+    if a backend is broken.
     """
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import (
@@ -61,7 +68,8 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     found = load_config(file, preset=preset, overrides=overrides)
     plan = resolve(found)
     check_input_files(found)
-    files, device = missing_file_messages(plan), missing_gpu(plan)
+    files = missing_file_messages(plan)
+    device = missing_gpu(plan)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
@@ -86,7 +94,11 @@ def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...
 
 def config_toml(found: Config) -> str:
     """Format a configuration as TOML, with the source of each value as a comment."""
-    lines = [line for name, table in found.as_dict().items() for line in _table(name, table, found.source)]
+    lines = [
+        line
+        for name, table in found.as_dict().items()
+        for line in _table(name, table, found.source)
+    ]
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
@@ -97,5 +109,7 @@ def _table(path: str, table: Mapping[str, Any], source: Callable[[str], str]) ->
         for key, value in table.items()
         if value is not None and not isinstance(value, dict)  # TOML cannot express None
     ]
-    below = [line for key, value in inner.items() for line in _table(f"{path}.{key}", value, source)]
+    below = [
+        line for key, value in inner.items() for line in _table(f"{path}.{key}", value, source)
+    ]
     return [*(["", f"[{path}]", *lines] if lines else []), *below]

@@ -1,7 +1,8 @@
 """Exit codes of all commands, by error class.
 
-A code says what has to be mended, wherever the error was found. 2: an argument, a setting or the output folder. 3: a
-file that one of them names, or the choice of the photo. 4: what is installed. 5: a plugin, by its author.
+A code says what has to be mended, wherever the error was found. 2: an argument, a setting or the
+output folder. 3: a file that one of them names, or the choice of the photo. 4: what is installed.
+5: a plugin, by its author.
 """
 
 from __future__ import annotations
@@ -22,14 +23,20 @@ from physic_core.errors import (
     WeightsMissingError,
 )
 
-OTHER, USAGE, INPUT, WEIGHTS, BACKEND, INTERRUPTED = 1, 2, 3, 4, 5, 130
+OTHER = 1
+USAGE = 2
+INPUT = 3
+WEIGHTS = 4
+BACKEND = 5
+INTERRUPTED = 130
 
 MEANINGS = {
     0: "done",
     OTHER: "any other error",
     USAGE: "wrong arguments, configuration, device or output folder",
     INPUT: "an unusable photo or file, or a chosen or required person is not in the photo",
-    WEIGHTS: "weights or an optional package are missing, or weights differ from the published files",
+    WEIGHTS: "weights or an optional package are missing, or weights differ from the published "
+    "files",
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",
 }

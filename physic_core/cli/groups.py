@@ -14,18 +14,24 @@ if TYPE_CHECKING:
 
 
 class ExtensibleGroup(click.Group):
-    """A command group with the commands of the core, and the commands of plugins (hook ``physic_commands``).
+    """A command group with the commands of the core, and the commands of plugins (hook
+    ``physic_commands``).
 
-    ``--help`` imports no command. Plugins are searched only for the help, and for a command that the core does not
-    have. A command of the core overrides a plugin's command of the same name.
+    ``--help`` imports no command. Plugins are searched only for the help, and for a command that
+    the core does not have. A command of the core overrides a plugin's command of the same name.
 
     Args:
         path: the words after ``physic`` that call the group; empty for ``physic`` itself.
-        own: "package.module:function" and summary, by name, of each command of the core that is imported when it runs.
+        own: "package.module:function" and summary, by name, of each command of the core that is
+            imported when it runs.
     """
 
     def __init__(
-        self, *args: Any, path: str = "", own: Mapping[str, tuple[str, str]] | None = None, **settings: Any
+        self,
+        *args: Any,
+        path: str = "",
+        own: Mapping[str, tuple[str, str]] | None = None,
+        **settings: Any,
     ) -> None:
         super().__init__(*args, **settings)
         self.path = path
@@ -46,7 +52,8 @@ class ExtensibleGroup(click.Group):
         return sorted({*self.own, *self.commands, *self._plugin_commands()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command of the core or of a plugin, or None if no command has this name.
+        """Import and return a command of the core or of a plugin, or None if no command has this
+        name.
 
         Raises:
             PluginError: the plugin is broken.
@@ -66,22 +73,33 @@ class ExtensibleGroup(click.Group):
         """Return the command that the arguments call.
 
         Raises:
-            UsageError: there is no such command; the message names a known distribution that adds it.
+            UsageError: there is no such command; the message names a known distribution that adds
+                it.
         """
         name = args[0]
-        if not name.startswith("-") and not ctx.resilient_parsing and self.get_command(ctx, name) is None:
+        if (
+            not name.startswith("-")
+            and not ctx.resilient_parsing
+            and self.get_command(ctx, name) is None
+        ):
             from physic_core.discovery.catalog import COMMANDS
             from physic_core.discovery.plugins import explain_absence
 
             full_name = f"{self.path} {name}".strip()
             if (distribution := COMMANDS.get(full_name)) is not None:
-                raise click.UsageError(f"'physic {full_name}' is a command of {explain_absence(distribution)}")
-            raise click.exceptions.NoSuchCommand(name, possibilities=self.list_commands(ctx), ctx=ctx)
+                raise click.UsageError(
+                    f"'physic {full_name}' is a command of {explain_absence(distribution)}"
+                )
+            raise click.exceptions.NoSuchCommand(
+                name, possibilities=self.list_commands(ctx), ctx=ctx
+            )
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands and their summaries."""
-        summaries = {name: command.record.summary for name, command in self._plugin_commands().items()}
+        summaries = {
+            name: command.record.summary for name, command in self._plugin_commands().items()
+        }
         summaries |= {name: summary for name, (_, summary) in self.own.items()}
         for name, command in self.commands.items():
             summaries[name] = " ".join((command.help or "").partition("\n\n")[0].split())

@@ -7,7 +7,12 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from physic_core.cli.output import format_table
-from physic_core.discovery.backends import list_backends, load_class, missing_requirements, summary_of
+from physic_core.discovery.backends import (
+    list_backends,
+    load_class,
+    missing_requirements,
+    summary_of,
+)
 from physic_core.discovery.catalog import how_to_install
 from physic_core.discovery.entry_points import PLUGINS_VARIABLE, restricted_to
 from physic_core.discovery.error_text import describe_error, traceback_text
@@ -24,8 +29,8 @@ if TYPE_CHECKING:
 def plugins_table(interface: str | None = None) -> str:
     """Format the table of installed backends and broken plugins; no backend is imported.
 
-    The state is that of the weights that a backend uses by default, by the manifests of its distribution, and what
-    they say that it needs besides.
+    The state is that of the weights that a backend uses by default, by the manifests of its
+    distribution, and what they say that it needs besides.
     """
     rows = [("interface", "backend", "plugin", "version", "state")]
     for one in list_backends(interface):
@@ -33,8 +38,16 @@ def plugins_table(interface: str | None = None) -> str:
     broken = broken_plugins()
     lines = [format_table(rows)]
     if len(rows) == 1:
-        what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
-        why = f" ({PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r})" if restricted_to() is not None else ""
+        what = (
+            "no backend is installed"
+            if interface is None
+            else f"no backend for '{interface}' is installed"
+        )
+        why = (
+            f" ({PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r})"
+            if restricted_to() is not None
+            else ""
+        )
         lines = [f"{what}{why}: {how_to_install('physic-embedded')}"]
     lines += [f"BROKEN: {plugin}" for plugin in broken]
     lines += [traceback_text(plugin.error).rstrip("\n") for plugin in broken]
@@ -42,7 +55,9 @@ def plugins_table(interface: str | None = None) -> str:
 
 
 def _state(offer: Offer) -> str:
-    """Return "ready", or what a backend with default options needs as far as manifests of weights tell."""
+    """Return "ready", or what a backend with default options needs as far as manifests of weights
+    tell.
+    """
     from physic_core.weights.find import presence
     from physic_core.weights.library import default_sets
 
@@ -64,10 +79,18 @@ def describe_backend(offer: Offer) -> str:
     try:
         kind = load_class(offer)
         lines.append(f"  {summary_of(kind)}")
-        facts += [*_weights(offer, kind), ("status", _status(kind)), ("source", inspect.getsourcefile(kind) or "")]
+        facts += [
+            *_weights(offer, kind),
+            ("status", _status(kind)),
+            ("source", inspect.getsourcefile(kind) or ""),
+        ]
         options = _options(kind.Options)
     except Exception as error:  # a plugin may raise anything
-        text = str(error) if isinstance(error, BackendError) else describe_error(error, offer.target.partition(":")[0])
+        text = (
+            str(error)
+            if isinstance(error, BackendError)
+            else describe_error(error, offer.target.partition(":")[0])
+        )
         facts += [("status", f"BROKEN: {text}"), ("", traceback_text(error).rstrip("\n"))]
     return "\n".join([*lines, *(f"  {label:<10}{text}" for label, text in facts if text), *options])
 
@@ -76,7 +99,11 @@ def _status(kind: type[Backend]) -> str:
     """Return what a backend with default options says is missing."""
     with named_plugin_code("it cannot be constructed", kind):
         backend = kind()
-    return "; ".join(("not ready", *missing)) if (missing := missing_requirements(backend)) else "ready"
+    return (
+        "; ".join(("not ready", *missing))
+        if (missing := missing_requirements(backend))
+        else "ready"
+    )
 
 
 def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:
@@ -93,15 +120,19 @@ def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:
 
 def _options(model: Any) -> list[str]:
     """Format name, type, default and description of each option."""
-    fields, schema = model.model_fields, model.model_json_schema()
+    fields = model.model_fields
+    schema = model.model_json_schema()
     if not fields:
         return ["  options   none"]
-    properties, parts = schema.get("properties", {}), schema.get("$defs", {})
+    properties = schema.get("properties", {})
+    parts = schema.get("$defs", {})
     rows = [
         (
             name,
             describe_schema(properties.get(name, {}), parts),
-            "required" if field.is_required() else f"default {field.get_default(call_default_factory=True)!r}",
+            "required"
+            if field.is_required()
+            else f"default {field.get_default(call_default_factory=True)!r}",
             field.description or "",
         )
         for name, field in fields.items()

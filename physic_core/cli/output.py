@@ -1,4 +1,6 @@
-"""Output of commands: text with control characters escaped, tables, messages, progress, and the result folder."""
+"""Output of commands: text with control characters escaped, tables, messages, progress, and the
+result folder.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,11 @@ def echo_json(value: object) -> None:
 
 @contextmanager
 def printed_logs() -> Iterator[None]:
-    """Print Python's warnings, and warnings and errors of loggers, like all other lines, unless handlers exist."""
-    root, handler = logging.getLogger(), _EchoHandler(logging.WARNING)
+    """Print Python's warnings, and warnings and errors of loggers, like all other lines, unless
+    handlers exist.
+    """
+    root = logging.getLogger()
+    handler = _EchoHandler(logging.WARNING)
     if not root.handlers:  # logging.basicConfig of a library then adds none
         root.addHandler(handler)
         logging.captureWarnings(True)
@@ -58,7 +63,10 @@ class _EchoHandler(logging.Handler):
 def format_table(rows: Sequence[tuple[str, ...]]) -> str:
     """Format rows of text as a table with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
+    return "\n".join(
+        "  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]])
+        for row in rows
+    )
 
 
 @contextmanager
@@ -69,10 +77,15 @@ def collect_plugin_messages() -> Iterator[list[str]]:
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             message = record.getMessage()
-            if record.name.startswith("physic_") and record.levelno == logging.INFO and message not in messages:
+            if (
+                record.name.startswith("physic_")
+                and record.levelno == logging.INFO
+                and message not in messages
+            ):
                 messages.append(message)
 
-    root, listener = logging.getLogger(), Listener(logging.INFO)
+    root = logging.getLogger()
+    listener = Listener(logging.INFO)
     level = root.level
     root.addHandler(listener)
     root.setLevel(min(level, logging.INFO))
@@ -85,26 +98,43 @@ def collect_plugin_messages() -> Iterator[list[str]]:
 
 @contextmanager
 def show_progress(quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
-    """Yield the callback ``progress`` of a pipeline: on stderr, a bar with the time on a terminal, otherwise lines."""
+    """Yield the callback ``progress`` of a pipeline: on stderr, a bar with the time on a terminal,
+    otherwise lines.
+    """
     if quiet or not sys.stderr.isatty():
-        yield None if quiet else lambda name, done, total: echo(f"[{done + 1}/{total}] {name}", err=True)
+        yield (
+            None
+            if quiet
+            else lambda name, done, total: echo(f"[{done + 1}/{total}] {name}", err=True)
+        )
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
-        yield lambda name, done, total: bar.update(task, description=name, completed=done, total=total)
+        yield lambda name, done, total: bar.update(
+            task, description=name, completed=done, total=total
+        )
 
 
 @contextmanager
-def reserve_folder(folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = ()) -> Iterator[None]:
-    """Create a folder for a result, and check that it can be written; after an error, new empty folders are deleted.
+def reserve_folder(
+    folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = ()
+) -> Iterator[None]:
+    """Create a folder for a result, and check that it can be written; after an error, new empty
+    folders are deleted.
 
     Args:
         folder: of the result.
-        photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run reports.
+        photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run
+            reports.
         overwrite: whether the result of another photo may be replaced.
         beside: names of files that only this command adds to a result.
 

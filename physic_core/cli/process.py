@@ -9,14 +9,17 @@ import sys
 from contextlib import suppress
 
 GC_THRESHOLD = 100_000
-"""Garbage-collection threshold, new objects; the default of 700 costs .35 s in the imports for a photo, whose objects
-all stay alive."""
+"""Garbage-collection threshold, new objects; the default of 700 costs .35 s in the imports for a
+photo, whose objects all stay alive.
+"""
 
 
 def main_of_process() -> None:
-    """Run the command, and end the process without interpreter teardown, which takes 0.7 s with torch.
+    """Run the command, and end the process without interpreter teardown, which takes 0.7 s with
+    torch.
 
-    Everything registered with ``atexit`` is run, such as the deletion of temporary folders, and threads are joined.
+    Everything registered with ``atexit`` is run, such as the deletion of temporary folders, and
+    threads are joined.
     """
     from physic_core.cli import main
 

@@ -1,4 +1,6 @@
-"""The command ``physic show``: print the summary of a saved result, as ``physic run`` does at its end."""
+"""The command ``physic show``: print the summary of a saved result, as ``physic run`` does at its
+end.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +26,25 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 @click.command("show")
 @click.argument("out", type=AnyPath())
-@click.option("-v", "--verbose", is_flag=True, help="Also print the time of each stage, and each check that is not ok.")
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Also print the time of each stage, and each check that is not ok.",
+)
 def show_result(out: Path, verbose: bool) -> None:
-    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""
+    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its
+    end.
+    """
     print_summary(out, verbose=verbose)
 
 
 def print_summary(
-    folder: Path, record: ResultRecord | None = None, *, verbose: bool = False, seconds: float | None = None
+    folder: Path,
+    record: ResultRecord | None = None,
+    *,
+    verbose: bool = False,
+    seconds: float | None = None,
 ) -> None:
     """Print the summary of a result.
 
@@ -42,7 +55,8 @@ def print_summary(
         seconds: as of :func:`summary_text`.
 
     Raises:
-        InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
+        InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema
+            version.
     """
     record = record or read_record(folder)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
@@ -57,7 +71,8 @@ def summary_text(
     verbose: bool = False,
     seconds: float | None = None,
 ) -> str:
-    """Return the summary of a result as text: a table of its people, its grade, and where its page is.
+    """Return the summary of a result as text: a table of its people, its grade, and where its page
+    is.
 
     Args:
         record: of the result.
@@ -66,19 +81,26 @@ def summary_text(
         verbose: whether to list the time of each stage, and each check that is not ok.
         seconds: taken by the whole command; None for the time of the result's stages.
     """
-    stages, people, checks = record.stages, record.people, record.checks
+    stages = record.stages
+    people = record.people
+    checks = record.checks
     found = {0: "no person, scene only", 1: "1 person"}.get(len(people), f"{len(people)} people")
-    work, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
+    work, loading = (
+        sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds")
+    )
     time = f"{work:.1f} s, plus {loading:.1f} s to load models"
     lines = [f"{found} in {time if seconds is None else f'{seconds:.1f} s, with all steps'}"]
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"
-        lines.append(f"{count} backends were not run, since the cache has their results; --no-cache runs all")
+        lines.append(
+            f"{count} backends were not run, since the cache has their results; --no-cache runs all"
+        )
     if people:
         lines.append(_table([_row(person, record) for person in people], width))
     lines += [
-        f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score {one.score:.2f}"
+        f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
+        f"{one.score:.2f}"
         for one in record.unposed
     ]
     lines += [f"note: {text}" for text in record.notes]
@@ -98,11 +120,19 @@ def summary_text(
 def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
     distance = distance_m(person.pelvis)
     place = "-" if distance is None else metres_text(distance, person.distance_sigma, 1)
-    return str(person.index), person.grade or "-", place, _contact(person), _reason(person, record.checks)
+    return (
+        str(person.index),
+        person.grade or "-",
+        place,
+        _contact(person),
+        _reason(person, record.checks),
+    )
 
 
 def _contact(person: PersonRecord) -> str:
-    """Return the likely contacts, "left foot: floor, 0.97; ...", those of parts that no pixel shows last."""
+    """Return the likely contacts, "left foot: floor, 0.97; ...", those of parts that no pixel shows
+    last.
+    """
     if distance_m(person.pelvis) is None:
         return "-"
     if not person.states_partners:
@@ -112,7 +142,9 @@ def _contact(person: PersonRecord) -> str:
 
 
 def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:
-    """Return what decides a person's grade: failed checks, otherwise unmeasured checks, otherwise the support."""
+    """Return what decides a person's grade: failed checks, otherwise unmeasured checks, otherwise
+    the support.
+    """
     own = [check for check in checks if check.person == person.index and not check.ok]
     if failed := [str(check) for check in own if check.failed]:
         return "; ".join(failed)
@@ -126,6 +158,8 @@ def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:
     used = sum(max(len(row[i]) for row in (_HEAD, *rows)) + 2 for i in range(len(_HEAD) - 1))
     wrapped: list[tuple[str, ...]] = [_HEAD]
     for *cells, last in rows:
-        first, *more = textwrap.wrap(last, max(_MIN_WIDTH, width - used)) if width is not None else [last]
+        first, *more = (
+            textwrap.wrap(last, max(_MIN_WIDTH, width - used)) if width is not None else [last]
+        )
         wrapped += [(*cells, first), *(("",) * len(cells) + (line,) for line in more)]
     return format_table(wrapped)

@@ -1,5 +1,5 @@
-"""The commands ``physic compare``, of two results or folders of results, ``physic report``, their pages, and
-``physic export``, a result in the format of another program.
+"""The commands ``physic compare``, of two results or folders of results, ``physic report``, their
+pages, and ``physic export``, a result in the format of another program.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ if TYPE_CHECKING:
 @click.argument("a", metavar="A", type=AnyPath())
 @click.argument("b", metavar="B", type=AnyPath())
 @click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
-@click.option("--html", "page", type=AnyPath(), metavar="FILE", help="Also write a page with the pictures.")
+@click.option(
+    "--html", "page", type=AnyPath(), metavar="FILE", help="Also write a page with the pictures."
+)
 def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     """Compare the results in folders A and B, or all results of the same photos in them.
 
-    People are matched by their masks. Joints is the mean distance of the joints from pelvis to wrists, with the joint
-    that is farthest apart; pose is the same with both pelvises in one place. The distance of a photo is the median
-    depth of its scene.
+    People are matched by their masks. Joints is the mean distance of the joints from pelvis to
+    wrists, with the joint that is farthest apart; pose is the same with both pelvises in one place.
+    The distance of a photo is the median depth of its scene.
     """
     from physic_core.batch.comparison import (
         HEAD,
@@ -47,7 +49,10 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     if page is not None:
         check_own(page)
     paired = pair_results(a, b)
-    photos, pictures, links, failed = [], [], [], None
+    photos = []
+    pictures = []
+    links = []
+    failed = None
     for pair in paired.both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
@@ -69,7 +74,10 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         ("all photos", summary_lines(photos, paired.only)),
     ]
     if as_json:
-        only = {f"only_{name}": list(map(str, folders)) for name, folders in zip("ab", paired.only, strict=True)}
+        only = {
+            f"only_{name}": list(map(str, folders))
+            for name, folders in zip("ab", paired.only, strict=True)
+        }
         echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
         for title, lines in about[:-1]:
@@ -78,7 +86,10 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         echo(format_table([HEAD, *rows]))
         echo("\n".join(about[-1][1]))
     if page is not None:
-        echo(f"wrote {write_own(page, comparison_page(photos, pictures, links, about).encode())}", err=as_json)
+        echo(
+            f"wrote {write_own(page, comparison_page(photos, pictures, links, about).encode())}",
+            err=as_json,
+        )
     if failed is not None:
         raise failed
 
@@ -86,15 +97,23 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 @click.command()
 @click.argument("results", metavar="OUT...", nargs=-1, required=True, type=AnyPath())
 @click.option("-o", "--out", type=AnyPath(), help="Write the page of one result to this file.")
-@click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]")
-@click.option("--each", is_flag=True, help="In a folder of results, also write a page for each one.")
+@click.option(
+    "--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]"
+)
+@click.option(
+    "--each", is_flag=True, help="In a folder of results, also write a page for each one."
+)
 def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
-    """Write report.html of each result OUT: scene, people, contact and numbers in one file for a browser.
+    """Write report.html of each result OUT: scene, people, contact and numbers in one file for a
+    browser.
 
-    A folder of results, such as that of a batch, gets contact-sheet.html, which links to their pages.
+    A folder of results, such as that of a batch, gets contact-sheet.html, which links to their
+    pages.
     """
     if (out is not None or title) and len(results) > 1:
-        raise click.UsageError(f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}")
+        raise click.UsageError(
+            f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}"
+        )
     from physic_core.errors import InputError, OutputError
     from physic_core.io.result_folder import is_result
     from physic_core.visual.report import require_report
@@ -120,16 +139,25 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
         from physic_core.io.results import load_reconstruction
 
         result = load_reconstruction(folder)
-        echo(f"wrote {save_report(result, out, title or result.photo_name or folder.resolve().name)}")
-    elif is_result(folder) or (folder / ARRAYS_FILE).is_file():  # arrays alone are not a folder of results
+        echo(
+            f"wrote {save_report(result, out, title or result.photo_name or folder.resolve().name)}"
+        )
+    # arrays alone are not a folder of results
+    elif is_result(folder) or (folder / ARRAYS_FILE).is_file():
         echo(f"wrote {add_report(folder, title=title)}")
     else:
         _write_index(folder, each)
 
 
 def _write_index(folder: Path, each: bool) -> None:
-    """Write the contact sheet of a folder of results, and with ``each`` the page of every result."""
-    from physic_core.batch.contact_sheet import check_contact_sheet, find_results, write_contact_sheet
+    """Write the contact sheet of a folder of results, and with ``each`` the page of every
+    result.
+    """
+    from physic_core.batch.contact_sheet import (
+        check_contact_sheet,
+        find_results,
+        write_contact_sheet,
+    )
     from physic_core.errors import InputError
     from physic_core.io.result_folder import add_report
 
@@ -138,7 +166,8 @@ def _write_index(folder: Path, each: bool) -> None:
     for number, result in enumerate(found if each else (), 1):
         try:
             path = add_report(result)
-        except InputError as error:  # the page states the error, and the other results get their pages
+        # the page states the error, and the other results get their pages
+        except InputError as error:
             echo(f"[{number}/{len(found)}] {error}", err=True)
         else:
             echo(f"[{number}/{len(found)}] {path}", err=True)
@@ -159,7 +188,15 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         if each.packages:
             what = f"the extra '{each.extra}'" if each.extra else ", ".join(each.packages)
             needs.insert(0, f"{what} ({'not installed' if each.missing_packages else 'installed'})")
-        rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
+        rows.append(
+            (
+                each.name,
+                " ".join(each.suffixes),
+                each.audience,
+                each.content,
+                "; ".join(needs) or "-",
+            )
+        )
     echo(format_table(rows))
     for text in missing_formats(exporters):
         echo(text)
@@ -168,21 +205,48 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 @click.command()
 @click.argument("out", type=AnyPath())
-@click.option("--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]")
-@click.option("-o", "--out", "path", type=AnyPath(), help="File or folder to write.  [default: a file in OUT]")
-@click.option("--person", type=int, multiple=True, metavar="N", help="Only person N of the result; may be repeated.")
-@click.option("--up", type=click.Choice(["y", "z", "camera"]), help="Up axis.  [default: the format's convention]")
+@click.option(
+    "--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]"
+)
+@click.option(
+    "-o", "--out", "path", type=AnyPath(), help="File or folder to write.  [default: a file in OUT]"
+)
+@click.option(
+    "--person",
+    type=int,
+    multiple=True,
+    metavar="N",
+    help="Only person N of the result; may be repeated.",
+)
+@click.option(
+    "--up",
+    type=click.Choice(["y", "z", "camera"]),
+    help="Up axis.  [default: the format's convention]",
+)
 @click.option("--no-scene", is_flag=True, help="Omit scene and floor.")
 @click.option("--body-model", type=AnyPath(), metavar="FILE", help="Your SMPLX_*.npz.")
-@click.option("--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones.")
-@click.option("--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies.")
-@click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side.")
+@click.option(
+    "--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones."
+)
+@click.option(
+    "--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies."
+)
+@click.option(
+    "--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side."
+)
 @click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
 @click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
-@click.option("--keep-lean", is_flag=True, help="People lean as in the photo, and may fall (MJCF, URDF).")
+@click.option(
+    "--keep-lean", is_flag=True, help="People lean as in the photo, and may fall (MJCF, URDF)."
+)
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option(
-    "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_formats, help="List the formats."
+    "--list",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_formats,
+    help="List the formats.",
 )
 def export(
     out: Path,
@@ -198,7 +262,9 @@ def export(
     from physic_core.discovery.plugins import find_exporter
 
     if name is None and path is None:
-        raise click.UsageError("no format given: name one with --to, or a file with -o; --list prints the formats")
+        raise click.UsageError(
+            "no format given: name one with --to, or a file with -o; --list prints the formats"
+        )
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 

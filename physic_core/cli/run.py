@@ -12,7 +12,9 @@ from physic_core.cli.arguments import AnyPath, Device, Number, Numbers, configur
 from physic_core.cli.output import collect_plugin_messages, echo, reserve_folder, show_progress
 
 
-def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def _setting(
+    option: str, path: str, **attributes: Any
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add an option that sets the configuration value at a dotted path, in the context's object."""
 
     def store(ctx: click.Context, parameter: click.Parameter, given: Any) -> None:
@@ -25,14 +27,19 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
 
 
 _SAVE = (
-    "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: JSON and arrays of the "
+    "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: "
+    "JSON and arrays of the "
     "people."
 )
 
-_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures, if physic-viewer is installed]"
+_REPORT = (
+    "Write report.html, a 3D page for a browser, or not. [default: with pictures, if "
+    "physic-viewer is installed]"
+)
 
 _KEYPOINTS = (
-    "Keypoints that replace detected ones, px of the photo file: CSV with person (as in people.csv), joint, x, y; or "
+    "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
+    "people.csv), joint, x, y; or "
     "COCO JSON."
 )
 
@@ -41,16 +48,36 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 
 @click.command()
 @click.argument("photo", metavar="PHOTO", type=AnyPath())
-@click.option("-o", "--out", type=AnyPath(), help="Folder for the results.  [default: photo-physic for photo.jpg]")
+@click.option(
+    "-o",
+    "--out",
+    type=AnyPath(),
+    help="Folder for the results.  [default: photo-physic for photo.jpg]",
+)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @click.option(
-    "--save", type=click.Choice(("pictures", "numbers", "people")), default="pictures", show_default=True, help=_SAVE
+    "--save",
+    type=click.Choice(("pictures", "numbers", "people")),
+    default="pictures",
+    show_default=True,
+    help=_SAVE,
 )
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @configuration_options
-@_setting("--focal-px", "photo.focal_px", type=Number(), metavar="PX", help="Focal length in px of the photo file.")
-@_setting("--intrinsics", "photo.intrinsics", type=Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
+@_setting(
+    "--focal-px",
+    "photo.focal_px",
+    type=Number(),
+    metavar="PX",
+    help="Focal length in px of the photo file.",
+)
+@_setting(
+    "--intrinsics",
+    "photo.intrinsics",
+    type=Numbers("fx,fy,cx,cy"),
+    help="Camera in px of the photo file.",
+)
 @_setting(
     "--distortion",
     "photo.distortion",
@@ -58,9 +85,18 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     help="Lens distortion of --intrinsics, in OpenCV's order.",
 )
 @_setting("--person", "photo.person", type=Numbers("x,y"), multiple=True, help=_PERSON)
-@_setting("--box", "photo.box", type=Numbers("x0,y0,x1,y1"), multiple=True, help="The same, by a box around a person.")
 @_setting(
-    "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
+    "--box",
+    "photo.box",
+    type=Numbers("x0,y0,x1,y1"),
+    multiple=True,
+    help="The same, by a box around a person.",
+)
+@_setting(
+    "--depth",
+    "photo.depth",
+    metavar="FILE",
+    help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic.",
 )
 @_setting(
     "--depth-unit",
@@ -68,20 +104,27 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     metavar="UNIT",
     help="Another unit of --depth: mm, cm, m, ft, or such as 1/5000.",
 )
-@_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Point map of the photo: .npy (H, W, 3), or .npz.")
+@_setting(
+    "--pointmap",
+    "photo.pointmap",
+    metavar="FILE",
+    help="Point map of the photo: .npy (H, W, 3), or .npz.",
+)
 @_setting("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
 @_setting(
     "--stature",
     "photo.stature",
     type=Numbers("metres,..."),
-    help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown; a "
+    help="Known standing height, metres: one for all people, or one per person from left to "
+    "right, 0 where unknown; a "
     "note says who got which.",
 )
 @_setting(
     "--age",
     "photo.age",
     type=Numbers("years,..."),
-    help="Known age, years, like --stature: one for all people, or one per person from left to right, 0 where unknown.",
+    help="Known age, years, like --stature: one for all people, or one per person from left to "
+    "right, 0 where unknown.",
 )
 @_setting(
     "--camera-height",
@@ -95,16 +138,35 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "photo.known_length",
     type=Numbers("x1,y1,x2,y2,metres"),
     multiple=True,
-    help="Two pixels of the photo file and the true distance between their points; may be repeated.",
+    help="Two pixels of the photo file and the true distance between their points; may be "
+    "repeated.",
 )
-@_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if the photo shows no person.")
+@_setting(
+    "--require-people",
+    "photo.require_people",
+    is_flag=True,
+    help="Fail if the photo shows no person.",
+)
 @_setting("--device", "run.device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N.")
-@_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
+@_setting(
+    "--low-memory",
+    "run.low_memory",
+    is_flag=True,
+    help="Close each backend right after its last use.",
+)
 @click.option(
-    "-v", "--verbose", is_flag=True, help="Also print each network, the time of each stage, and all messages."
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Also print each network, the time of each stage, and all messages.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
-@_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backend outputs.")
+@_setting(
+    "--no-cache",
+    "run.cache",
+    is_flag=True,
+    help="Do not read or write the cache of backend outputs.",
+)
 @click.pass_context
 def run(
     ctx: click.Context,
@@ -120,13 +182,16 @@ def run(
     verbose: bool,
     quiet: bool,
 ) -> None:
-    """Reconstruct people, scene and contact from PHOTO, one image file; `physic batch` takes folders."""
+    """Reconstruct people, scene and contact from PHOTO, one image file; `physic batch` takes
+    folders.
+    """
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     if "--focal-px" in flags and "--intrinsics" in flags:
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
     from physic_core.configuration.resolve import load_plan
 
-    # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
+    # Fast checks come first: no network is loaded before config, files, device and output folder
+    # are checked.
     plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
     report = _writes_report(open_page or report, save, quiet=quiet)
     from physic_core.io.result_folder import file_digest
@@ -142,7 +207,9 @@ def run(
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
         title = photo.name if report else None
-        written = save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside, page=title)
+        written = save_reconstruction(
+            result, folder, save, overwrite=overwrite, beside=beside, page=title
+        )
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)
@@ -158,7 +225,8 @@ def run(
     if not quiet and not result.intrinsics.known:
         what = "widths and heights in the scene" if result.scene.measured else "all distances"
         echo(
-            f"{what} follow the focal length: if you know it, give --focal-px PX, in px of the photo file, or "
+            f"{what} follow the focal length: if you know it, give --focal-px PX, in px of the "
+            f"photo file, or "
             "--intrinsics fx,fy,cx,cy",
             err=True,
         )
@@ -171,7 +239,8 @@ def run(
 
 
 def _writes_report(wanted: bool | None, save: str, *, quiet: bool) -> bool:
-    """Return whether to write the page: by default, with pictures, if a plugin makes it; else a line names the plugin.
+    """Return whether to write the page: by default, with pictures, if a plugin makes it; else a
+    line names the plugin.
 
     Raises:
         PackageMissingError: the page is wanted, and no plugin makes it.

@@ -1,6 +1,7 @@
 """The commands ``physic weights`` and ``physic cache``.
 
-They list and verify the weights of installed plugins, and show and clear the cache; physic-setup adds ``fetch``.
+They list and verify the weights of installed plugins, and show and clear the cache; physic-setup
+adds ``fetch``.
 """
 
 from __future__ import annotations
@@ -27,13 +28,15 @@ _USE = {True: "yes", False: "NO", None: "not stated"}
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
-    The folders in PHYSIC_WEIGHTS, your cache folder and the cache of Hugging Face are searched. Only `fetch` uses the
-    network.
+    The folders in PHYSIC_WEIGHTS, your cache folder and the cache of Hugging Face are searched.
+    Only `fetch` uses the network.
     """
 
 
 @weights.command("list")
-@click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
+@click.option(
+    "--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size."
+)
 def list_weights(missing: bool) -> None:
     """List all weight sets: plugin, size, licence, and whether they are on this machine."""
     from physic_core.weights.find import format_size, presence
@@ -47,23 +50,36 @@ def list_weights(missing: bool) -> None:
         account = "needed" if found.needs_account else "-"
         rows.append(
             (
-                *(found.name, one.offer.distribution, format_size(found.bytes) or "-", _USE[found.commercial], account),
+                *(
+                    found.name,
+                    one.offer.distribution,
+                    format_size(found.bytes) or "-",
+                    _USE[found.commercial],
+                    account,
+                ),
                 *(presence(one.weights), found.license),
             )
         )
     for offer, why in library.broken:
         rows.append(("-", offer.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
-    echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
+    echo(
+        format_table(rows)
+        if len(rows) > 1
+        else "nothing is missing"
+        if missing
+        else "no plugin lists weights"
+    )
 
 
 @weights.command()
 @click.argument("names", nargs=-1, metavar="[NAME...]")
 @click.pass_context
 def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
-    """Compare the files of all weight sets, or of the sets NAME..., with their published sizes and SHA-256.
+    """Compare the files of all weight sets, or of the sets NAME..., with their published sizes and
+    SHA-256.
 
-    A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if a file differs, or
-    if a file of a set NAME is missing.
+    A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if
+    a file differs, or if a file of a set NAME is missing.
     """
     from physic_core.weights.find import describe_mismatch, locate_files
     from physic_core.weights.library import read_library
@@ -80,7 +96,10 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
             state = "missing" if path is None else "DIFFERS" if wrong else "ok"
             if path is not None or names:
                 count[state] += 1
-                echo(f"{state:<8} {one.weights.name} {path or file.path}{f': {note}' if note else ''}")
+                echo(
+                    f"{state:<8} {one.weights.name} "
+                    f"{path or file.path}{f': {note}' if note else ''}"
+                )
     files = "1 file" if count.total() == 1 else f"{count.total()} files"
     echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
     ctx.exit(WEIGHTS if count["DIFFERS"] or count["missing"] else 0)
@@ -88,8 +107,9 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 
 @click.group()
 def cache() -> None:
-    """Show or clear the cache: outputs of backends, correspondences of body meshes, optimised networks, hashes of
-    files."""
+    """Show or clear the cache: outputs of backends, correspondences of body meshes, optimised
+    networks, hashes of files.
+    """
 
 
 @cache.command()
@@ -110,7 +130,8 @@ def _caches() -> list[LruFolder]:
     found = [kept for name in CACHES if (kept := users_cache(name)) is not None]
     if not found:
         raise ConfigError(
-            f"the cache is disabled by the environment variable {CACHE_VARIABLE}: unset it to see the cache"
+            f"the cache is disabled by the environment variable {CACHE_VARIABLE}: unset it to see "
+            f"the cache"
         )
     return found
 

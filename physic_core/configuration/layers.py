@@ -1,7 +1,9 @@
-"""Read and merge the layers of a configuration: presets, files, environment variables, ``--set`` and flags.
+"""Read and merge the layers of a configuration: presets, files, environment variables, ``--set``
+and flags.
 
-A layer is a label and a nested dictionary. Later layers override earlier ones. For each value, the label of its layer
-is stored: errors and ``physic config show`` use it to name the file, variable or flag.
+A layer is a label and a nested dictionary. Later layers override earlier ones. For each value, the
+label of its layer is stored: errors and ``physic config show`` use it to name the file, variable or
+flag.
 """
 
 from __future__ import annotations
@@ -25,7 +27,12 @@ from physic_core.interfaces import INTERFACES
 SettingsLayer = tuple[str, Mapping[str, Any]]
 """One source of settings: its label, and its tables as nested dictionaries."""
 
-PATH_KEYS = (("body_model", "path"), ("photo", "depth"), ("photo", "pointmap"), ("photo", "keypoints"))
+PATH_KEYS = (
+    ("body_model", "path"),
+    ("photo", "depth"),
+    ("photo", "pointmap"),
+    ("photo", "keypoints"),
+)
 """Table and key of each path of a file; in a config file it is relative to the file."""
 
 _VARIABLE_PREFIX = "PHYSIC__"
@@ -46,7 +53,9 @@ def is_path(name: str) -> bool:
 
 
 def preset_comment(name: str) -> list[str]:
-    """Return the lines, each beginning with "#", that introduce a preset: what is in it, and under which licences."""
+    """Return the lines, each beginning with "#", that introduce a preset: what is in it, and under
+    which licences.
+    """
     lines = (_PRESETS / f"{name}.toml").read_text(encoding="utf-8").splitlines()
     return list(takewhile(lambda line: line.startswith("#"), lines))
 
@@ -58,14 +67,19 @@ def preset_layers(name: str) -> list[SettingsLayer]:
         ConfigError: no preset has this name.
     """
     if name not in (names := preset_names()):
-        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+        raise ConfigError(
+            f"no preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}"
+        )
     table = tomllib.loads((_PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
     base = table.pop("extends", None)
     return [*(preset_layers(base) if base else []), (f"preset {name}", table)]
 
 
-def file_layers(file: str | os.PathLike[str], base: str, above: tuple[Path, ...] = ()) -> list[SettingsLayer]:
-    """Read the layers of a configuration file, preceded by those of the file or preset that it extends.
+def file_layers(
+    file: str | os.PathLike[str], base: str, above: tuple[Path, ...] = ()
+) -> list[SettingsLayer]:
+    """Read the layers of a configuration file, preceded by those of the file or preset that it
+    extends.
 
     Args:
         file: a TOML file, or the ``reconstruction.json`` of a run, which extends nothing.
@@ -93,11 +107,15 @@ def file_layers(file: str | os.PathLike[str], base: str, above: tuple[Path, ...]
         return [(str(path), table)]
     extended = table.pop("extends", base)
     if not isinstance(extended, str):
-        raise ConfigError(f"{path}: extends should be the name of a preset or a path (got {quoted(extended)})")
+        raise ConfigError(
+            f"{path}: extends should be the name of a preset or a path (got {quoted(extended)})"
+        )
     try:
         if is_path(extended):
             # It builds on the preset "embedded", independently of the preset given for this one.
-            below = file_layers(path.parent / os.path.expanduser(extended), "embedded", (*above, real))
+            below = file_layers(
+                path.parent / os.path.expanduser(extended), "embedded", (*above, real)
+            )
         else:
             below = preset_layers(extended)
     except ConfigError as error:
@@ -106,18 +124,27 @@ def file_layers(file: str | os.PathLike[str], base: str, above: tuple[Path, ...]
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
-    """Return a layer for each environment variable such as ``PHYSIC__INPAINTER__BACKEND=telea``; ignore empty ones.
+    """Return a layer for each environment variable such as ``PHYSIC__INPAINTER__BACKEND=telea``;
+    ignore empty ones.
 
     Raises:
         ConfigError: the name of a variable is not a valid setting.
     """
-    names = sorted(name for name, value in environment.items() if name.startswith(_VARIABLE_PREFIX) and value.strip())
+    names = sorted(
+        name
+        for name, value in environment.items()
+        if name.startswith(_VARIABLE_PREFIX) and value.strip()
+    )
     keys = {name: name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".") for name in names}
-    return [(name, _assignment(key, environment[name], f"the variable {name}")) for name, key in keys.items()]
+    return [
+        (name, _assignment(key, environment[name], f"the variable {name}"))
+        for name, key in keys.items()
+    ]
 
 
 def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
-    """Return a layer for each string "a.b=c" of the option ``--set``; c is TOML, or a string without quotes.
+    """Return a layer for each string "a.b=c" of the option ``--set``; c is TOML, or a string
+    without quotes.
 
     Raises:
         ConfigError: a string does not have the form KEY=VALUE.
@@ -126,7 +153,9 @@ def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
     for text in overrides:
         key, equals, value = text.partition("=")
         if not equals:
-            raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')")
+            raise ConfigError(
+                f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')"
+            )
         table = _assignment(key, value, f"--set {text}")
         _complete_paths(table, Path())
         layers.append(("--set", table))
@@ -137,8 +166,8 @@ def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[
     """Merge layers into one nested dictionary; later layers override earlier ones.
 
     Returns:
-        The merged tables, and a dictionary from dotted path to the label of the layer that set the value; the path of a
-        table ends in a dot.
+        The merged tables, and a dictionary from dotted path to the label of the layer that set the
+        value; the path of a table ends in a dot.
     """
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
@@ -148,14 +177,24 @@ def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[
 
 
 def source_of(sources: Mapping[str, str], path: str, default: str = "default") -> str:
-    """Return the label of the layer that set the value or table at a dotted path, or ``default`` if none did."""
+    """Return the label of the layer that set the value or table at a dotted path, or ``default`` if
+    none did.
+    """
     parts = path.split(".")
-    places = [path, f"{path}.", *(".".join(parts[:count]) for count in range(len(parts) - 1, 0, -1))]
+    places = [
+        path,
+        f"{path}.",
+        *(".".join(parts[:count]) for count in range(len(parts) - 1, 0, -1)),
+    ]
     return next((sources[place] for place in places if place in sources), default)
 
 
 def _merge(
-    base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], table: str = ""
+    base: dict[str, Any],
+    layer: Mapping[str, Any],
+    label: str,
+    sources: dict[str, str],
+    table: str = "",
 ) -> None:
     """Merge a layer into ``base`` in place, and store the label of the layer for each value."""
     if table in INTERFACES and not _same_backend(layer.get("backend"), base.get("backend")):
@@ -178,15 +217,22 @@ def _merge(
 
 
 def _same_backend(name: Any, before: Any) -> bool:
-    """Return whether a layer keeps the backend: it names none, or the same one, with or without its distribution."""
+    """Return whether a layer keeps the backend: it names none, or the same one, with or without its
+    distribution.
+    """
     if name is None or name == before:
         return True
-    (owner, _, bare), (owner_before, _, bare_before) = str(name).rpartition(":"), str(before).rpartition(":")
+    (owner, _, bare), (owner_before, _, bare_before) = (
+        str(name).rpartition(":"),
+        str(before).rpartition(":"),
+    )
     return bare == bare_before and not (owner and owner_before)
 
 
 def _assignment(key: str, value: str, title: str) -> dict[str, Any]:
-    """Return the nested tables of one value at a dotted path; the value is TOML, or a string without quotes."""
+    """Return the nested tables of one value at a dotted path; the value is TOML, or a string
+    without quotes.
+    """
     try:
         return tomllib.loads(f"{key} = {value}")
     except ValueError:
@@ -194,11 +240,15 @@ def _assignment(key: str, value: str, title: str) -> dict[str, Any]:
     try:
         return tomllib.loads(f"{key} = {text}")
     except ValueError as error:
-        raise ConfigError(f"{title}: '{key}' does not name a setting, such as inpainter.backend ({error})") from error
+        raise ConfigError(
+            f"{title}: '{key}' does not name a setting, such as inpainter.backend ({error})"
+        ) from error
 
 
 def _complete_paths(table: dict[str, Any], folder: Path) -> None:
-    """Add a folder to the names of classes in local files, and to paths, so that they are found from anywhere."""
+    """Add a folder to the names of classes in local files, and to paths, so that they are found
+    from anywhere.
+    """
     for name in INTERFACES:
         own = table.get(name)
         if isinstance(own, dict) and isinstance(own.get("backend"), str):

@@ -1,4 +1,5 @@
-"""The validated configuration: a pydantic model of its tables, and its loading from files, variables and flags.
+"""The validated configuration: a pydantic model of its tables, and its loading from files,
+variables and flags.
 
 This module checks structure, keys, types and the settings of the engine, without plugins.
 :mod:`physic_core.configuration.resolve` then checks the options of each backend.
@@ -83,7 +84,8 @@ class BackendChoice(_Table):
 
     backend: str = Field(
         min_length=1,
-        description="name of a backend, 'distribution:name', 'package.module:Class' (a module beside the config, "
+        description="name of a backend, 'distribution:name', 'package.module:Class' (a module "
+        "beside the config, "
         "or an installed one), or 'none' where it is optional",
     )
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
@@ -91,7 +93,10 @@ class BackendChoice(_Table):
 
 def _depth_unit(text: str) -> str:
     if text not in _UNITS_M and not re.fullmatch(r"1/[1-9]\d{0,5}", text):
-        raise ValueError(f"should be {', '.join(_UNITS_M)}, or a part of a metre such as 1/5000 (got {quoted(text)})")
+        raise ValueError(
+            f"should be {', '.join(_UNITS_M)}, or a part of a metre such as 1/5000 (got "
+            f"{quoted(text)})"
+        )
     return text
 
 
@@ -105,21 +110,33 @@ def _unit_m(text: str) -> float:
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
 _Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
-_Distortion = Annotated[float, Field(ge=-1000, le=1000)]  # strong lenses of telephones have coefficients of tens
+# strong lenses of telephones have coefficients of tens
+_Distortion = Annotated[float, Field(ge=-1000, le=1000)]
 
 
 class PhotoSettings(_Table):
-    """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to reconstruct."""
+    """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to
+    reconstruct.
+    """
 
     max_side: int = Field(
-        default=1280, ge=128, le=10_000, description="larger photos are downscaled to this long side, px; 640-1920"
+        default=1280,
+        ge=128,
+        le=10_000,
+        description="larger photos are downscaled to this long side, px; 640-1920",
     )
-    focal_px: float | None = Field(default=None, ge=1, le=1e6, description="focal length, px of the upright photo file")
+    focal_px: float | None = Field(
+        default=None, ge=1, le=1e6, description="focal length, px of the upright photo file"
+    )
     intrinsics: tuple[_Focal, _Focal, _Pixel, _Pixel] | None = Field(
-        default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
+        default=None,
+        description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers",
     )
-    distortion: tuple[_Distortion, _Distortion, _Distortion, _Distortion, _Distortion] | None = Field(
-        default=None, description="lens distortion k1, k2, p1, p2, k3 of the intrinsics, in OpenCV's order"
+    distortion: tuple[_Distortion, _Distortion, _Distortion, _Distortion, _Distortion] | None = (
+        Field(
+            default=None,
+            description="lens distortion k1, k2, p1, p2, k3 of the intrinsics, in OpenCV's order",
+        )
     )
     person: tuple[tuple[_Pixel, _Pixel], ...] = Field(
         default=(),
@@ -129,47 +146,59 @@ class PhotoSettings(_Table):
     box: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel], ...] = Field(
         default=(),
         max_length=_MAX_PROMPTS,
-        description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file",
+        description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo "
+        "file",
     )
     depth: _FilePath = Field(
         default=None,
-        description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, or a 16-bit PNG in "
+        description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, "
+        "or a 16-bit PNG in "
         "millimetres; relative to the config file",
     )
     depth_unit: _DepthUnit | None = Field(
-        default=None, description="another unit of depth: mm, cm, m, ft, or a part of a metre such as 1/5000"
+        default=None,
+        description="another unit of depth: mm, cm, m, ft, or a part of a metre such as 1/5000",
     )
     pointmap: _FilePath = Field(
         default=None,
-        description="a point map of the photo, instead of relative_pointmap: .npy (H, W, 3), or .npz with points and "
+        description="a point map of the photo, instead of relative_pointmap: .npy (H, W, 3), or "
+        ".npz with points and "
         "valid; relative to the config file",
     )
     keypoints: _FilePath = Field(
         default=None,
-        description="keypoints that replace detected ones, px of the upright photo file: .csv with person, joint, x, "
+        description="keypoints that replace detected ones, px of the upright photo file: .csv "
+        "with person, joint, x, "
         "y, or COCO .json; relative to the config file",
     )
     require_people: bool = Field(
-        default=False, description="whether a photo without people is an error rather than a scene-only result"
+        default=False,
+        description="whether a photo without people is an error rather than a scene-only result",
     )
     stature: tuple[Annotated[float, Field(ge=0, le=2.6)], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="known standing heights, metres: one for all people, or one per person from left to right, or in "
+        description="known standing heights, metres: one for all people, or one per person from "
+        "left to right, or in "
         "the order of the chosen people; 0 where unknown",
     )
     age: tuple[Annotated[float, Field(ge=0, le=120)], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="known ages, years: one for all people, or one per person as in stature; 0 where unknown",
+        description="known ages, years: one for all people, or one per person as in stature; 0 "
+        "where unknown",
     )
     camera_height: float | None = Field(
-        default=None, ge=0.01, le=1000, description="known height of the camera above the floor, metres"
+        default=None,
+        ge=0.01,
+        le=1000,
+        description="known height of the camera above the floor, metres",
     )
     known_length: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel, _Length], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true distance between "
+        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true "
+        "distance between "
         "their points; or a list of these",
     )
     mask_growth: float = Field(
@@ -198,12 +227,20 @@ class PhotoSettings(_Table):
     @field_validator("known_length", mode="before")
     @classmethod
     def _list_of_lengths(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, (list, tuple)) and value and type(value[0]) in (int, float) else value
+        return (
+            (value,)
+            if isinstance(value, (list, tuple)) and value and type(value[0]) in (int, float)
+            else value
+        )
 
     def known_sizes(self, given: KnownSizes | None = None) -> KnownSizes:
-        """Return the known sizes, in px of the upright photo file; unset ones default to ``given``."""
+        """Return the known sizes, in px of the upright photo file; unset ones default to
+        ``given``.
+        """
         given = given or KnownSizes()
-        lengths = tuple(KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length or ())
+        lengths = tuple(
+            KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length or ()
+        )
         return KnownSizes(
             stature=given.stature if self.stature is None else self.stature,
             camera_height=given.camera_height if self.camera_height is None else self.camera_height,
@@ -219,17 +256,26 @@ class PhotoSettings(_Table):
         if self.depth_unit is not None and self.depth is None:
             raise ValueError("has depth_unit without depth: give both")
         if self.distortion is not None and self.intrinsics is None:
-            raise ValueError("has distortion without intrinsics: give both, from the same calibration")
+            raise ValueError(
+                "has distortion without intrinsics: give both, from the same calibration"
+            )
         if any(self.distortion or ()) and (self.depth or self.pointmap):
-            raise ValueError("has distortion and a map of the distorted photo: undistort both first, and leave it out")
+            raise ValueError(
+                "has distortion and a map of the distorted photo: undistort both first, and leave "
+                "it out"
+            )
         return self
 
 
 class BodyModelChoice(_Table):
     """The table ``[body_model]``: the embedded body, or an SMPL-X file of the user."""
 
-    name: Literal["embedded"] | None = Field(default=None, description="the body that PhySIC contains")
-    path: _FilePath = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
+    name: Literal["embedded"] | None = Field(
+        default=None, description="the body that PhySIC contains"
+    )
+    path: _FilePath = Field(
+        default=None, description="an official SMPLX_*.npz; relative to the config file"
+    )
 
     @model_validator(mode="after")
     def _one_body(self) -> BodyModelChoice:
@@ -244,11 +290,15 @@ class BodyModelChoice(_Table):
 
 
 class EngineChoice(_Table):
-    """The table ``[engine]``: a preset of the engine, and settings of each stage that override the preset."""
+    """The table ``[engine]``: a preset of the engine, and settings of each stage that override the
+    preset.
+    """
 
     preset: str = Field(default="default", description="preset of engine settings")
     scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
-    placement: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body aligned with its points")
+    placement: dict[str, Any] = Field(
+        default_factory=dict, description="stage 2: each body aligned with its points"
+    )
     joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: joint optimisation")
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 
@@ -267,17 +317,25 @@ class RunSettings(_Table):
     device: str = Field(
         default="cpu",
         pattern="^(cpu|cuda(:[0-9]{1,3})?)$",
-        description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
+        description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the "
+        "CPU",
     )
     threads: int = Field(
         default=1,
         ge=1,
         le=256,
-        description="CPU threads of engine and fits; more than 1 is rarely faster and can change the last bits",
+        description="CPU threads of engine and fits; more than 1 is rarely faster and can change "
+        "the last bits",
     )
-    low_memory: bool = Field(default=False, description="close each backend right after its last use")
-    cache: bool = Field(default=True, description="cache backend outputs, and reuse those of earlier runs")
-    cache_mb: int = Field(default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes")
+    low_memory: bool = Field(
+        default=False, description="close each backend right after its last use"
+    )
+    cache: bool = Field(
+        default=True, description="cache backend outputs, and reuse those of earlier runs"
+    )
+    cache_mb: int = Field(
+        default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes"
+    )
 
 
 class Config(_Table):
@@ -302,16 +360,21 @@ class Config(_Table):
     @classmethod
     def _is_named(cls, choice: BackendChoice) -> BackendChoice:
         if choice.backend == "none":
-            raise ValueError(f"should name a backend: only {', '.join(OPTIONAL_INTERFACES)} may be 'none'")
+            raise ValueError(
+                f"should name a backend: only {', '.join(OPTIONAL_INTERFACES)} may be 'none'"
+            )
         return choice
 
     def choice(self, interface: str) -> BackendChoice:
-        """Return the backend and options chosen for an interface; a file of ``[photo]`` replaces both.
+        """Return the backend and options chosen for an interface; a file of ``[photo]`` replaces
+        both.
 
         Options of a chosen backend that reads files are kept.
         """
         chosen: BackendChoice = getattr(self, interface)
-        path = {"metric_depth": self.photo.depth, "relative_pointmap": self.photo.pointmap}.get(interface)
+        path = {"metric_depth": self.photo.depth, "relative_pointmap": self.photo.pointmap}.get(
+            interface
+        )
         if path is None:
             return chosen
         options: dict[str, Any] = {"path": path}
@@ -320,11 +383,18 @@ class Config(_Table):
             usual = _PNG_UNIT if path.lower().endswith(".png") and not is_kept else None
             unit = self.photo.depth_unit or usual
             options |= {"scale": _unit_m(unit)} if unit else {}
-        return BackendChoice(backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options})
+        return BackendChoice(
+            backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options}
+        )
 
     def input_files(self) -> dict[str, str]:
-        """Return the files that a run reads beside photo, weights and body model, by the setting that names each."""
-        files = {f"photo.{name}": getattr(self.photo, name) for name in ("depth", "pointmap", "keypoints")}
+        """Return the files that a run reads beside photo, weights and body model, by the setting
+        that names each.
+        """
+        files = {
+            f"photo.{name}": getattr(self.photo, name)
+            for name in ("depth", "pointmap", "keypoints")
+        }
         for interface in INTERFACES:
             chosen: BackendChoice = getattr(self, interface)
             if chosen == self.choice(interface) and chosen.backend.rpartition(":")[2] == _FROM_FILE:
@@ -332,9 +402,14 @@ class Config(_Table):
         return {name: str(path) for name, path in files.items() if path is not None}
 
     def with_backends(self, chosen: Mapping[str, tuple[str, Mapping[str, Any]]]) -> Config:
-        """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and options."""
+        """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and
+        options.
+        """
         return self.model_copy(
-            update={n: BackendChoice(backend=name, options=dict(options)) for n, (name, options) in chosen.items()}
+            update={
+                n: BackendChoice(backend=name, options=dict(options))
+                for n, (name, options) in chosen.items()
+            }
         )
 
     def with_photo(self, settings: Mapping[str, Any]) -> Config:
@@ -343,15 +418,21 @@ class Config(_Table):
         Raises:
             ConfigError: a value is invalid; the message lists all errors.
         """
-        changed = _validate_layers([("config", self.as_dict()), ("settings of this photo", {"photo": settings})])
+        changed = _validate_layers(
+            [("config", self.as_dict()), ("settings of this photo", {"photo": settings})]
+        )
         return self.model_copy(update={"photo": changed.photo})
 
     def source(self, path: str) -> str:
-        """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
+        """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or
+        "default".
+        """
         return source_of(self._sources, path)
 
     def as_dict(self) -> dict[str, Any]:
-        """Convert to nested dictionaries, as in a TOML file, without unset values and with absolute paths."""
+        """Convert to nested dictionaries, as in a TOML file, without unset values and with absolute
+        paths.
+        """
         return self.model_dump(mode="json", exclude_none=True)
 
 
@@ -366,13 +447,14 @@ def load_config(
     """Read, merge and validate a configuration.
 
     Args:
-        file: a TOML file, which may extend a preset or another file with ``extends``; or the ``reconstruction.json`` of
-            a run, to repeat it.
+        file: a TOML file, which may extend a preset or another file with ``extends``; or the
+            ``reconstruction.json`` of a run, to repeat it.
         preset: the preset to use without a file, or with a file that has no ``extends``.
         overrides: strings "a.b=c"; c is TOML, or a string without quotes.
-        flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
-        environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the file; ``overrides``
-            override them. None for ``os.environ``.
+        flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px":
+            900.0}}}``.
+        environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the
+            file; ``overrides`` override them. None for ``os.environ``.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
@@ -390,8 +472,8 @@ def load_config(
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
     """Convert a preset name, path, mapping, Config or None to a Config.
 
-    A string is the name of a preset unless it ends in ".toml" or ".json" or contains a slash. A mapping overrides the
-    preset or file that its key "extends" names, or the default preset.
+    A string is the name of a preset unless it ends in ".toml" or ".json" or contains a slash. A
+    mapping overrides the preset or file that its key "extends" names, or the default preset.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
@@ -401,7 +483,9 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
     tables = dict(config) if isinstance(config, Mapping) else {"extends": config}
     base = tables.pop("extends", None)
     if not (base is None or isinstance(base, str | os.PathLike)):
-        raise ConfigError(f"a config should be a preset, a path, a mapping or a Config (got {quoted(base)})")
+        raise ConfigError(
+            f"a config should be a preset, a path, a mapping or a Config (got {quoted(base)})"
+        )
     if isinstance(base, str) and not is_path(base):
         return load_config(preset=base, flags={"config": tables})
     return load_config(base, flags={"config": tables})
@@ -442,7 +526,8 @@ def _engine_problems(engine: Any) -> list[Problem]:
 
 @cache
 def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
-    """Return a pydantic model of the settings of each stage; ``preset`` determines the terms of the joint stage.
+    """Return a pydantic model of the settings of each stage; ``preset`` determines the terms of the
+    joint stage.
 
     All keys are optional. Strings are not converted to numbers.
     """
@@ -452,7 +537,9 @@ def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
 
 @cache
 def settings_model(kind: Any) -> type[_Table]:
-    """Build a pydantic model from a dataclass of settings; nested dataclasses become nested models."""
+    """Build a pydantic model from a dataclass of settings; nested dataclasses become nested
+    models.
+    """
     hints = get_type_hints(kind, include_extras=True)
     own = {f.name: hints[f.name] for f in fields(kind)}
     kinds = {n: settings_model(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
@@ -475,8 +562,8 @@ def check_engine_preset(name: str) -> None:
     """Check that there is one preset of this name, without importing it.
 
     Raises:
-        ConfigError: no preset has this name, or several plugins offer it; the message names the distribution if it
-            is known.
+        ConfigError: no preset has this name, or several plugins offer it; the message names the
+            distribution if it is known.
     """
     if name != DEFAULT_ENERGY:
         _find(name)
@@ -489,7 +576,8 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
         ConfigError: no preset has this name, or several plugins offer it.
         PluginError: the plugin cannot be imported, or names no settings.
     """
-    # The terms of stage 3 import torch, which a configuration without engine settings does not need.
+    # The terms of stage 3 import torch, which a configuration without engine settings does not
+    # need.
     from physic_core.engine.presets import DEFAULT
     from physic_core.engine.settings import EngineSettings
 
@@ -498,7 +586,10 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
     found = _find(name)
     settings = import_item(found, "engine preset")
     if not isinstance(settings, EngineSettings):
-        raise PluginError(f"{found.title('engine preset')} should be an EngineSettings, got {type(settings).__name__}")
+        raise PluginError(
+            f"{found.title('engine preset')} should be an EngineSettings, got "
+            f"{type(settings).__name__}"
+        )
     return settings
 
 

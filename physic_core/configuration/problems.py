@@ -14,20 +14,26 @@ if TYPE_CHECKING:
 
 
 class Problem(NamedTuple):
-    """One invalid setting: its dotted path, such as "metric_depth.options.scale", and what is wrong with it."""
+    """One invalid setting: its dotted path, such as "metric_depth.options.scale", and what is wrong
+    with it.
+    """
 
     path: str
     message: str
 
 
 def config_error(problems: Iterable[Problem], source: Callable[[str], str]) -> ConfigError:
-    """Return one exception with a line for each problem: "my.toml: photo.max_side: should be ... (got 3)".
+    """Return one exception with a line for each problem: "my.toml: photo.max_side: should be ...
+
+    (got 3)".
 
     Args:
         problems: at least one.
         source: maps a dotted path to the file or flag that set its value.
     """
-    return ConfigError("\n".join(f"{source(path)}: {path}: {message}" for path, message in dict.fromkeys(problems)))
+    return ConfigError(
+        "\n".join(f"{source(path)}: {path}: {message}" for path, message in dict.fromkeys(problems))
+    )
 
 
 def problems_from_pydantic(
@@ -46,12 +52,19 @@ def problems_from_pydantic(
         loc = [str(part) for part in found["loc"]]
         if found["type"] == "extra_forbidden":
             known = _keys(model, loc[:-1])
-            hint = did_you_mean(loc[-1], known) or (f": choose one of {', '.join(known)}" if known else "")
+            hint = did_you_mean(loc[-1], known) or (
+                f": choose one of {', '.join(known)}" if known else ""
+            )
             message = f"unknown {kind}{hint}"
         elif found["type"] == "missing":
             message = "is missing"
         else:
-            message = found["msg"].removeprefix("Value error, ").removeprefix("Input ").removeprefix("String ")
+            message = (
+                found["msg"]
+                .removeprefix("Value error, ")
+                .removeprefix("Input ")
+                .removeprefix("String ")
+            )
             message += "" if found["type"] == "value_error" else f" (got {quoted(found['input'])})"
         problems.append(Problem(".".join(filter(None, [path, *loc])), message))
     return problems

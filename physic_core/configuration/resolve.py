@@ -1,4 +1,6 @@
-"""Construct the backends that a configuration chooses, and check their options, files and device."""
+"""Construct the backends that a configuration chooses, and check their options, files and
+device.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ from pydantic import ValidationError
 from physic_core.adapters.devices import check_device, has_gpu
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
-from physic_core.discovery.backends import class_problem, find_backend, list_backends, load_class, missing_requirements
+from physic_core.discovery.backends import (
+    class_problem,
+    find_backend,
+    list_backends,
+    load_class,
+    missing_requirements,
+)
 from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.plugin_code import named_plugin_code
@@ -53,8 +61,9 @@ class ResolvedBackend:
     """A constructed backend, without loaded weights, and its provenance.
 
     Attributes:
-        cacheable: whether its results may be cached. False for an instance that the user constructed: its attributes
-            can change the results, and the cache key does not contain them.
+        cacheable: whether its results may be cached. False for an instance that the user
+            constructed: its attributes can change the results, and the cache key does not contain
+            them.
     """
 
     backend: Backend
@@ -94,12 +103,15 @@ class ResolvedPipeline:
         return self.config.engine.settings() if self.given_engine is None else self.given_engine
 
 
-def resolve(config: Config, backends: Mapping[str, Backend | type[Backend]] | None = None) -> ResolvedPipeline:
+def resolve(
+    config: Config, backends: Mapping[str, Backend | type[Backend]] | None = None
+) -> ResolvedPipeline:
     """Construct one backend for each interface; no weights are loaded and no network is used.
 
     Args:
         config: chooses the backends.
-        backends: by interface, instances or classes that replace the config's choice. A class gets its default options.
+        backends: by interface, instances or classes that replace the config's choice. A class gets
+            its default options.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
@@ -107,8 +119,12 @@ def resolve(config: Config, backends: Mapping[str, Backend | type[Backend]] | No
     """
     given = {name: _given_in_python(name, backend) for name, backend in (backends or {}).items()}
     choices = {name: config.choice(name) for name in INTERFACES if name not in given}
-    found = {name: _construct(*one) for name, one in _select(choices, config.source).items()} | given
-    config = config.with_backends({n: (one.provenance.backend, one.provenance.options) for n, one in given.items()})
+    found = {
+        name: _construct(*one) for name, one in _select(choices, config.source).items()
+    } | given
+    config = config.with_backends(
+        {n: (one.provenance.backend, one.provenance.options) for n, one in given.items()}
+    )
     return ResolvedPipeline(
         backends=MappingProxyType({name: found[name] for name in INTERFACES if name in found}),
         photo=config.photo,
@@ -122,7 +138,8 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object]) -> Res
     """Construct one backend without a configuration and without loading weights.
 
     Raises:
-        ConfigError: the interface, the name or the options are invalid; the message lists all errors.
+        ConfigError: the interface, the name or the options are invalid; the message lists all
+            errors.
         WeightsMissingError: files of the backend are missing.
         BackendError: its class cannot be imported or constructed.
     """
@@ -133,7 +150,9 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object]) -> Res
     choice = BackendChoice(backend=name, options=dict(options))
     resolved = _construct(*_select({interface: choice}, lambda _: "load_backend")[interface])
     if texts := missing_requirements(resolved.backend):
-        raise WeightsMissingError(format_missing([f"{resolved.title}: {text}" for text in texts], ""))
+        raise WeightsMissingError(
+            format_missing([f"{resolved.title}: {text}" for text in texts], "")
+        )
     return resolved
 
 
@@ -154,7 +173,10 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
     texts = [f"{' and '.join(titles)}: {text}" for text, titles in found.items()]
     path = plan.config.body_model.path
     if path is not None and not Path(path).exists():
-        texts.append(f"body_model.path: no file at {path}: check the path, or remove it to use the embedded body")
+        texts.append(
+            f"body_model.path: no file at {path}: check the path, or remove it to use the "
+            f"embedded body"
+        )
     return tuple(texts)
 
 
@@ -166,7 +188,8 @@ def missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
     if plan.device == "cpu" or has_gpu():
         return ()
     return (
-        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set run.device to 'cpu' if the "
+        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set "
+        f"run.device to 'cpu' if the "
         "backends support it",
     )
 
@@ -182,12 +205,15 @@ def require_available(plan: ResolvedPipeline) -> None:
     """
     check_input_files(plan.config)
     if files := missing_file_messages(plan):
-        raise WeightsMissingError(format_missing((*files, *missing_gpu(plan)), ", and nothing was computed"))
+        raise WeightsMissingError(
+            format_missing((*files, *missing_gpu(plan)), ", and nothing was computed")
+        )
     check_device(plan.device)
 
 
 def check_input_files(config: Config) -> None:
-    """Raise InputError unless the files of the photo, such as its depth map, and the body model are regular files.
+    """Raise InputError unless the files of the photo, such as its depth map, and the body model are
+    regular files.
 
     A body model that is missing is one of the missing weights.
 
@@ -212,7 +238,8 @@ def format_missing(texts: Sequence[str], end: str) -> str:
 
 
 def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
-    """Return the weight sets that options of the backends name, each once, with the hashes of the lock file.
+    """Return the weight sets that options of the backends name, each once, with the hashes of the
+    lock file.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
@@ -228,7 +255,8 @@ def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
 
 
 def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
-    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
+    """Load a configuration and check it, with its backends, their weights and the device; no
+    network is loaded.
 
     Args:
         file: as in :func:`physic_core.configuration.model.load_config`.
@@ -246,7 +274,9 @@ def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> Re
 def _require_interface(name: str) -> None:
     if name not in INTERFACES:
         hint = did_you_mean(name, INTERFACES)
-        raise ConfigError(f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}")
+        raise ConfigError(
+            f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}"
+        )
 
 
 def _given_in_python(interface: str, given: object) -> ResolvedBackend:
@@ -267,10 +297,14 @@ def _given_in_python(interface: str, given: object) -> ResolvedBackend:
     try:
         return _construct(offer, kind, kind.Options())
     except ValidationError as error:
-        raise ConfigError(f"backends['{interface}']: {name} has options without a default: give an instance") from error
+        raise ConfigError(
+            f"backends['{interface}']: {name} has options without a default: give an instance"
+        ) from error
 
 
-def _select(choices: Mapping[str, BackendChoice], source: Callable[[str], str]) -> dict[str, _Chosen]:
+def _select(
+    choices: Mapping[str, BackendChoice], source: Callable[[str], str]
+) -> dict[str, _Chosen]:
     """Import the chosen backend of each interface, and check its options.
 
     Raises:
@@ -293,14 +327,19 @@ def _select(choices: Mapping[str, BackendChoice], source: Callable[[str], str]) 
         try:
             chosen[interface] = offer, kind, kind.Options.model_validate(choice.options)
         except ValidationError as error:
-            problems += problems_from_pydantic(error, kind.Options, f"{interface}.options", "option")
+            problems += problems_from_pydantic(
+                error, kind.Options, f"{interface}.options", "option"
+            )
     if problems:
         raise config_error(problems, source) from cause
     return chosen
 
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
-    with kept_process_state(loads=True) as changes, named_plugin_code(f"{offer} cannot be constructed", kind):
+    with (
+        kept_process_state(loads=True) as changes,
+        named_plugin_code(f"{offer} cannot be constructed", kind),
+    ):
         backend = kind(options)
     if changes:
         _LOG.warning("the constructor of %s %s", offer, describe_changes(changes))
@@ -316,6 +355,7 @@ def _resolved(offer: Offer, backend: Backend, *, cacheable: bool = True) -> Reso
         distribution=offer.distribution,
         version=offer.version,
         options=options,
-        weights_license=licence_text(named_sets(offer.distribution, options)) or backend.weights_license,
+        weights_license=licence_text(named_sets(offer.distribution, options))
+        or backend.weights_license,
     )
     return ResolvedBackend(backend, provenance, cacheable)

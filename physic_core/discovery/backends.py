@@ -1,4 +1,6 @@
-"""Find backends by interface and name, and import their classes; nothing is imported to list them."""
+"""Find backends by interface and name, and import their classes; nothing is imported to list
+them.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,12 @@ from physic_core.discovery.entry_points import (
 from physic_core.discovery.error_text import describe_error, did_you_mean
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
-from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError, WeightsMissingError
+from physic_core.errors import (
+    AmbiguousBackendError,
+    BackendError,
+    BackendNotFoundError,
+    WeightsMissingError,
+)
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -30,7 +37,9 @@ _IN_CONFIG = "named in the config"
 
 
 def list_backends(interface: str | None = None) -> tuple[Offer, ...]:
-    """Return the installed backends of an interface, or of all, sorted by interface, name and distribution."""
+    """Return the installed backends of an interface, or of all, sorted by interface, name and
+    distribution.
+    """
     offers = installed_offers() if interface is None else installed_offers(f"physic.{interface}")
     return tuple(offer for offer in offers if offer.interface in INTERFACES)
 
@@ -40,8 +49,9 @@ def find_backend(interface: str, name: str) -> Offer:
 
     Args:
         interface: "metric_depth", ...
-        name: "name"; "distribution:name" if two distributions offer it; "package.module:Class" for a class that no
-            plugin offers; "/folder/module:Class" for a class in a file of that folder.
+        name: "name"; "distribution:name" if two distributions offer it; "package.module:Class" for
+            a class that no plugin offers; "/folder/module:Class" for a class in a file of that
+            folder.
 
     Raises:
         BackendNotFoundError: no installed plugin offers it.
@@ -52,16 +62,22 @@ def find_backend(interface: str, name: str) -> Offer:
         return found[0]
     if found:
         ways = " or ".join(f"'{one.distribution}:{one.name}'" for one in found)
-        raise AmbiguousBackendError(f"{' and '.join(map(str, found))} have one name: write {ways} to choose")
+        raise AmbiguousBackendError(
+            f"{' and '.join(map(str, found))} have one name: write {ways} to choose"
+        )
     target = local_modules.split_folder(name)[1]
     distribution = canonicalize_name(target.partition(":")[0])
-    if TARGET.fullmatch(target) and distribution not in {canonicalize_name(o.distribution) for o in list_backends()}:
+    if TARGET.fullmatch(target) and distribution not in {
+        canonicalize_name(o.distribution) for o in list_backends()
+    }:
         return Offer(f"physic.{interface}", target, name, _IN_CONFIG)
     raise BackendNotFoundError(f"{_explain_missing(target, interface)} (Python: {sys.executable})")
 
 
 def find_by_name(name: str) -> tuple[Offer, ...]:
-    """Return the backends of all interfaces that have this name. Names are written as in :func:`find_backend`.
+    """Return the backends of all interfaces that have this name.
+
+    Names are written as in :func:`find_backend`.
 
     "package.module:Class" is imported to find its interface.
 
@@ -75,10 +91,16 @@ def find_by_name(name: str) -> tuple[Offer, ...]:
     if not TARGET.fullmatch(target):
         raise BackendNotFoundError(f"{_explain_missing(target, None)} (Python: {sys.executable})")
     kind = _import_target(Offer("", target, name, _IN_CONFIG), f"'{target}'")
-    own = [name for name, wanted in INTERFACES.items() if isinstance(kind, type) and issubclass(kind, wanted)]
+    own = [
+        name
+        for name, wanted in INTERFACES.items()
+        if isinstance(kind, type) and issubclass(kind, wanted)
+    ]
     if len(own) != 1:
         names = ", ".join(wanted.__name__ for wanted in INTERFACES.values())
-        raise BackendError(f"'{target}' should be a subclass of one class of physic_core.interfaces: {names}")
+        raise BackendError(
+            f"'{target}' should be a subclass of one class of physic_core.interfaces: {names}"
+        )
     return (Offer(f"physic.{own[0]}", target, name, _IN_CONFIG),)
 
 
@@ -92,15 +114,20 @@ def load_class(offer: Offer) -> type[Backend]:
     kind: Any = _import_target(offer, str(offer))
     if problem := class_problem(kind, offer.interface):
         raise BackendError(f"{offer}: {offer.target} {problem}")
-    written, ours = getattr(kind, "written_for", None), INTERFACES[offer.interface].api
+    written = getattr(kind, "written_for", None)
+    ours = INTERFACES[offer.interface].api
     if written is None and offer.distribution == _IN_CONFIG:
         written = ours
     if not isinstance(written, int):
-        raise BackendError(f"{offer}: {offer.target} should state the version of its interface: written_for = {ours}")
+        raise BackendError(
+            f"{offer}: {offer.target} should state the version of its interface: written_for = "
+            f"{ours}"
+        )
     if written != ours:
         older = "physic-core" if written > ours else offer.distribution
         raise BackendError(
-            f"{offer} is written for version {written} of the interface {offer.interface}, and this physic-core has "
+            f"{offer} is written for version {written} of the interface {offer.interface}, and "
+            f"this physic-core has "
             f"version {ours}: upgrade {older}"
         )
     found: type[Backend] = kind
@@ -108,7 +135,9 @@ def load_class(offer: Offer) -> type[Backend]:
 
 
 def class_problem(kind: object, interface: str) -> str:
-    """Return why an object is not a complete backend class of an interface, as the end of a sentence; "" if it is."""
+    """Return why an object is not a complete backend class of an interface, as the end of a
+    sentence; "" if it is.
+    """
     wanted: Any = INTERFACES[interface]
     if not (isinstance(kind, type) and issubclass(kind, wanted)):
         return f"is not a subclass of physic_core.interfaces.{wanted.__name__}"
@@ -142,7 +171,9 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
             messages: object = backend.missing()
     except WeightsMissingError as error:
         return (str(error),)
-    if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
+    if not isinstance(messages, (tuple, list)) or not all(
+        isinstance(text, str) for text in messages
+    ):
         raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")
     return tuple(messages)
 
@@ -153,7 +184,8 @@ def _called(offers: tuple[Offer, ...], name: str) -> tuple[Offer, ...]:
     return tuple(
         offer
         for offer in offers
-        if offer.name == bare and canonicalize_name(owner) in ("", canonicalize_name(offer.distribution))
+        if offer.name == bare
+        and canonicalize_name(owner) in ("", canonicalize_name(offer.distribution))
     )
 
 
@@ -161,11 +193,18 @@ def _explain_missing(name: str, interface: str | None) -> str:
     """Return why no backend has this name, and what to install or to write instead."""
     offers = list_backends(interface)
     names = sorted({offer.name for offer in offers})
-    there = f"installed: {', '.join(names) or 'none'}" if interface else "`physic plugins` lists what is installed"
+    there = (
+        f"installed: {', '.join(names) or 'none'}"
+        if interface
+        else "`physic plugins` lists what is installed"
+    )
     parts = [f"no {interface or 'backend'} named '{name}'; {there}"]
     if restricted_to() is not None:
         # First, since a restriction may hide plugins that the later advice would install.
-        parts.append(f"{PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r} hides every other plugin: add to it")
+        parts.append(
+            f"{PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r} hides every other plugin: add "
+            f"to it"
+        )
     bare = name.rpartition(":")[2]
     others = sorted({offer.interface for offer in list_backends() if offer.name == bare})
     if owners := [offer.distribution for offer in offers if offer.name == bare]:
@@ -187,20 +226,34 @@ def _import_target(offer: Offer, title: str) -> object:
     found: object = None
     try:
         with plugin_code():
-            found = importlib.import_module(module) if folder is None else local_modules.load_module(folder, module)
+            found = (
+                importlib.import_module(module)
+                if folder is None
+                else local_modules.load_module(folder, module)
+            )
             for part in path.split("."):
                 found = getattr(found, part)
     except Exception as cause:  # any error of a plugin's module: name the plugin
-        kind, advice = BackendError, ""
+        kind = BackendError
+        advice = ""
         if offer.distribution == _IN_CONFIG:
             if isinstance(cause, ModuleNotFoundError):
-                advice = "; beside a config, only the module that it names is found: put others into PYTHONPATH"
+                advice = (
+                    "; beside a config, only the module that it names is found: put others "
+                    "into PYTHONPATH"
+                )
             if found is not None or _is_not_found(module, cause):
                 kind = BackendNotFoundError
-        raise kind(f"{title} cannot be imported: {describe_error(cause, module)}{advice}") from cause
+        raise kind(
+            f"{title} cannot be imported: {describe_error(cause, module)}{advice}"
+        ) from cause
     return found
 
 
 def _is_not_found(module: str, cause: BaseException) -> bool:
-    """Return whether the named module itself does not exist, rather than a module that it imports."""
-    return isinstance(cause, ModuleNotFoundError) and (cause.name is None or f"{module}.".startswith(f"{cause.name}."))
+    """Return whether the named module itself does not exist, rather than a module that it
+    imports.
+    """
+    return isinstance(cause, ModuleNotFoundError) and (
+        cause.name is None or f"{module}.".startswith(f"{cause.name}.")
+    )

@@ -7,7 +7,9 @@ from importlib import resources
 from typing import Any
 
 _IN_CONTRIB = ("physic-omnieraser", "physic-ray")
-_TABLES: dict[str, Any] = tomllib.loads((resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8"))
+_TABLES: dict[str, Any] = tomllib.loads(
+    (resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8")
+)
 
 
 def _owners(table: str) -> dict[str, str]:
@@ -34,9 +36,11 @@ EXECUTORS = _owners("executors")
 
 
 def sources_in_checkout(distribution: str) -> tuple[str, ...]:
-    """Return the folders of a checkout that install a distribution of this project; empty for another one.
+    """Return the folders of a checkout that install a distribution of this project; empty for
+    another one.
 
-    They include the distributions that it requires: until they are released, no index may be asked for their names.
+    They include the distributions that it requires: until they are released, no index may be asked
+    for their names.
     """
     if not any(distribution in table for table in _TABLES.values()):
         return ()
@@ -45,10 +49,15 @@ def sources_in_checkout(distribution: str) -> tuple[str, ...]:
 
 
 def how_to_install(distribution: str, extra: str = "") -> str:
-    """Return the install command of a distribution; distributions of this project are installed from a checkout."""
+    """Return the install command of a distribution; distributions of this project are installed
+    from a checkout.
+    """
     *others, source = sources_in_checkout(distribution) or (distribution,)
     if extra:
         source = f"'{source}[{extra}]'"
     if not sources_in_checkout(distribution):
         return f"`pip install {source}`"
-    return f"`pip install {' '.join(f'-e {each}' for each in (*others, source))}` in a checkout of PhySIC"
+    return (
+        f"`pip install {' '.join(f'-e {each}' for each in (*others, source))}` in a checkout "
+        f"of PhySIC"
+    )

@@ -1,8 +1,10 @@
-"""Read entry points of installed distributions without importing their targets, and versions of distributions.
+"""Read entry points of installed distributions without importing their targets, and versions of
+distributions.
 
-A plugin has one entry point for each backend, in the group ``physic.INTERFACE``, such as ``physic.metric_depth``. It
-has one in ``physic.weights`` if it lists weights (:mod:`physic_core.weights.manifest`), and one in ``physic.plugins``
-if it has hooks (:mod:`physic_core.discovery.hooks`).
+A plugin has one entry point for each backend, in the group ``physic.INTERFACE``, such as
+``physic.metric_depth``. It has one in ``physic.weights`` if it lists weights
+(:mod:`physic_core.weights.manifest`), and one in ``physic.plugins`` if it has hooks
+(:mod:`physic_core.discovery.hooks`).
 """
 
 from __future__ import annotations
@@ -60,23 +62,32 @@ class Offer:
 
 
 def installed_offers(group: str = "") -> tuple[Offer, ...]:
-    """Return the entry points of a group, or of all groups of PhySIC, sorted by group, name and distribution.
+    """Return the entry points of a group, or of all groups of PhySIC, sorted by group, name and
+    distribution.
 
-    With ``PHYSIC_PLUGINS=a,b`` in the environment, only those of the distributions with these names.
+    With ``PHYSIC_PLUGINS=a,b`` in the environment, only those of the distributions with these
+    names.
     """
     asked = restricted_to()
     found = _read_entry_points(_folders())
     return tuple(
         offer
         for offer in found
-        if group in ("", offer.group) and (asked is None or canonicalize_name(offer.distribution) in asked)
+        if group in ("", offer.group)
+        and (asked is None or canonicalize_name(offer.distribution) in asked)
     )
 
 
 def restricted_to() -> tuple[str, ...] | None:
-    """Return the names of the distributions that ``PHYSIC_PLUGINS`` allows; None if it is not set."""
+    """Return the names of the distributions that ``PHYSIC_PLUGINS`` allows; None if it is not
+    set.
+    """
     text = os.environ.get(PLUGINS_VARIABLE)
-    return None if text is None else tuple(canonicalize_name(name.strip()) for name in text.split(",") if name.strip())
+    return (
+        None
+        if text is None
+        else tuple(canonicalize_name(name.strip()) for name in text.split(",") if name.strip())
+    )
 
 
 def group_problem(group: str) -> str:
@@ -86,12 +97,15 @@ def group_problem(group: str) -> str:
 
     known = (HOOKS_GROUP, WEIGHTS_GROUP, *(f"{_PREFIX}{interface}" for interface in INTERFACES))
     return (
-        "" if group in known else f"nothing reads its entry points of the group '{group}'{did_you_mean(group, known)}"
+        ""
+        if group in known
+        else f"nothing reads its entry points of the group '{group}'{did_you_mean(group, known)}"
     )
 
 
 def weights_folder(offer: Offer) -> Path:
-    """Return the folder of the package that an entry point of ``physic.weights`` names; the package is not imported.
+    """Return the folder of the package that an entry point of ``physic.weights`` names; the package
+    is not imported.
 
     Raises:
         PluginError: the folder does not exist.
@@ -102,7 +116,10 @@ def weights_folder(offer: Offer) -> Path:
         for place in (spec and spec.submodule_search_locations) or ():
             if (folder := Path(place, *below)).is_dir():
                 return folder
-    raise PluginError(f"{offer.owner}: there is no folder of the package {offer.target}, which should list its weights")
+    raise PluginError(
+        f"{offer.owner}: there is no folder of the package {offer.target}, which should list its "
+        f"weights"
+    )
 
 
 def canonicalize_name(distribution: str) -> str:
@@ -116,11 +133,14 @@ def core_version() -> str:
 
 
 def required_versions(distribution: str) -> dict[str, str]:
-    """Return the installed versions of a distribution's requirements, by name; extras are ignored."""
+    """Return the installed versions of a distribution's requirements, by name; extras are
+    ignored.
+    """
     found = {}
     with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
         for line in requires(distribution) or ():
-            name, marker = _REQUIREMENT_NAME.match(line), line.partition(";")[2]
+            name = _REQUIREMENT_NAME.match(line)
+            marker = line.partition(";")[2]
             if name and "extra" not in marker:
                 with suppress(PackageNotFoundError):
                     found[canonicalize_name(name[0])] = version(name[0])
@@ -134,11 +154,13 @@ def _folders() -> tuple[tuple[str, float], ...]:
 
 @lru_cache(maxsize=8)
 def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, ...]:
-    offers, seen = [], set()
+    offers = []
+    seen = set()
     for found in distributions():
         entries = [entry for entry in found.entry_points if _GROUP.match(entry.group)]
         name = found.metadata["Name"] if entries else ""
-        if not name or canonicalize_name(name) in seen:  # Python imports the first distribution of a name
+        # Python imports the first distribution of a name
+        if not name or canonicalize_name(name) in seen:
             continue
         seen.add(canonicalize_name(name))
         offers += [Offer(one.group, one.name, one.value, name, found.version) for one in entries]

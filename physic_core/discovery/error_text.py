@@ -1,4 +1,6 @@
-"""Format an exception of a plugin as one line with its place in the plugin, and suggest names for a misspelt one."""
+"""Format an exception of a plugin as one line with its place in the plugin, and suggest names for a
+misspelt one.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,14 @@ class PluginExit(Exception):
 
 def plugin_error(error: BaseException) -> BaseException:
     """Return the exception that a plugin raised: the cause of a PluginExit, or the error itself."""
-    return error.__cause__ if isinstance(error, PluginExit) and error.__cause__ is not None else error
+    return (
+        error.__cause__ if isinstance(error, PluginExit) and error.__cause__ is not None else error
+    )
 
 
 def describe_error(error: BaseException, *owners: str | type) -> str:
-    """Format class, message and code line of an exception, as "ValueError: no floor (my_pkg/depth.py:29)".
+    """Format class, message and code line of an exception, as "ValueError: no floor
+    (my_pkg/depth.py:29)".
 
     The code line is that of the innermost frame in the plugin's code, else of the innermost frame.
 
@@ -60,8 +65,12 @@ def is_debugging() -> bool:
 
 
 def traceback_text(error: BaseException | None) -> str:
-    """Return the traceback of an exception and of its causes if ``PHYSIC_DEBUG`` is set, else an empty text."""
-    return "".join(traceback.format_exception(error)) if error is not None and is_debugging() else ""
+    """Return the traceback of an exception and of its causes if ``PHYSIC_DEBUG`` is set, else an
+    empty text.
+    """
+    return (
+        "".join(traceback.format_exception(error)) if error is not None and is_debugging() else ""
+    )
 
 
 def _place(error: BaseException, owners: tuple[str | type, ...]) -> str:
@@ -98,6 +107,9 @@ def similar_names(name: str, known: Iterable[str]) -> list[str]:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the hint ". Did you mean 'x' or 'y'?" for a misspelt name, or "" if no known name is similar."""
+    """Return the hint ".
+
+    Did you mean 'x' or 'y'?" for a misspelt name, or "" if no known name is similar.
+    """
     close = [f"'{other}'" for other in similar_names(name, known)]
     return f". Did you mean {' or '.join(close)}?" if close else ""

@@ -1,6 +1,7 @@
 """Hooks of plugins: what a plugin adds besides backends.
 
-A plugin with hooks has an entry point in the group ``physic.plugins`` that names a module with them::
+A plugin with hooks has an entry point in the group ``physic.plugins`` that names a module with
+them::
 
     from physic_core import PluginItem, hookimpl
 
@@ -8,7 +9,8 @@ A plugin with hooks has an entry point in the group ``physic.plugins`` that name
     def physic_commands():
         return [PluginItem("my-command", "my_pkg.commands:my_command", summary="Does ...")]
 
-``physic --help`` imports the module, so it imports nothing slow. What an item names is imported when it is used.
+``physic --help`` imports the module, so it imports nothing slow. What an item names is imported
+when it is used.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ class PluginItem:
     """A command, an executor, an engine preset or a page of a plugin.
 
     Attributes:
-        name: of the item; of a command, the words after ``physic``, such as "bench" or "plugins check".
+        name: of the item; of a command, the words after ``physic``, such as "bench" or "plugins
+            check".
         target: "package.module:name" of a function or object, imported when it is used.
         summary: one line for ``--help``.
     """
@@ -52,12 +55,12 @@ class ExporterRecord:
         name: as in ``physic export --to NAME``, lower case with hyphens.
         suffixes: of its files, lower case with the dot, the default first.
         target: "package.module:function" of a function that gets a
-            :class:`physic_core.ExportRequest` and returns :class:`physic_core.ExportedFiles`; imported when a result is
-            exported.
+            :class:`physic_core.ExportRequest` and returns :class:`physic_core.ExportedFiles`;
+            imported when a result is exported.
         audience: programs that read it.
         content: what is in it.
-        ups: up axes that it can be written with ("y", "z", "camera"), the default first. The axes are described in
-            docs/exports.md.
+        ups: up axes that it can be written with ("y", "z", "camera"), the default first. The axes
+            are described in docs/exports.md.
         stem: file name without suffix, if no path is given; empty for ``name``.
         bodies: "required" for a format that needs at least one person with a body.
         per_person: whether each person is a file of their own.
@@ -89,7 +92,9 @@ class ExporterRecord:
 
 @_hookspec
 def physic_commands() -> Sequence[PluginItem]:  # type: ignore[empty-body]
-    """Return the commands that this plugin adds to ``physic``: each target is a ``click.Command``."""
+    """Return the commands that this plugin adds to ``physic``: each target is a
+    ``click.Command``.
+    """
 
 
 @_hookspec
@@ -101,8 +106,8 @@ def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
 def physic_executors() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """Return the executors that this plugin adds to ``physic batch --executor``.
 
-    Each target is a function that gets :class:`physic_core.batch.run.ExecutorSettings` and returns an
-    :data:`physic_core.batch.run.Executor`.
+    Each target is a function that gets :class:`physic_core.batch.run.ExecutorSettings` and returns
+    an :data:`physic_core.batch.run.Executor`.
     """
 
 
@@ -116,7 +121,9 @@ def physic_engine_presets() -> Sequence[PluginItem]:  # type: ignore[empty-body]
 
 @_hookspec
 def physic_pages() -> Sequence[PluginItem]:  # type: ignore[empty-body]
-    """Return the maker of ``report.html``, the page of a result (:func:`physic_core.visual.report.report_html`)."""
+    """Return the maker of ``report.html``, the page of a result
+    (:func:`physic_core.visual.report.report_html`).
+    """
 
 
 RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {

@@ -1,7 +1,8 @@
 """Load a user's module, which a config names as "module:Class", from one folder.
 
-The folder is not added to ``sys.path``, because a file in it could replace a library. Only the named module is loaded.
-Relative imports work in a package (a folder with ``__init__.py``). The name of an installed module is refused.
+The folder is not added to ``sys.path``, because a file in it could replace a library. Only the
+named module is loaded. Relative imports work in a package (a folder with ``__init__.py``). The name
+of an installed module is refused.
 """
 
 from __future__ import annotations
@@ -25,14 +26,16 @@ _lock = threading.RLock()
 
 
 def with_folder(name: str, folder: Path) -> str:
-    """Add the folder of the module to a backend name: "module:Class" becomes "/folder/module:Class".
+    """Add the folder of the module to a backend name: "module:Class" becomes
+    "/folder/module:Class".
 
     Args:
         name: the name in a config; may contain a relative folder, as in "sub/module:Class".
         folder: folder of the config; base of relative folders.
 
     Returns:
-        The unchanged name if it is not "module:Class", or if the folder does not contain the module.
+        The unchanged name if it is not "module:Class", or if the folder does not contain the
+        module.
     """
     own, target = split_folder(name)
     if not TARGET.fullmatch(target):
@@ -43,7 +46,9 @@ def with_folder(name: str, folder: Path) -> str:
 
 
 def split_folder(name: str) -> tuple[Path | None, str]:
-    """Split "/folder/module:Class" into folder and "module:Class"; return (None, name) if there is no folder."""
+    """Split "/folder/module:Class" into folder and "module:Class"; return (None, name) if there is
+    no folder.
+    """
     match = _WITH_FOLDER.fullmatch(name)
     return (None, name) if match is None else (Path(match["folder"] or "/"), match["target"])
 
@@ -63,7 +68,9 @@ def load_module(folder: Path, name: str) -> ModuleType:
     with _lock:
         taken = _installed_spec(top)
         if taken is not None and own.resolve() not in _places(taken):
-            raise ImportError(f"another module is called {top} ({taken.origin or 'a package'}): rename {own}")
+            raise ImportError(
+                f"another module is called {top} ({taken.origin or 'a package'}): rename {own}"
+            )
         if taken is None:
             _execute(top, own)
         return importlib.import_module(name)
@@ -72,7 +79,10 @@ def load_module(folder: Path, name: str) -> ModuleType:
 def _file(folder: Path, name: str) -> Path | None:
     path = folder.joinpath(*name.split("."))
     # Unlike Path.is_file, os.path.isfile is False also for a name that no file can have.
-    return next((f for f in (path / "__init__.py", path.with_name(f"{path.name}.py")) if os.path.isfile(f)), None)
+    return next(
+        (f for f in (path / "__init__.py", path.with_name(f"{path.name}.py")) if os.path.isfile(f)),
+        None,
+    )
 
 
 def _installed_spec(top: str) -> ModuleSpec | None:

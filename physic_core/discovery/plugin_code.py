@@ -1,6 +1,7 @@
 """Run code of plugins: none of its exceptions ends the process, and its output goes to stderr.
 
-This is not a sandbox, since the user has installed the plugin. It protects a run from careless plugins.
+This is not a sandbox, since the user has installed the plugin. It protects a run from careless
+plugins.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ def plugin_code() -> Iterator[None]:
 
 
 @contextmanager
-def named_plugin_code(title: str, *owners: str | type, kind: type[PhysicError] = BackendError) -> Iterator[None]:
+def named_plugin_code(
+    title: str, *owners: str | type, kind: type[PhysicError] = BackendError
+) -> Iterator[None]:
     """Run code of a plugin as :func:`plugin_code` does, and convert its exceptions.
 
     Args:
@@ -41,7 +44,8 @@ def named_plugin_code(title: str, *owners: str | type, kind: type[PhysicError] =
         kind: class of the exception.
 
     Raises:
-        PhysicError: raised by the plugin itself, or of the class ``kind`` in place of another exception.
+        PhysicError: raised by the plugin itself, or of the class ``kind`` in place of another
+            exception.
         MemoryError: raised by the plugin.
     """
     try:
@@ -58,9 +62,12 @@ _stdout_is_own = False
 
 @contextmanager
 def own_stdout() -> Iterator[None]:
-    """Keep the standard output for the command: what plugins write to file descriptor 1 goes to stderr."""
+    """Keep the standard output for the command: what plugins write to file descriptor 1 goes to
+    stderr.
+    """
     global _stdout_is_own
-    before, _stdout_is_own = _stdout_is_own, True
+    before = _stdout_is_own
+    _stdout_is_own = True
     try:
         with _separate_stdout() if sys.stdout is sys.__stdout__ else ExitStack():
             yield
@@ -81,7 +88,11 @@ def _separate_stdout() -> Iterator[None]:
     with suppress(OSError):  # stderr is closed
         os.dup2(2, number)
     sys.stdout = open(  # noqa: SIM115 -- closed below, after the descriptor is restored
-        kept, "w", encoding=stream.encoding, errors=stream.errors, buffering=1 if stream.isatty() else -1
+        kept,
+        "w",
+        encoding=stream.encoding,
+        errors=stream.errors,
+        buffering=1 if stream.isatty() else -1,
     )
     own = sys.stdout
     try:

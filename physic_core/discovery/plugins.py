@@ -1,4 +1,5 @@
-"""Ask the hooks of installed plugins for what they add, and import it when it is used; formats of ``physic export``.
+"""Ask the hooks of installed plugins for what they add, and import it when it is used; formats of
+``physic export``.
 
 Each plugin has a pluggy manager of its own, so a plugin that fails does not affect the others.
 """
@@ -76,16 +77,21 @@ class BrokenPlugin:
 
 
 def find_items(hook: str) -> tuple[Found[Any], ...]:
-    """Return what all plugins return from a hook of :mod:`physic_core.discovery.hooks`; broken plugins are skipped."""
+    """Return what all plugins return from a hook of :mod:`physic_core.discovery.hooks`; broken
+    plugins are skipped.
+    """
     found: list[Found[Any]] = []
     for offer in installed_offers(HOOKS_GROUP):
         with suppress(Exception):  # listed by broken_plugins
-            found += [Found(record, offer.distribution, offer.version) for record in _ask(offer, hook)]
+            found += [
+                Found(record, offer.distribution, offer.version) for record in _ask(offer, hook)
+            ]
     return tuple(found)
 
 
 def broken_plugins() -> tuple[BrokenPlugin, ...]:
-    """Return plugins with failing hooks, entry points in unknown groups, and missing plugins of ``PHYSIC_PLUGINS``.
+    """Return plugins with failing hooks, entry points in unknown groups, and missing plugins of
+    ``PHYSIC_PLUGINS``.
 
     No backend is imported.
     """
@@ -107,7 +113,9 @@ def broken_plugins() -> tuple[BrokenPlugin, ...]:
     return tuple({str(one): one for one in broken}.values())
 
 
-def find_item(hook: str, name: str, role: str, *, own: str, known: Mapping[str, str]) -> Found[PluginItem]:
+def find_item(
+    hook: str, name: str, role: str, *, own: str, known: Mapping[str, str]
+) -> Found[PluginItem]:
     """Return the item of a name that a plugin adds.
 
     Args:
@@ -130,7 +138,9 @@ def find_item(hook: str, name: str, role: str, *, own: str, known: Mapping[str, 
     if name in known:
         raise ConfigError(f"the {role} '{name}' needs {explain_absence(known[name])}")
     names = sorted({own, *known, *(one.record.name for one in items)})
-    raise ConfigError(f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+    raise ConfigError(
+        f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}"
+    )
 
 
 def import_item(found: Found[Any], role: str) -> Any:
@@ -152,7 +162,9 @@ def call_item(found: Found[Any], role: str, *arguments: object) -> Any:
         PhysicError: raised by the function itself.
     """
     function = import_item(found, role)
-    with named_plugin_code(f"{found.title(role)} fails", found.record.target.partition(":")[0], kind=PluginError):
+    with named_plugin_code(
+        f"{found.title(role)} fails", found.record.target.partition(":")[0], kind=PluginError
+    ):
         return function(*arguments)
 
 
@@ -164,7 +176,9 @@ def explain_absence(distribution: str) -> str:
     reason = "not installed"
     if restricted_to() is not None:
         reason = f"not installed, or hidden by {PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r}"
-    if broken := [plugin.cause for plugin in broken_plugins() if plugin.distribution == distribution]:
+    if broken := [
+        plugin.cause for plugin in broken_plugins() if plugin.distribution == distribution
+    ]:
         reason = f"broken ({broken[0]})"
     return f"{distribution}, which is {reason}: {how_to_install(distribution)}"
 
@@ -173,7 +187,8 @@ def _ask(offer: Offer, hook: str) -> list[Any]:
     """Import a module of hooks, and return what one of them returns; empty if it has no such hook.
 
     Raises:
-        Exception: the module or the hook raised it, or the hook returned something else than records.
+        Exception: the module or the hook raised it, or the hook returned something else than
+            records.
     """
     kind = RECORDS[hook]
     # What a plugin prints must not mix with the output of a command.
@@ -192,7 +207,8 @@ def _ask(offer: Offer, hook: str) -> list[Any]:
 
 
 def find_exporters() -> tuple[Found[ExporterRecord], ...]:
-    """Return the exporters of all installed plugins, sorted by name, and the core's GLB if no plugin writes one.
+    """Return the exporters of all installed plugins, sorted by name, and the core's GLB if no
+    plugin writes one.
 
     Nothing of them is imported.
     """
@@ -203,7 +219,9 @@ def find_exporters() -> tuple[Found[ExporterRecord], ...]:
 
 
 def missing_formats(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
-    """Return a sentence about the project's formats that are not installed, or none if these exporters have them."""
+    """Return a sentence about the project's formats that are not installed, or none if these
+    exporters have them.
+    """
     if any(exporter.distribution == FORMATS for exporter in exporters):
         return ()
     return (f"further formats are in {explain_absence(FORMATS)}",)
@@ -212,32 +230,44 @@ def missing_formats(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ..
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     """Return the exporter of a format by its name or, without a name, by a file suffix (".glb").
 
-    Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's name.
+    Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's
+    name.
 
     Raises:
-        ConfigError: no format has this name or suffix, or several have; the message names the distribution
-            with the project's formats if it is missing.
+        ConfigError: no format has this name or suffix, or several have; the message names the
+            distribution with the project's formats if it is missing.
         PackageMissingError: a package that the format needs is not installed.
     """
     exporters = find_exporters()
     wanted = (name or suffix.removeprefix(".")).lower()
-    found = [e for e in exporters if (e.record.name == wanted if name else suffix.lower() in e.record.suffixes)]
+    found = [
+        e
+        for e in exporters
+        if (e.record.name == wanted if name else suffix.lower() in e.record.suffixes)
+    ]
     if len(found) == 1:
         kind = found[0].record
         if kind.missing_packages:
             install = f": {how_to_install(found[0].distribution, kind.extra)}" if kind.extra else ""
             raise PackageMissingError(
-                f"export to {kind.name} needs {', '.join(kind.missing_packages)}, which is not installed{install}"
+                f"export to {kind.name} needs {', '.join(kind.missing_packages)}, which is not "
+                f"installed{install}"
             )
         return found[0]
     if found:
         offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
         same_name = len({each.record.name for each in found}) == 1
-        choose = "uninstall one of them" if same_name else "state which (--to, or format= in Python)"
+        choose = (
+            "uninstall one of them" if same_name else "state which (--to, or format= in Python)"
+        )
         raise ConfigError(f"the format can be {offers}: {choose}")
     known = ", ".join(each.record.name for each in exporters)
     choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
-    what = f"'{name or suffix}' is not an export format" if name or suffix else "the path has no suffix"
+    what = (
+        f"'{name or suffix}' is not an export format"
+        if name or suffix
+        else "the path has no suffix"
+    )
     options = [
         f"--to {each.record.name} --{option.replace('_', '-')} {wanted}"
         for each in exporters
@@ -248,5 +278,6 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     if wanted == "fbx":
         hint = "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX"
     raise ConfigError(
-        f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is for){hint}"
+        f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is "
+        f"for){hint}"
     )

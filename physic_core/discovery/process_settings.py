@@ -1,7 +1,8 @@
-"""The settings of a process that change numbers or raise: of Python, numpy, OpenCV, Pillow and torch.
+"""The settings of a process that change numbers or raise: of Python, numpy, OpenCV, Pillow and
+torch.
 
-Not listed is what only shows on a screen, and what importing a library may change: search paths, handlers of logs,
-filters for warnings of one kind.
+Not listed is what only shows on a screen, and what importing a library may change: search paths,
+handlers of logs, filters for warnings of one kind.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ with suppress(ImportError):  # Windows
     import resource  # noqa: F401
 
 IMPORTED = frozenset(
-    {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "RAY_CLIENT_MODE", "TORCHINDUCTOR_CACHE_DIR"}  # torch, OpenCV, Ray
+    # torch, OpenCV, Ray
+    {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "RAY_CLIENT_MODE", "TORCHINDUCTOR_CACHE_DIR"}
     | {"KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}  # scikit-learn
 )
 """Environment variables that libraries set for themselves when they are imported or begin."""
@@ -38,9 +40,20 @@ IMPORTED = frozenset(
 LIMITING = "import torch"
 """Name of the thread that imports torch, and then limits its threads."""
 
-_BUILTINS = tuple(name for name in vars(builtins) if name == "__import__" or not name.startswith("_"))
-_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM") if hasattr(signal, name))
-_LIMITS = ("RLIMIT_AS", "RLIMIT_CPU", "RLIMIT_DATA", "RLIMIT_FSIZE", "RLIMIT_NOFILE", "RLIMIT_STACK")
+_BUILTINS = tuple(
+    name for name in vars(builtins) if name == "__import__" or not name.startswith("_")
+)
+_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM") if hasattr(signal, name)
+)
+_LIMITS = (
+    "RLIMIT_AS",
+    "RLIMIT_CPU",
+    "RLIMIT_DATA",
+    "RLIMIT_FSIZE",
+    "RLIMIT_NOFILE",
+    "RLIMIT_STACK",
+)
 _SHOWN = 40  # characters of a value in a message
 _HALF_STEP = 2.0**-54
 
@@ -54,7 +67,8 @@ class Setting:
         library: module that must be imported for it to exist.
         read: returns its value, given the module.
         write: sets it, given the module and a value of ``read``.
-        fresh: returns its value right after the module's import, given the module; None if it cannot be known.
+        fresh: returns its value right after the module's import, given the module; None if it
+            cannot be known.
         quiet_in_load: whether ``load`` may change it: it is restored without a report.
         same: whether two values mean the same.
         describe: text of a change, given both values; "" for the name alone.
@@ -79,7 +93,9 @@ def _no_text(before: Any, after: Any) -> str:
     return ""
 
 
-def _attribute(name: str, library: str, attribute: str, fresh: Callable[[Any], Any] | None = None) -> Setting:
+def _attribute(
+    name: str, library: str, attribute: str, fresh: Callable[[Any], Any] | None = None
+) -> Setting:
     """Return the setting that is an attribute of a module."""
     return Setting(
         name,
@@ -94,7 +110,8 @@ def _always(value: Any) -> Callable[[Any], Any]:
     return lambda _: value
 
 
-# ---- the interpreter -------------------------------------------------------------------------------------------------
+# ---- the interpreter
+# -------------------------------------------------------------------------------------------------
 
 
 def _read_environment(module: Any) -> dict[str, str]:
@@ -108,9 +125,15 @@ def _write_environment(module: Any, before: dict[str, str]) -> None:
 
 
 def _harmful_filters(earlier: list[Any], later: list[Any]) -> list[Any]:
-    """Return the filters that were added and turn warnings into errors, or are for every warning."""
+    """Return the filters that were added and turn warnings into errors, or are for every
+    warning.
+    """
     added = [one for one in later if one not in earlier]
-    return [one for one in added if one[0] == "error" or (one[1] is one[3] is None and one[2] is Warning)]
+    return [
+        one
+        for one in added
+        if one[0] == "error" or (one[1] is one[3] is None and one[2] is Warning)
+    ]
 
 
 def _same_filters(earlier: list[Any], later: list[Any]) -> bool:
@@ -134,18 +157,30 @@ def _c_library() -> Any:
 
 
 def _read_float_rules(module: Any) -> tuple[tuple[str, ...], Any]:
-    """Return numbers that show rounding and flushing of subnormal numbers, and C's ``fenv_t`` of this thread."""
-    smallest, one = module.float_info.min, float("1")
+    """Return numbers that show rounding and flushing of subnormal numbers, and C's ``fenv_t`` of
+    this thread.
+    """
+    smallest = module.float_info.min
+    one = float("1")
     saved = ctypes.create_string_buffer(256)
     _c_library().fegetenv(saved)
     probes = (smallest / 2, one + _HALF_STEP, -one - _HALF_STEP, one - _HALF_STEP / 2)
-    return tuple(map(float.hex, probes)), saved  # as texts: where subnormal numbers count as zero, they equal it
+    # as texts: where subnormal numbers count as zero, they equal it
+    return tuple(map(float.hex, probes)), saved
 
 
 def _read_decimal(module: Any) -> tuple[Any, ...]:
     context = module.getcontext()
     traps = tuple(kind for kind, on in context.traps.items() if on)
-    return context.prec, context.rounding, context.Emin, context.Emax, context.capitals, context.clamp, traps
+    return (
+        context.prec,
+        context.rounding,
+        context.Emin,
+        context.Emax,
+        context.capitals,
+        context.clamp,
+        traps,
+    )
 
 
 def _write_decimal(module: Any, before: tuple[Any, ...]) -> None:
@@ -186,8 +221,12 @@ def _write_signals(module: Any, before: tuple[Any, ...]) -> None:
 
 
 def _changed_names(before: dict[str, Any], after: dict[str, Any]) -> str:
-    """Return the names whose values differ, without the values: those of variables may be secret."""
-    return ", ".join(sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name)))
+    """Return the names whose values differ, without the values: those of variables may be
+    secret.
+    """
+    return ", ".join(
+        sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    )
 
 
 def _read_streams(module: Any) -> dict[str, Any]:
@@ -195,9 +234,15 @@ def _read_streams(module: Any) -> dict[str, Any]:
 
 
 _INTERPRETER = (
-    Setting("the current folder", "os", lambda os_: os_.getcwd(), lambda os_, value: os_.chdir(value)),
-    Setting("the environment", "os", _read_environment, _write_environment, describe=_changed_names),
-    Setting("warning filters", "warnings", lambda m: list(m.filters), _write_filters, same=_same_filters),
+    Setting(
+        "the current folder", "os", lambda os_: os_.getcwd(), lambda os_, value: os_.chdir(value)
+    ),
+    Setting(
+        "the environment", "os", _read_environment, _write_environment, describe=_changed_names
+    ),
+    Setting(
+        "warning filters", "warnings", lambda m: list(m.filters), _write_filters, same=_same_filters
+    ),
     _attribute("the display of warnings", "warnings", "showwarning"),
     Setting(
         "the level of logs",
@@ -205,8 +250,18 @@ _INTERPRETER = (
         lambda m: (m.root.level, m.root.manager.disable),
         lambda m, value: (m.root.setLevel(value[0]), m.disable(value[1])),
     ),
-    Setting("the locale", "locale", lambda m: m.setlocale(m.LC_ALL), lambda m, value: m.setlocale(m.LC_ALL, value)),
-    Setting("the recursion limit", "sys", lambda m: m.getrecursionlimit(), lambda m, value: m.setrecursionlimit(value)),
+    Setting(
+        "the locale",
+        "locale",
+        lambda m: m.setlocale(m.LC_ALL),
+        lambda m, value: m.setlocale(m.LC_ALL, value),
+    ),
+    Setting(
+        "the recursion limit",
+        "sys",
+        lambda m: m.getrecursionlimit(),
+        lambda m, value: m.setrecursionlimit(value),
+    ),
     Setting(
         "the most digits of an integer",
         "sys",
@@ -238,7 +293,13 @@ _INTERPRETER = (
         lambda m, value: value or m.setitimer(m.ITIMER_REAL, 0),
         describe=_no_text,
     ),
-    Setting("the mask of new files", "os", _read_umask, lambda m, value: m.umask(value), describe=_no_text),
+    Setting(
+        "the mask of new files",
+        "os",
+        _read_umask,
+        lambda m, value: m.umask(value),
+        describe=_no_text,
+    ),
     Setting("limits of the process", "resource", _read_limits, _write_limits, describe=_no_text),
     Setting(
         "the garbage collector",
@@ -255,18 +316,26 @@ _INTERPRETER = (
         fresh=_always(None),
     ),
     Setting(
-        "the generator of `random`", "random", lambda m: m.getstate(), lambda m, v: m.setstate(v), describe=_no_text
+        "the generator of `random`",
+        "random",
+        lambda m: m.getstate(),
+        lambda m, v: m.setstate(v),
+        describe=_no_text,
     ),
 )
 
 
-# ---- numpy, SciPy, OpenCV, Pillow ------------------------------------------------------------------------------------
+# ---- numpy, SciPy, OpenCV, Pillow
+# ------------------------------------------------------------------------------------
 
 
 def _read_numpy_generator(module: Any) -> tuple[Any, ...]:
     """Return what shows a change, and the generator and its state."""
-    generator, state = module.get_bit_generator(), module.get_state(legacy=False)
-    values = [value.tobytes() if hasattr(value, "tobytes") else value for value in state["state"].values()]
+    generator = module.get_bit_generator()
+    state = module.get_state(legacy=False)
+    values = [
+        value.tobytes() if hasattr(value, "tobytes") else value for value in state["state"].values()
+    ]
     return (id(generator), values, state["has_gauss"], state["gauss"]), generator, state
 
 
@@ -290,7 +359,9 @@ _NUMERIC = (
         "numpy",
         lambda m: (m.geterr(), m.geterrcall()),
         lambda m, value: (m.seterr(**value[0]), m.seterrcall(value[1])),
-        fresh=_always(({"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}, None)),
+        fresh=_always(
+            ({"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}, None)
+        ),
     ),
     Setting(
         "numpy's print options",
@@ -307,7 +378,12 @@ _NUMERIC = (
         describe=_no_text,
     ),
     _attribute("numpy.load", "numpy", "load"),
-    Setting("SciPy's treatment of errors", "scipy.special", lambda m: m.geterr(), lambda m, value: m.seterr(**value)),
+    Setting(
+        "SciPy's treatment of errors",
+        "scipy.special",
+        lambda m: m.geterr(),
+        lambda m, value: m.seterr(**value),
+    ),
     Setting(
         "OpenCV's threads",
         "cv2",
@@ -322,16 +398,28 @@ _NUMERIC = (
         lambda m, value: (m.setUseOptimized(value[0]), m.ipp.setUseIPP(value[1])),
     ),
     _attribute("Pillow's limit of pixels", "PIL.Image", "MAX_IMAGE_PIXELS"),
-    _attribute("Pillow's treatment of truncated files", "PIL.ImageFile", "LOAD_TRUNCATED_IMAGES", fresh=_always(False)),
+    _attribute(
+        "Pillow's treatment of truncated files",
+        "PIL.ImageFile",
+        "LOAD_TRUNCATED_IMAGES",
+        fresh=_always(False),
+    ),
 )
 
 
-# ---- torch -----------------------------------------------------------------------------------------------------------
+# ---- torch
+# --------------------------------------------------------------------------------------------------
 
 _PRECISIONS = tuple(
     f"{name}.fp32_precision"
     for name in (
-        *("backends", "backends.mkldnn", "backends.mkldnn.matmul", "backends.mkldnn.conv", "backends.mkldnn.rnn"),
+        *(
+            "backends",
+            "backends.mkldnn",
+            "backends.mkldnn.matmul",
+            "backends.mkldnn.conv",
+            "backends.mkldnn.rnn",
+        ),
         *("backends.cudnn", "backends.cudnn.conv", "backends.cudnn.rnn", "backends.cuda.matmul"),
     )
 )
@@ -379,7 +467,9 @@ def _read_threads(torch: Any) -> int:
 
 
 def _read_gpu_generators(torch: Any) -> list[bytes]:
-    """Return the states of the generators of all GPUs, or raise RuntimeError if no GPU is in use."""
+    """Return the states of the generators of all GPUs, or raise RuntimeError if no GPU is in
+    use.
+    """
     if not torch.cuda.is_initialized():
         raise RuntimeError("no GPU is in use")
     return [state.numpy().tobytes() for state in torch.cuda.get_rng_state_all()]
@@ -418,7 +508,9 @@ _TORCH = (
     Setting(
         "torch's autocast",
         "torch",
-        lambda m: tuple((m.is_autocast_enabled(name), m.get_autocast_dtype(name)) for name in _AUTOCAST),
+        lambda m: tuple(
+            (m.is_autocast_enabled(name), m.get_autocast_dtype(name)) for name in _AUTOCAST
+        ),
         _write_autocast,
         describe=_no_text,
     ),
@@ -447,7 +539,10 @@ _TORCH = (
     Setting(
         "torch's deterministic algorithms",
         "torch",
-        lambda m: (m.are_deterministic_algorithms_enabled(), m.is_deterministic_algorithms_warn_only_enabled()),
+        lambda m: (
+            m.are_deterministic_algorithms_enabled(),
+            m.is_deterministic_algorithms_warn_only_enabled(),
+        ),
         lambda m, value: m.use_deterministic_algorithms(value[0], warn_only=value[1]),
         fresh=_always((False, False)),
     ),
@@ -460,7 +555,12 @@ _TORCH = (
     ),
     *(
         _attribute(f"cuDNN's `{name}`", "torch.backends.cudnn", name, fresh=_always(value))
-        for name, value in (("enabled", True), ("benchmark", False), ("deterministic", False), ("allow_tf32", True))
+        for name, value in (
+            ("enabled", True),
+            ("benchmark", False),
+            ("deterministic", False),
+            ("allow_tf32", True),
+        )
     ),
     _attribute("oneDNN's `enabled`", "torch.backends.mkldnn", "enabled", fresh=_always(True)),
     Setting(
@@ -468,7 +568,8 @@ _TORCH = (
         "torch",
         lambda m: [getattr(m.backends.cuda, f"{name}_sdp_enabled")() for name in _SDP],
         lambda m, value: [
-            getattr(m.backends.cuda, f"enable_{name}_sdp")(on) for name, on in zip(_SDP, value, strict=True)
+            getattr(m.backends.cuda, f"enable_{name}_sdp")(on)
+            for name, on in zip(_SDP, value, strict=True)
         ],
         fresh=_always([True] * len(_SDP)),
         describe=_no_text,
@@ -476,7 +577,13 @@ _TORCH = (
     _attribute("torch.load", "torch", "load"),
     Setting("torch's threads", "torch", _read_threads, lambda m, value: m.set_num_threads(value)),
     # Restored with the generator.
-    Setting("torch's seed", "torch", lambda m: m.initial_seed(), lambda m, value: None, describe=_no_text),
+    Setting(
+        "torch's seed",
+        "torch",
+        lambda m: m.initial_seed(),
+        lambda m, value: None,
+        describe=_no_text,
+    ),
     Setting(
         "torch's random generator",
         "torch",
@@ -489,7 +596,9 @@ _TORCH = (
         "torch's random generators of GPUs",
         "torch",
         _read_gpu_generators,
-        lambda m, value: m.cuda.set_rng_state_all([m.frombuffer(bytearray(one), dtype=m.uint8) for one in value]),
+        lambda m, value: m.cuda.set_rng_state_all(
+            [m.frombuffer(bytearray(one), dtype=m.uint8) for one in value]
+        ),
         quiet_in_load=True,
         describe=_no_text,
     ),

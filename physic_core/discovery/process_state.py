@@ -1,9 +1,10 @@
 """Keep the state of the process that changes numbers or raises, while code of a plugin runs.
 
-Such state belongs to all backends and to the engine: torch's default dtype, numpy's error handling, warning filters,
-environment variables, random generators (:mod:`physic_core.discovery.process_settings` lists it). What a plugin changes
-is restored and reported. A library that is first imported while the plugin runs is compared with its state right after
-import.
+Such state belongs to all backends and to the engine: torch's default dtype, numpy's error handling,
+warning filters, environment variables, random generators
+(:mod:`physic_core.discovery.process_settings` lists it). What a plugin changes is restored and
+reported. A library that is first imported while the plugin runs is compared with its state right
+after import.
 """
 
 from __future__ import annotations
@@ -37,8 +38,13 @@ def describe_changes(changes: list[Change]) -> str:
     if not changes:
         return ""
     lost = ", ".join(change.name for change in changes if not change.restored)
-    end = f", but for {lost}: results of other backends and of the engine may differ" if lost else ""
-    return f"changed {', '.join(change.text for change in changes)} of the whole process; it was restored{end}"
+    end = (
+        f", but for {lost}: results of other backends and of the engine may differ" if lost else ""
+    )
+    return (
+        f"changed {', '.join(change.text for change in changes)} of the whole process; it was "
+        f"restored{end}"
+    )
 
 
 @contextmanager
@@ -46,12 +52,14 @@ def kept_process_state(*, loads: bool = False) -> Iterator[list[Change]]:
     """Restore the state of the process at the end of the block.
 
     Args:
-        loads: whether the block loads a backend: networks are built with random weights before they read their own.
+        loads: whether the block loads a backend: networks are built with random weights before they
+            read their own.
 
     Yields:
         A list that holds the changes after the block.
     """
-    before, changes = _read(), list[Change]()
+    before = _read()
+    changes = list[Change]()
     try:
         yield changes
     finally:
@@ -60,7 +68,9 @@ def kept_process_state(*, loads: bool = False) -> Iterator[list[Change]]:
 
 def _read() -> dict[str, Any]:
     """Return the value of each setting whose library is imported, by the setting's name."""
-    return {setting.name: value for setting in SETTINGS if (value := _value(setting)) is not _UNKNOWN}
+    return {
+        setting.name: value for setting in SETTINGS if (value := _value(setting)) is not _UNKNOWN
+    }
 
 
 def _restored(before: dict[str, Any], *, loads: bool) -> list[Change]:
@@ -91,7 +101,9 @@ _UNKNOWN = _Unknown()
 
 
 def _library(setting: Setting) -> Any:
-    """Return the imported module of a setting; None if it is not imported, or is being imported by another thread."""
+    """Return the imported module of a setting; None if it is not imported, or is being imported by
+    another thread.
+    """
     module = sys.modules.get(setting.library)
     return None if getattr(getattr(module, "__spec__", None), "_initializing", False) else module
 
@@ -121,7 +133,8 @@ def _earlier(setting: Setting, before: dict[str, Any]) -> Any:
 def _restore(setting: Setting, value: Any) -> bool:
     try:
         setting.write(_library(setting), value)
-    except Exception:  # a handler outside the main thread, a folder that is gone, a limit that was lowered for good
+    # a handler outside the main thread, a folder that is gone, a limit that was lowered for good
+    except Exception:
         return False
     later = _value(setting)
     return later is not _UNKNOWN and setting.same(value, later)

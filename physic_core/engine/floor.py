@@ -1,9 +1,11 @@
-"""Find the floor among a few planes, each with a score, so that evidence moves the answer instead of switching it.
+"""Find the floor among a few planes, each with a score, so that evidence moves the answer instead
+of switching it.
 
-Candidates are planes through the floor masks of the segmenter, the pixels labelled as floor, the lower part of the
-image, its horizontal surfaces, and the soles of people. All are scored on the same pixels and by the ground beside
-soles, and compared with no floor at all. The sizes of people depend on the scale, and are added by
-:func:`physic_core.engine.sizes.scale_vote.vote_on_scale`. OpenCV camera frame, any unit.
+Candidates are planes through the floor masks of the segmenter, the pixels labelled as floor, the
+lower part of the image, its horizontal surfaces, and the soles of people. All are scored on the
+same pixels and by the ground beside soles, and compared with no floor at all. The sizes of people
+depend on the scale, and are added by :func:`physic_core.engine.sizes.scale_vote.vote_on_scale`.
+OpenCV camera frame, any unit.
 """
 
 from __future__ import annotations
@@ -36,29 +38,42 @@ from physic_core.geometry.plane import estimate_up, sample_normals
 from physic_core.geometry.tensors import select_pixels
 
 MIN_UP_CONFIDENCE = 0.11
-"""Confidence of an up direction that counts fully, see :class:`physic_core.geometry.plane.UpEstimate`."""
+"""Confidence of an up direction that counts fully, see
+:class:`physic_core.geometry.plane.UpEstimate`.
+"""
 
 _SAMPLES = 16_000  # pixels that score
 _PIXEL_NATS = 6.0  # weight of all pixels together: neighbours share their error
 _NO_LABEL = (0.500, 0.498, 0.002)
-_MASK, _GROUND, _NO_GROUND = (0.700, 0.270, 0.030), (0.850, 0.130, 0.020), (0.100, 0.898, 0.002)
-"""Share of pixels on, in front of and behind the floor, by label: one does not see through a floor."""
+_MASK = (0.700, 0.270, 0.030)
+_GROUND = (0.850, 0.130, 0.020)
+_NO_GROUND = (0.100, 0.898, 0.002)
+"""Share of pixels on, in front of and behind the floor, by label: one does not see through a
+floor.
+"""
 
-_SOLE_SIGMA = 0.05  # of the height of the ground beside soles over the floor, in heights of the camera
+# of the height of the ground beside soles over the floor, in heights of the camera
+_SOLE_SIGMA = 0.05
 _ELSEWHERE = 0.5  # density of that height if a person does not stand on the floor
 _FAR_OFF = 0.4  # height of that ground over a plane that is not moved to it
 _MOST_SOLES = 3.0  # independent observations that the soles of all people are worth
 
-_BANDS = 50.0  # tolerances in the range of inverse depth, over which pixels off the plane are spread
+# tolerances in the range of inverse depth, over which pixels off the plane are spread
+_BANDS = 50.0
 _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
 _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
 _IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the segmenter sees it
-_STANDS = math.cos(math.radians(45.0))  # least cosine between straight bodies and the camera's up axis
-_ROLL_SIGMA_DEG, _PITCH_SIGMA_DEG = 8.0, 30.0  # of cameras in hands
-_LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
+# least cosine between straight bodies and the camera's up axis
+_STANDS = math.cos(math.radians(45.0))
+# of cameras in hands
+_ROLL_SIGMA_DEG = 8.0
+_PITCH_SIGMA_DEG = 30.0
+# least cosine between up and the normal of a horizontal pixel
+_LEVEL_COSINE = math.cos(math.radians(25.0))
 
-_FOCAL_PITCH_DEG = 23.0  # error of the pitch by the log error of the focal length: 6 degrees of a default one
+# error of the pitch by the log error of the focal length: 6 degrees of a default one
+_FOCAL_PITCH_DEG = 23.0
 
 
 class GroundAtSoles(NamedTuple):
@@ -115,7 +130,9 @@ class FloorCandidate:
     log_score: float
 
 
-def find_floor(points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None) -> FloorSearch:
+def find_floor(
+    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
+) -> FloorSearch:
     """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
     candidates = floor_candidates(points, valid, evidence, normals)
     return chosen_floor(candidates, best_candidate(candidates), evidence)
@@ -126,13 +143,21 @@ def best_candidate(candidates: tuple[FloorCandidate, ...]) -> int:
     return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
 
 
-def chosen_floor(candidates: tuple[FloorCandidate, ...], best: int, evidence: FloorEvidence) -> FloorSearch:
+def chosen_floor(
+    candidates: tuple[FloorCandidate, ...], best: int, evidence: FloorEvidence
+) -> FloorSearch:
     """Return one of the candidates as the answer of a search."""
     plane = candidates[best].plane
     if plane is None:
-        empty = [(c.plane.inlier_share, c.plane.below_share) for c in candidates if c.plane is not None]
+        empty = [
+            (c.plane.inlier_share, c.plane.below_share) for c in candidates if c.plane is not None
+        ]
         return FloorSearch(None, "no_consensus", *max(empty, default=(0.0, 0.0)))
-    masks = [m for m in (evidence.mask, evidence.ground, *evidence.others) if m is not None and bool(m.any())]
+    masks = [
+        m
+        for m in (evidence.mask, evidence.ground, *evidence.others)
+        if m is not None and bool(m.any())
+    ]
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
     by_focal = math.radians(_FOCAL_PITCH_DEG) * evidence.focal_sigma
@@ -158,7 +183,8 @@ def floor_candidates(
     shown = None if known is None else estimate_up(known)
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
     pixels = _scored_pixels(view, evidence)
-    found, best = [], None
+    found = []
+    best = None
     for plane, fit, mask in _planes(view, evidence, normals, up):
         score = _pixel_score(view, plane, pixels) + _gravity_score(fit.normal, known)
         heights = _heights_at_soles(view, plane, evidence.soles)
@@ -168,10 +194,18 @@ def floor_candidates(
         best = found[-1] if best is None or score > best.log_score else best
     feet = evidence.feet_px
     if feet is not None and len(feet):
-        level = up if up is not None else best.plane.normal if best is not None and best.plane is not None else None
+        level = (
+            up
+            if up is not None
+            else best.plane.normal
+            if best is not None and best.plane is not None
+            else None
+        )
         at_feet = None if level is None else plane_at_feet(view, level, feet)
         if at_feet is not None:
-            score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(at_feet[1].normal, known)
+            score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(
+                at_feet[1].normal, known
+            )
             score += _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles))
             found.append(FloorCandidate(at_feet[1], score))
     return (*found, FloorCandidate(None, _NO_FLOOR_NATS))
@@ -180,8 +214,12 @@ def floor_candidates(
 def _planes(
     view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
 ) -> list[tuple[Tensor, PlaneFit, Tensor | None]]:
-    """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and with its mask."""
-    regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [("floor mask", evidence.mask, None)]
+    """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and
+    with its mask.
+    """
+    regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [
+        ("floor mask", evidence.mask, None)
+    ]
     regions += [("floor mask", other, None) for other in evidence.others[:1]]
     regions += [("labels", evidence.ground, None)]
     regions = [region for region in regions if region[1] is not None and bool(region[1].any())]
@@ -202,7 +240,9 @@ def _planes(
 
 @dataclass(frozen=True)
 class _Pixels:
-    """M pixels that score: row and column, weight with the sum 1, and odds (M, 3) of their labels."""
+    """M pixels that score: row and column, weight with the sum 1, and odds (M, 3) of their
+    labels.
+    """
 
     rows: Tensor
     columns: Tensor
@@ -219,33 +259,45 @@ def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
     )
     ground = torch.zeros_like(view.valid) if evidence.ground is None else evidence.ground
     use = view.valid[rows, columns] & ((rows >= (1 - LOWER_SHARE) * height) | ground[rows, columns])
-    rows, columns = rows[use], columns[use]
+    rows = rows[use]
+    columns = columns[use]
     weight = 1.0 + rows.double() / height
     if evidence.hole is not None:
         weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
     odds = weight.new_tensor(_NO_LABEL).expand(len(rows), 3)
-    for mask, known in ((evidence.mask, _MASK), (evidence.ground, _GROUND), (evidence.no_ground, _NO_GROUND)):
+    for mask, known in (
+        (evidence.mask, _MASK),
+        (evidence.ground, _GROUND),
+        (evidence.no_ground, _NO_GROUND),
+    ):
         if mask is not None:
             odds = torch.where(mask[rows, columns][:, None], weight.new_tensor(known), odds)
     return _Pixels(rows, columns, weight / weight.sum(), odds)
 
 
 def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float:
-    """Return the tempered log likelihood of pixels by a plane (3,), less that without a plane, nats."""
-    rays, inverse = view.rays[pixels.rows, pixels.columns].double(), view.inverse[pixels.rows, pixels.columns].double()
+    """Return the tempered log likelihood of pixels by a plane (3,), less that without a plane,
+    nats.
+    """
+    rays = view.rays[pixels.rows, pixels.columns].double()
+    inverse = view.inverse[pixels.rows, pixels.columns].double()
     error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
     on, front, behind = pixels.odds.unbind(-1)
     likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
-    likelihood = likelihood + 2 / _BANDS * (front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error))
+    likelihood = likelihood + 2 / _BANDS * (
+        front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error)
+    )
     return _PIXEL_NATS * float((pixels.weight * (likelihood * _BANDS).log()).sum())
 
 
 def _heights_at_soles(
     view: InverseDepthMap, plane: Tensor, soles: tuple[GroundAtSoles, ...]
 ) -> list[tuple[float, float]]:
-    """Return the height over a plane (3,) of the ground beside the soles of each person, and whether they stand.
+    """Return the height over a plane (3,) of the ground beside the soles of each person, and
+    whether they stand.
 
-    The unit is the height of the camera, so that the scale does not matter. The second number is the probability.
+    The unit is the height of the camera, so that the scale does not matter. The second number is
+    the probability.
     """
     found = []
     for rows, columns, stands in soles:
@@ -258,19 +310,24 @@ def _heights_at_soles(
 
 
 def _sole_score(heights: list[tuple[float, float]]) -> float:
-    """Return the log likelihood of the ground beside soles by a plane, less that without a plane, nats.
+    """Return the log likelihood of the ground beside soles by a plane, less that without a plane,
+    nats.
 
     If a person stands on the plane, that ground lies on it.
     """
     score = 0.0
     for height, stands in heights:
-        density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2) / (_SOLE_SIGMA * math.sqrt(2 * math.pi))
+        density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2) / (
+            _SOLE_SIGMA * math.sqrt(2 * math.pi)
+        )
         score += math.log(1 - stands + stands * density / _ELSEWHERE)
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
 
 
 def _through_soles(fit: PlaneFit, heights: list[tuple[float, float]]) -> PlaneFit | None:
-    """Return the plane moved to the median ground beside the soles of people who stand; None if it is far off."""
+    """Return the plane moved to the median ground beside the soles of people who stand; None if it
+    is far off.
+    """
     stand = sorted(height for height, stands in heights if stands > 0.5)
     if not stand or abs(height := median(stand)) > _FAR_OFF:
         return None
@@ -279,22 +336,28 @@ def _through_soles(fit: PlaneFit, heights: list[tuple[float, float]]) -> PlaneFi
 
 
 def standing_score(normal: Tensor, joints: Tensor) -> float:
-    """Return the score of a floor with a normal (3,) by people (N, 55, 3), nats: straight people stand upright on it.
+    """Return the score of a floor with a normal (3,) by people (N, 55, 3), nats: straight people
+    stand upright on it.
 
     The camera axis that points up distinguishes people who lie straight from people who stand.
     """
     straight = torch.from_numpy(standing_legs(joints.cpu().numpy()).all(1))
     axes = joints[straight].double()
-    axes = torch.nn.functional.normalize(axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1)
+    axes = torch.nn.functional.normalize(
+        axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1
+    )
     axes = axes[-axes[:, 1] > _STANDS]
     angles = sorted(_angle_deg(axis, normal) for axis in axes)
     return _robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0
 
 
 def _gravity_score(normal: Tensor, normals: Tensor | None) -> float:
-    """Return the score of a floor with a normal (3,) by gravity, nats: from the camera and from surfaces."""
+    """Return the score of a floor with a normal (3,) by gravity, nats: from the camera and from
+    surfaces.
+    """
     x, y, z = (float(v) for v in normal)
-    roll, pitch = math.degrees(math.atan2(x, -y)), math.degrees(math.atan2(-z, math.hypot(x, y)))
+    roll = math.degrees(math.atan2(x, -y))
+    pitch = math.degrees(math.atan2(-z, math.hypot(x, y)))
     score = _robust(roll / _ROLL_SIGMA_DEG) + _robust(pitch / _PITCH_SIGMA_DEG)
     estimate = None if normals is None else estimate_up(normals, normal)
     if estimate is not None:

@@ -18,9 +18,15 @@ _END_JOINT = {
     "lower_arm": "wrist",
     "hand": "wrist",
 }
-_TRUNK = [*(JOINT_INDEX[name] for name in ("pelvis", "spine3")), *joint_pair("hip"), *joint_pair("shoulder")]
-_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
-_HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
+_TRUNK = [
+    *(JOINT_INDEX[name] for name in ("pelvis", "spine3")),
+    *joint_pair("hip"),
+    *joint_pair("shoulder"),
+]
+_NECK = JOINT_INDEX["neck"]
+_PELVIS = JOINT_INDEX["pelvis"]
+_HIPS = joint_pair("hip")
+_KNEES = joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 
@@ -31,7 +37,9 @@ def limb_part_indices(part_names: Sequence[str]) -> list[int]:
 
 
 def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
-    """Return the visible body parts (B, P) bool. A limb segment is visible if the joint at its end is visible.
+    """Return the visible body parts (B, P) bool.
+
+    A limb segment is visible if the joint at its end is visible.
 
     Args:
         part_names: P names, like "left_upper_leg"; others are trunk or head.
@@ -51,7 +59,8 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
 def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     """Return the keypoints (B, J) bool on visible limbs, given the visible joints (B, 55) bool.
 
-    Keypoints of the face, and keypoints with names specific to the skeleton, always count as visible.
+    Keypoints of the face, and keypoints with names specific to the skeleton, always count as
+    visible.
     """
     seen = torch.ones(len(observed), len(skeleton), dtype=torch.bool, device=observed.device)
     for j, name in enumerate(skeleton.names):
@@ -64,15 +73,19 @@ def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
 def placement_keypoints(skeleton: Skeleton) -> list[int]:
     """Return the indices of the keypoints that determine the position of a body.
 
-    If a joint set has keypoints of all finger joints, fingers are skipped: forty keypoints, for which the hand pose is
-    not known yet, would outweigh the body.
+    If a joint set has keypoints of all finger joints, fingers are skipped: forty keypoints, for
+    which the hand pose is not known yet, would outweigh the body.
     """
     fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}
-    return [j for j in range(len(skeleton)) if len(fingers) <= _MAX_FINGER_KEYPOINTS or j not in fingers]
+    return [
+        j for j in range(len(skeleton)) if len(fingers) <= _MAX_FINGER_KEYPOINTS or j not in fingers
+    ]
 
 
 def _joint_of(landmark: str) -> str | None:
-    """Return the joint that decides whether a keypoint is visible; None for keypoints of the face and unknown names."""
+    """Return the joint that decides whether a keypoint is visible; None for keypoints of the face
+    and unknown names.
+    """
     side, _, rest = landmark.partition("_")
     if rest.endswith(("toe", "heel", "foot_tip")):
         return f"{side}_ankle"
@@ -82,10 +95,14 @@ def _joint_of(landmark: str) -> str | None:
 
 
 def hip_bends(joints: Tensor) -> Tensor:
-    """Return how far both hips are bent, (B, 2) radians, left and right; 0 where the thigh continues the trunk.
+    """Return how far both hips are bent, (B, 2) radians, left and right; 0 where the thigh
+    continues the trunk.
 
     Args:
         joints: (B, 55, 3) metres.
     """
-    trunk, thighs = joints[:, _PELVIS] - joints[:, _NECK], joints[:, _KNEES] - joints[:, _HIPS]
-    return torch.acos(torch.nn.functional.cosine_similarity(thighs, trunk[:, None], dim=-1).clamp(-1, 1))
+    trunk = joints[:, _PELVIS] - joints[:, _NECK]
+    thighs = joints[:, _KNEES] - joints[:, _HIPS]
+    return torch.acos(
+        torch.nn.functional.cosine_similarity(thighs, trunk[:, None], dim=-1).clamp(-1, 1)
+    )

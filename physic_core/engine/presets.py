@@ -1,7 +1,9 @@
-"""Preset "default" of the engine: the joint energy with the best measured results. Plugins add presets (hook
-``physic_engine_presets``).
+"""Preset "default" of the engine: the joint energy with the best measured results.
 
-It minimises Eq. 5 with the terms below, by L-BFGS on whitened parameters. Residuals are divided by their expected size.
+Plugins add presets (hook ``physic_engine_presets``).
+
+It minimises Eq. 5 with the terms below, by L-BFGS on whitened parameters. Residuals are divided by
+their expected size.
 """
 
 from __future__ import annotations
@@ -55,15 +57,16 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 
-_LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an energy that has converged
+# of the steps with the people term, a small share of an energy that has converged
+_LATE_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
 class DefaultOptimisation(JointMethod):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
-    A residual is divided by its "sigma", its expected size, and passed to a robust loss: beyond "outlier_sigmas" it
-    counts as an outlier. A weight of 0 removes a term.
+    A residual is divided by its "sigma", its expected size, and passed to a robust loss: beyond
+    "outlier_sigmas" it counts as an outlier. A weight of 0 removes a term.
     """
 
     optimiser: LbfgsOptimiser = field(default_factory=LbfgsOptimiser)
@@ -95,7 +98,9 @@ class DefaultOptimisation(JointMethod):
         return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with the scene points that have a normal, and with static contacts if selected."""
+        """Return the problem with the scene points that have a normal, and with static contacts if
+        selected.
+        """
         problem = super().prepare(problem)
         return with_static_contacts(problem) if self.contact.source == "static" else problem
 
@@ -134,11 +139,18 @@ class DefaultOptimisation(JointMethod):
             penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),
             floor=FloorTerm(self.floor, context),
             soles=SoleTerm(self.soles, context),
-            regularisation=RegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),
+            regularisation=RegularisationTerm(
+                self.regularisation, context, state, occlusion_aware=aware
+            ),
         )
         keypoints = self.reprojection
         return [
-            ReprojectionTerm(context, keypoints.weight, context.person_px[:, None] * keypoints.sigma, keypoints.rho()),
+            ReprojectionTerm(
+                context,
+                keypoints.weight,
+                context.person_px[:, None] * keypoints.sigma,
+                keypoints.rho(),
+            ),
             surface,
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
@@ -147,8 +159,10 @@ class DefaultOptimisation(JointMethod):
         ]
 
     def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
-        """Return the people term. If used from the start, it would keep people apart on the wrong side of each
-        other."""
+        """Return the people term.
+
+        If used from the start, it would keep people apart on the wrong side of each other.
+        """
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
 

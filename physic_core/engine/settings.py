@@ -1,7 +1,8 @@
 """Settings of the engine: frozen dataclasses, one per stage.
 
-The documentation of a field gives its meaning, its useful values, and the value that disables it. The type of a
-stage's settings selects what the stage does; a plugin's energy has its own subclasses.
+The documentation of a field gives its meaning, its useful values, and the value that disables it.
+The type of a stage's settings selects what the stage does; a plugin's energy has its own
+subclasses.
 """
 
 from __future__ import annotations
@@ -31,9 +32,13 @@ _Settings = TypeVar("_Settings")
 
 
 def with_overrides(settings: _Settings, overrides: Mapping[str, Any]) -> _Settings:
-    """Return a copy of a dataclass with replaced fields; nested dataclasses are given as mappings of their fields."""
+    """Return a copy of a dataclass with replaced fields; nested dataclasses are given as mappings
+    of their fields.
+    """
     changed = {
-        name: with_overrides(getattr(settings, name), value) if is_dataclass(getattr(settings, name)) else value
+        name: with_overrides(getattr(settings, name), value)
+        if is_dataclass(getattr(settings, name))
+        else value
         for name, value in overrides.items()
     }
     return replace(settings, **changed)  # type: ignore[type-var]

@@ -1,14 +1,16 @@
 """Touch of feet, and depth beside feet, hands and seat, from the picture before people are placed.
 
-A foot that is much higher than the other one in the picture is in the air or farther away. A person who raises both
-arms and points the toes down probably hangs. A part of the body and what it touches have the same depth, so the depth
-map of the photo shows that depth somewhere beside the part, or below the thighs. Around a part in the air, the depth
-map is farther away. This holds in any unit and wherever people are placed. The weights are in ``touch.json``.
+A foot that is much higher than the other one in the picture is in the air or farther away. A person
+who raises both arms and points the toes down probably hangs. A part of the body and what it touches
+have the same depth, so the depth map of the photo shows that depth somewhere beside the part, or
+below the thighs. Around a part in the air, the depth map is farther away. This holds in any unit
+and wherever people are placed. The weights are in ``touch.json``.
 
-At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
-ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
-seat or a table also has one: where surface labels show these around the foot, its gap does not describe the floor. A
-gap larger than any foot can have shows that the photo's depth of the person is wrong.
+At the pixels of a foot on the ground, the depth map of the photo and that of the scene without
+people nearly agree: the ground continues behind the foot. A foot in the air has a gap, the
+logarithm of the ratio of both depths. A foot on a seat or a table also has one: where surface
+labels show these around the foot, its gap does not describe the floor. A gap larger than any foot
+can have shows that the photo's depth of the person is wrong.
 """
 
 from __future__ import annotations
@@ -36,10 +38,16 @@ if TYPE_CHECKING:
 
 _TOES = ("foot_tip", "big_toe")
 _MOST_TRUNKS = 1.0  # largest height difference of feet that counts
-_RAISED_TRUNKS, _POINTED_TRUNKS = 0.8, 0.2  # wrists over shoulders, and toes under heels, of people who hang
-_USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts without a measurement; largest difference that counts
+# wrists over shoulders, and toes under heels, of people who hang
+_RAISED_TRUNKS = 0.8
+_POINTED_TRUNKS = 0.2
+# of parts without a measurement; largest difference that counts
+_USUAL_BESIDE = 0.1
+_MOST_BESIDE = 0.3
 
-_BESIDE_SHARE, _BELOW_THIGH_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
+# of the height of a person's mask: background beside a part
+_BESIDE_SHARE = 0.1
+_BELOW_THIGH_SHARE = 0.2
 _THIGHS = 4  # row of the first of both thighs among the parts
 _FINGERS = 0.45  # of a forearm, from the wrist to the middle of the hand
 _QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
@@ -48,14 +56,17 @@ _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
 _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
-_RING_SHARE = 0.1  # of the height of a person's mask: background around a foot, where both maps must agree
+# of the height of a person's mask: background around a foot, where both maps must agree
+_RING_SHARE = 0.1
 _MARGIN_PX = 3  # between people and background; depth maps are blurred at outlines
 _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
 _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people over the ground
 
 _ON_FLOOR_SHARE = 0.95  # of feet that touch something; the others are on seats and steps
 _FURNITURE_SHARE = 0.4  # of feet among seats and tables that stand on the floor all the same
-_GAP_STANDING, _GAP_IN_AIR = (0.02, 0.05), (0.2, 0.15)  # mean and spread of the gap behind feet
+# mean and spread of the gap behind feet
+_GAP_STANDING = (0.02, 0.05)
+_GAP_IN_AIR = (0.2, 0.15)
 _MAP_WRONG = 0.05  # share of people whose depth in the photo is wrong
 _WRONG_GAPS = 6.0  # range of their gaps
 
@@ -65,13 +76,14 @@ class Stance(ShortRepr):
     """Evidence of a picture for the touch of N people; feet and hands are left and right.
 
     Attributes:
-        lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of the trunk; NaN
-            where unknown.
-        hanging: (N,) posture of people who hang, from 0 to 1: both arms raised, and toes that point down; 0 where
-            unknown.
-        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and the picture beside
-            each of them, below the thighs for the seat; NaN where unknown.
-        stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was found.
+        lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of
+            the trunk; NaN where unknown.
+        hanging: (N,) posture of people who hang, from 0 to 1: both arms raised, and toes that point
+            down; 0 where unknown.
+        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat
+            and the picture beside each of them, below the thighs for the seat; NaN where unknown.
+        stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
+            found.
     """
 
     lower: FloatArray
@@ -89,15 +101,22 @@ class Stance(ShortRepr):
     @property
     def depth_beside(self) -> FloatArray:
         """Feature (N, 5) of feet, hands and seat: 0 where the depth beside them is unknown."""
-        return np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE) - _USUAL_BESIDE
+        return (
+            np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE)
+            - _USUAL_BESIDE
+        )
 
     @property
     def holding(self) -> FloatArray:
-        """Feature (N, 2) of hands: "hanging", as far as something beside the hand has its depth; 0 where unknown.
+        """Feature (N, 2) of hands: "hanging", as far as something beside the hand has its depth; 0
+        where unknown.
 
-        People who jump with raised arms have the posture of people who hang, but nothing beside their hands.
+        People who jump with raised arms have the posture of people who hang, but nothing beside
+        their hands.
         """
-        return np.asarray(self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0))
+        return np.asarray(
+            self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0)
+        )
 
     @property
     def touch(self) -> FloatArray:
@@ -120,7 +139,9 @@ class Stance(ShortRepr):
         return np.asarray((self.touch < LEAST_PROBABILITY).all(1))
 
     def expanded(self, rows: BoolArray) -> Stance:
-        """Return N rows from those of the people selected by ``rows`` (N,); the others have average feet."""
+        """Return N rows from those of the people selected by ``rows`` (N,); the others have average
+        feet.
+        """
 
         def wider(array: NDArray[Any], empty: FloatArray | float = np.nan) -> NDArray[Any]:
             found = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
@@ -132,13 +153,17 @@ class Stance(ShortRepr):
 
 
 def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the probability (N, 2) that feet touch something, from named keypoints (N, J, 2), px, only."""
-    lower, hanging = lower_than_the_other(points, names), hanging_posture(points, names)
+    """Return the probability (N, 2) that feet touch something, from named keypoints (N, J, 2), px,
+    only.
+    """
+    lower = lower_than_the_other(points, names)
+    hanging = hanging_posture(points, names)
     return replace(Stance.unknown(len(points)), lower=lower, hanging=hanging).touch
 
 
 def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return how much lower each foot is than the other one in the picture (N, 2), in lengths of the trunk.
+    """Return how much lower each foot is than the other one in the picture (N, 2), in lengths of
+    the trunk.
 
     NaN without finite keypoints of trunk and both feet.
 
@@ -147,15 +172,19 @@ def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray
         names: of the J keypoints, such as "left_heel".
     """
     row = _rows_in_trunks(points, names)
-    left, right = (np.max([row(f"{side}_{end}") for end in ("ankle", "heel", "toe")], axis=0) for side in SIDES)
+    left, right = (
+        np.max([row(f"{side}_{end}") for end in ("ankle", "heel", "toe")], axis=0) for side in SIDES
+    )
     lower = np.clip(left - right, -_MOST_TRUNKS, _MOST_TRUNKS)
     return np.stack([lower, -lower], 1)
 
 
 def hanging_posture(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the posture of people who hang (N,), from 0 to 1: both arms raised, and toes that point down.
+    """Return the posture of people who hang (N,), from 0 to 1: both arms raised, and toes that
+    point down.
 
-    0 without finite keypoints of trunk, wrists and feet. Arguments as in :func:`lower_than_the_other`.
+    0 without finite keypoints of trunk, wrists and feet. Arguments as in
+    :func:`lower_than_the_other`.
     """
     row = _rows_in_trunks(points, names)
     raised = np.min([row(f"{side}_shoulder") - row(f"{side}_wrist") for side in SIDES], axis=0)
@@ -165,59 +194,85 @@ def hanging_posture(points: FloatArray, names: Sequence[str]) -> FloatArray:
 
 
 def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
-    """Return a function from a joint's name to its row in the picture (N,), in lengths of the trunk; NaN if unknown."""
+    """Return a function from a joint's name to its row in the picture (N,), in lengths of the
+    trunk; NaN if unknown.
+    """
     columns = {name: j for j, name in enumerate(names)}
 
     def at(name: str) -> FloatArray:
         if name.endswith("toe"):
-            name = next((f"{name[:-3]}{one}" for one in _TOES if f"{name[:-3]}{one}" in columns), name)
+            name = next(
+                (f"{name[:-3]}{one}" for one in _TOES if f"{name[:-3]}{one}" in columns), name
+            )
         return np.asarray(
-            points[:, columns[name]] if name in columns else np.full((len(points), 2), np.nan), np.float64
+            points[:, columns[name]] if name in columns else np.full((len(points), 2), np.nan),
+            np.float64,
         )
 
-    shoulders, hips = ((at(f"left_{name}") + at(f"right_{name}")) / 2 for name in ("shoulder", "hip"))
+    shoulders, hips = (
+        (at(f"left_{name}") + at(f"right_{name}")) / 2 for name in ("shoulder", "hip")
+    )
     trunk = np.linalg.norm(shoulders - hips, axis=-1)
     trunk[trunk == 0] = np.nan
     return lambda name: at(name)[:, 1] / trunk
 
 
 def depth_beside(people: ObservedPeople, photo: Tensor) -> FloatArray:
-    """Return the smallest difference of log depth between feet, hands and seat, and the picture beside them, (N, 5).
+    """Return the smallest difference of log depth between feet, hands and seat, and the picture
+    beside them, (N, 5).
 
     Args:
         people: keypoints and masks of N people.
         photo: (H, W) depth of the photo, any unit, NaN where unknown.
     """
-    log, masks = photo.log(), people.masks.cpu()
+    log = photo.log()
+    masks = people.masks.cpu()
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
     found = torch.full((len(masks), _THIGHS + 2), torch.nan, dtype=torch.float64)
     for i, mask in enumerate(masks):
         size = _height_px(mask)
-        for k, places in enumerate(_places_of_parts(people.keypoints[i].cpu(), people.skeleton.names)):
+        for k, places in enumerate(
+            _places_of_parts(people.keypoints[i].cpu(), people.skeleton.names)
+        ):
             if not bool(torch.isfinite(places).all()):
                 continue
             share = _BESIDE_SHARE if k < _THIGHS else _BELOW_THIGH_SHARE
-            own = torch.cat([_around(log, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places])
-            others = _around(log, background, places.mean(0), _MARGIN_PX + share * size, below=k >= _THIGHS)
+            own = torch.cat(
+                [_around(log, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places]
+            )
+            others = _around(
+                log, background, places.mean(0), _MARGIN_PX + share * size, below=k >= _THIGHS
+            )
             if min(len(own), len(others)) >= _MIN_PIXELS:
-                found[i, k] = np.abs(np.quantile(others.numpy(), _QUANTILES) - np.median(own.numpy())).min()
+                found[i, k] = np.abs(
+                    np.quantile(others.numpy(), _QUANTILES) - np.median(own.numpy())
+                ).min()
     return torch.cat([found[:, :_THIGHS], found[:, _THIGHS:].nanmean(1, keepdim=True)], 1).numpy()
 
 
 def _places_of_parts(points: Tensor, names: Sequence[str]) -> list[Tensor]:
-    """Return places (n, 2) px on both feet, both hands and both thighs, from keypoints (J, 2); NaN where unknown."""
+    """Return places (n, 2) px on both feet, both hands and both thighs, from keypoints (J, 2); NaN
+    where unknown.
+    """
     row = {name: j for j, name in enumerate(names)}
     toe = next((name for name in _TOES if f"left_{name}" in row), "")
 
     def at(name: str) -> Tensor:
-        return points[row[name]].double() if name in row else torch.full((2,), torch.nan, dtype=torch.float64)
+        return (
+            points[row[name]].double()
+            if name in row
+            else torch.full((2,), torch.nan, dtype=torch.float64)
+        )
 
     feet = [torch.stack([at(f"{side}_heel"), at(f"{side}_{toe}")]) for side in SIDES]
     hands = []
     for side in SIDES:
         wrist = at(f"{side}_wrist")
         hands.append(torch.stack([wrist, wrist + _FINGERS * (wrist - at(f"{side}_elbow"))]))
-    thighs = [torch.stack([at(f"{side}_{end}") for end in ("hip", "knee")]).mean(0, keepdim=True) for side in SIDES]
+    thighs = [
+        torch.stack([at(f"{side}_{end}") for end in ("hip", "knee")]).mean(0, keepdim=True)
+        for side in SIDES
+    ]
     return [*feet, *hands, *thighs]
 
 
@@ -227,23 +282,30 @@ def _height_px(mask: Tensor) -> float:
     return float(rows[-1] - rows[0] + 1) if len(rows) else 0.0
 
 
-def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> tuple[FloatArray, FloatArray]:
-    """Return the probability that feet stand on the floor, and that the photo's depth of people is right.
+def standing_prior(
+    touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probability that feet stand on the floor, and that the photo's depth of people is
+    right.
 
-    The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air shows
-    that the depth is wrong, and does not count for the foot.
+    The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a
+    foot in the air shows that the depth is wrong, and does not count for the foot.
 
     Args:
         touch: (N, 2) probability that the feet touch something, by keypoints alone.
         gap: (N, 2) of :func:`depth_gaps_at_feet`.
         on_furniture: (N, 2) of the same; None without labels.
     """
-    share = _ON_FLOOR_SHARE * np.where(False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0)
+    share = _ON_FLOOR_SHARE * np.where(
+        False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0
+    )
     prior = share * touch
     known = np.isfinite(gap) & ~np.asarray(False if on_furniture is None else on_furniture)
 
     def density(mean: float, spread: float) -> FloatArray:
-        return np.asarray(np.exp(-0.5 * ((gap - mean) / spread) ** 2) / (spread * math.sqrt(2 * math.pi)))
+        return np.asarray(
+            np.exp(-0.5 * ((gap - mean) / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+        )
 
     standing = prior * np.where(known, density(*_GAP_STANDING), 1.0)
     in_air = (1 - prior) * np.where(known, density(*_GAP_IN_AIR), 1.0)
@@ -257,10 +319,11 @@ def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray |
 def depth_gaps_at_feet(
     detections: ObservedPeople, photo: Tensor, scene: Tensor, raised: Tensor | None
 ) -> tuple[Tensor, Tensor]:
-    """Measure the depth gap behind each foot: (B, 2), NaN where unknown; and which feet are on furniture, (B, 2) bool.
+    """Measure the depth gap behind each foot: (B, 2), NaN where unknown; and which feet are on
+    furniture, (B, 2) bool.
 
-    It is the median over the person's pixels around heel and toe, or around the lower one for a foot that points up or
-    down in the image, minus the median over the background around the foot.
+    It is the median over the person's pixels around heel and toe, or around the lower one for a
+    foot that points up or down in the image, minus the median over the background around the foot.
 
     Args:
         detections: keypoints and masks of B people.
@@ -268,8 +331,10 @@ def depth_gaps_at_feet(
         scene: (H, W) depth of the scene without people, in the same unit, NaN where unknown.
         raised: (H, W) bool, surfaces that can carry a foot above the ground, or None.
     """
-    skeleton, masks = detections.skeleton, detections.masks.cpu()
-    keypoints, confidence = detections.keypoints.cpu(), detections.confidence.cpu()
+    skeleton = detections.skeleton
+    masks = detections.masks.cpu()
+    keypoints = detections.keypoints.cpu()
+    confidence = detections.confidence.cpu()
     log_ratio = scene.log() - photo.log()
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
     row = {name: j for j, name in enumerate(skeleton.names)}
@@ -278,16 +343,31 @@ def depth_gaps_at_feet(
     for i, mask in enumerate(masks):
         size = _height_px(mask)
         for k, side in enumerate(SIDES):
-            toe = next((row[f"{side}_{name}"] for name in ("foot_tip", "big_toe") if f"{side}_{name}" in row), None)
-            ends = [j for j in (row.get(f"{side}_heel"), toe) if j is not None and confidence[i, j] >= _MIN_CONFIDENCE]
+            toe = next(
+                (
+                    row[f"{side}_{name}"]
+                    for name in ("foot_tip", "big_toe")
+                    if f"{side}_{name}" in row
+                ),
+                None,
+            )
+            ends = [
+                j
+                for j in (row.get(f"{side}_heel"), toe)
+                if j is not None and confidence[i, j] >= _MIN_CONFIDENCE
+            ]
             places = keypoints[i, ends]
             if len(places) < 2 or not bool(torch.isfinite(places).all()):
                 continue
-            values = [_around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places]
+            values = [
+                _around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places
+            ]
             ring = places.mean(0), _MARGIN_PX + _RING_SHARE * size
             ground = _around(log_ratio, background, *ring)
             if raised is not None:
-                on_furniture[i, k] = float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE
+                on_furniture[i, k] = (
+                    float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE
+                )
             across, down = (float(x) for x in places[1] - places[0])
             pitch = math.degrees(math.atan2(down, abs(across)))
             lower = values[1] if pitch > 0 else values[0]
@@ -301,11 +381,17 @@ def depth_gaps_at_feet(
     return gaps, on_furniture
 
 
-def _around(values: Tensor, mask: Tensor, place: Tensor, radius: float, *, below: bool = False) -> Tensor:
-    """Return the finite values (n,) of a mask in a square around a place (2,) px, or only in its lower half."""
+def _around(
+    values: Tensor, mask: Tensor, place: Tensor, radius: float, *, below: bool = False
+) -> Tensor:
+    """Return the finite values (n,) of a mask in a square around a place (2,) px, or only in its
+    lower half.
+    """
     height, width = mask.shape
     x, y = (float(v) for v in place)
     columns = slice(max(0, round(x - radius)), min(width, max(0, round(x + radius) + 1)))
-    rows = slice(max(0, round(y if below else y - radius)), min(height, max(0, round(y + radius) + 1)))
+    rows = slice(
+        max(0, round(y if below else y - radius)), min(height, max(0, round(y + radius) + 1))
+    )
     chosen = values[rows, columns][mask[rows, columns]]
     return chosen[torch.isfinite(chosen)]

@@ -1,8 +1,9 @@
-"""Probability that a body part touches scene, floor or a hidden support: one logistic model for each kind of part.
+"""Probability that a body part touches scene, floor or a hidden support: one logistic model for
+each kind of part.
 
-The weights, the photos that they were fitted on and the error on photos that took no part are in ``touch.json``, which
-``benchmarks/contact_on_photos.py`` writes. A feature is a reason for or against contact, and 0 where nothing is known
-of it.
+The weights, the photos that they were fitted on and the error on photos that took no part are in
+``touch.json``, which ``benchmarks/contact_on_photos.py`` writes. A feature is a reason for or
+against contact, and 0 where nothing is known of it.
 """
 
 from __future__ import annotations
@@ -18,22 +19,30 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 DISTANCE = "distance"
-"""Feature of all kinds: the distance of the part from the nearest surface, in its standard deviations."""
+"""Feature of all kinds: the distance of the part from the nearest surface, in its standard
+deviations.
+"""
 
 LEAST_PROBABILITY = 0.5
 """Minimum probability of a part in contact: others are not listed and do not support the person."""
 
 DEPTH_BESIDE = "depth beside"
-"""Feature of feet, hands and seats: how far the depth beside the part in the picture is from its own."""
+"""Feature of feet, hands and seats: how far the depth beside the part in the picture is from its
+own.
+"""
 
 IN_WORLDS = "log odds in worlds"
-"""Feature of kind "skin": that a part touches another person or the own body, by a fit to synthetic worlds."""
+"""Feature of kind "skin": that a part touches another person or the own body, by a fit to synthetic
+worlds.
+"""
 
 HANGING = "hanging"
 """Feature of feet: how far the posture in the picture is that of people who hang."""
 
 HOLDING = "holding"
-"""Feature of hands: "hanging", as far as the picture shows something beside the hand at its depth."""
+"""Feature of hands: "hanging", as far as the picture shows something beside the hand at its
+depth.
+"""
 
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
@@ -42,9 +51,9 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
     """Return the log odds (...) that parts touch; a number for a kind without features.
 
     Args:
-        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people are placed; "unseen
-            foot", "unseen hand" or "unseen seat" if no pixel shows the part; "skin" for contact of a part with another
-            person or the own body.
+        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people
+            are placed; "unseen foot", "unseen hand" or "unseen seat" if no pixel shows the part;
+            "skin" for contact of a part with another person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 
     Raises:

@@ -1,10 +1,12 @@
-"""Writes and reads of files: each file appears completely or not at all, also if the process is killed.
+"""Writes and reads of files: each file appears completely or not at all, also if the process is
+killed.
 
-New files are written under temporary names and renamed at the end. A folder is locked while it is written, where its
-file system has locks. Temporary files of a killed process are deleted by the next write with a lock.
+New files are written under temporary names and renamed at the end. A folder is locked while it is
+written, where its file system has locks. Temporary files of a killed process are deleted by the
+next write with a lock.
 
-Outside a result's folder, PhySIC replaces only files with its mark, and never writes through a link. It reads only
-regular files, since reading a pipe could wait for ever.
+Outside a result's folder, PhySIC replaces only files with its mark, and never writes through a
+link. It reads only regular files, since reading a pipe could wait for ever.
 """
 
 from __future__ import annotations
@@ -77,21 +79,26 @@ def _part_name(name: str, token: str) -> str:
 
 
 def parts_of(folder: Path, name: str) -> Iterator[Path]:
-    """Yield the temporary files of a file that killed processes have left; its name may begin with folders."""
+    """Yield the temporary files of a file that killed processes have left; its name may begin with
+    folders.
+    """
     return folder.glob(_part_name(glob.escape(name), "*"))
 
 
 @contextmanager
 def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
-    """Yield a function from a file name to a temporary path; on success, rename all temporary files.
+    """Yield a function from a file name to a temporary path; on success, rename all temporary
+    files.
 
-    The folder is locked meanwhile: another write waits. Each file is atomic, but the set of files is not.
+    The folder is locked meanwhile: another write waits. Each file is atomic, but the set of files
+    is not.
 
     Args:
         folder: of the files; it must exist.
 
     Raises:
-        OutputError: the folder cannot be written, the disk is full, or a folder has the name of a file.
+        OutputError: the folder cannot be written, the disk is full, or a folder has the name of a
+            file.
     """
     folder = Path(folder)
     write = AtomicWrite(folder)
@@ -132,7 +139,8 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[bool]:
-    """Lock a folder against other processes and threads; yield False where folders have no locks, as on Windows.
+    """Lock a folder against other processes and threads; yield False where folders have no locks,
+    as on Windows.
 
     Raises:
         OSError: the folder cannot be opened.
@@ -152,7 +160,8 @@ def locked(folder: Path) -> Iterator[bool]:
             yield True
     finally:
         with suppress(OSError):
-            fcntl.flock(file, fcntl.LOCK_UN)  # at once: a process that was forked meanwhile has the folder open too
+            # at once: a process that was forked meanwhile has the folder open too
+            fcntl.flock(file, fcntl.LOCK_UN)
         os.close(file)
 
 
@@ -174,11 +183,15 @@ _REMEDY = {
 
 def _refusal(folder: Path, error: OSError) -> OutputError:
     if os.path.isfile(folder):  # Path.is_file raises if a parent folder cannot be entered
-        return OutputError(f"cannot write results to {folder}: it is a file; name a folder, or move the file away")
-    # Of a file system such as /proc, "No such file or directory" is about the folder that is to be made.
+        return OutputError(
+            f"cannot write results to {folder}: it is a file; name a folder, or move the file away"
+        )
+    # Of a file system such as /proc, "No such file or directory" is about the folder that is to be
+    # made.
     why = "no folder can be made there" if error.errno == errno.ENOENT else error.strerror or error
     return OutputError(
-        f"cannot write results to {folder}: {why}; name another folder{_REMEDY.get(error.errno or 0, '')}"
+        f"cannot write results to {folder}: {why}; name another "
+        f"folder{_REMEDY.get(error.errno or 0, '')}"
     )
 
 
@@ -190,7 +203,8 @@ def check_own(*paths: Path, mark: str = MARK) -> None:
         mark: text that the first 64 kB of these files contain, in UTF-8.
 
     Raises:
-        OutputError: one of them exists, and is not a regular file with the mark; a link counts as a file of the user.
+        OutputError: one of them exists, and is not a regular file with the mark; a link counts as a
+            file of the user.
     """
     for path in paths:
         try:
@@ -198,7 +212,9 @@ def check_own(*paths: Path, mark: str = MARK) -> None:
         except FileNotFoundError:
             continue
         except OSError as error:
-            raise OutputError(f"cannot write {path}: {error.strerror}; name another folder") from error
+            raise OutputError(
+                f"cannot write {path}: {error.strerror}; name another folder"
+            ) from error
         if not is_own:
             raise foreign_file(path)
 
@@ -218,7 +234,8 @@ def write_own(path: Path, content: bytes, mark: str = MARK) -> Path:
 def foreign_file(path: Path) -> OutputError:
     """Return the error for a path that holds a file of the user."""
     return OutputError(
-        f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name another "
+        f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it "
+        f"away, or name another "
         "folder"
     )
 
@@ -248,7 +265,8 @@ _UNREADABLE = {
     errno.ENOTDIR: "there is no such file; check the path",
     errno.ELOOP: "it is a link to itself; name the file",
     errno.EISDIR: "it is a folder; name a file",
-    errno.EINVAL: "it is not a regular file, but a pipe or a device; save its content as a file, and name that",
+    errno.EINVAL: "it is not a regular file, but a pipe or a device; save its content as a file, "
+    "and name that",
 }
 
 
@@ -276,7 +294,8 @@ def open_regular(path: Path) -> BufferedReader:
     """Open a regular file, or a link to one, for reading.
 
     Raises:
-        OSError: the file is missing, is not a regular file, or cannot be read; :func:`unreadable` says why.
+        OSError: the file is missing, is not a regular file, or cannot be read; :func:`unreadable`
+            says why.
     """
     check_regular(path)
     return path.open("rb")
@@ -290,7 +309,8 @@ def read_regular(path: Path, limit: int) -> bytes:
         limit: largest size, bytes.
 
     Raises:
-        OSError: the file is missing, is not a regular file, is larger than the limit, or cannot be read.
+        OSError: the file is missing, is not a regular file, is larger than the limit, or cannot be
+            read.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size

@@ -1,7 +1,8 @@
-"""Open image files of a user: known formats, the first image, pixels bounded before decoding, else InputError.
+"""Open image files of a user: known formats, the first image, pixels bounded before decoding, else
+InputError.
 
-Decoders invent pixels for data that are missing inside a JPEG file, and Pillow drops their warnings. So such gaps are
-searched for first.
+Decoders invent pixels for data that are missing inside a JPEG file, and Pillow drops their
+warnings. So such gaps are searched for first.
 """
 
 from __future__ import annotations
@@ -36,11 +37,15 @@ _MAX_PIXELS_OF = {
     "AVIF": 55_000_000,
     "JPEG2000": 40_000_000,
 }
-"""The same for formats with decoders that take 12 to 32 bytes per pixel, in place of up to 9: 1.4 GB at most."""
+"""The same for formats with decoders that take 12 to 32 bytes per pixel, in place of up to 9: 1.4
+GB at most.
+"""
 
 MAX_SCANS = 500
-"""Maximum number of scans of a JPEG. Cameras and editors write up to about 20; each takes the time of a complete
-picture."""
+"""Maximum number of scans of a JPEG.
+
+Cameras and editors write up to about 20; each takes the time of a complete picture.
+"""
 
 _MAX_JPEG_BYTES = 400_000_000
 _MAX_PADDING = 64
@@ -49,8 +54,13 @@ _MAX_PADDING = 64
 _LOST_BLOCK = 256
 """Zeros that no picture has, bytes; a lost block of a disk or a download has 512 or more."""
 
-_MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")  # of a segment: not of an 0xff in the picture, nor of a restart
-_SOI, _EOI, _SOS, _TEM, _DHT = 0xD8, 0xD9, 0xDA, 0x01, 0xC4
+# of a segment: not of an 0xff in the picture, nor of a restart
+_MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")
+_SOI = 0xD8
+_EOI = 0xD9
+_SOS = 0xDA
+_TEM = 0x01
+_DHT = 0xC4
 _SEQUENTIAL = (0xC0, 0xC1)  # frames without refinement, in which zeros can be bits of many pixels
 _EXTRA = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker 0xd9")
 
@@ -67,11 +77,24 @@ IMAGE_SUFFIXES = {
     "JPEG2000": (".jp2", ".j2k", ".j2c", ".jpc", ".jpf", ".jpx"),
     "PPM": (".ppm", ".pgm", ".pbm", ".pnm"),
 }
-"""Suffixes of the files of each format that is read; a file is read by its content, not by its name."""
+"""Suffixes of the files of each format that is read; a file is read by its content, not by its
+name.
+"""
 
 _BRANDS = {
     "AVIF": (b"avif", b"avis"),
-    "HEIF": (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1"),
+    "HEIF": (
+        b"heic",
+        b"heix",
+        b"heim",
+        b"heis",
+        b"hevc",
+        b"hevx",
+        b"hevm",
+        b"hevs",
+        b"mif1",
+        b"msf1",
+    ),
 }
 _STARTS = {
     b"\xff\xd8\xff": "JPEG",
@@ -94,7 +117,22 @@ _RAW_STARTS = (
 )
 _RAW_PARTS = {4: b"ftypcrx ", 6: b"HEAPCCDR", 8: b"CR\x02"}  # Canon
 _RAW_SUFFIXES = (
-    *(".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".iiq", ".kdc", ".mef", ".mos", ".mrw", ".nef"),
+    *(
+        ".3fr",
+        ".arw",
+        ".cr2",
+        ".cr3",
+        ".crw",
+        ".dcr",
+        ".dng",
+        ".erf",
+        ".iiq",
+        ".kdc",
+        ".mef",
+        ".mos",
+        ".mrw",
+        ".nef",
+    ),
     *(".nrw", ".orf", ".pef", ".raf", ".raw", ".rw2", ".rwl", ".sr2", ".srf", ".srw", ".x3f"),
 )
 
@@ -119,7 +157,9 @@ class ImageSource:
 
     def __str__(self) -> str:
         # Line ends and escape sequences in a file name would change the message.
-        text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name)
+        text = "".join(
+            c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name
+        )
         return f"{self.what} {text}"
 
     @property
@@ -138,13 +178,21 @@ class ImageSource:
         try:
             self._check(self.path.stat())
             # O_NONBLOCK: does not wait if a pipe has replaced the file since.
-            number = os.open(self.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+            number = os.open(
+                self.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+            )
         except FileNotFoundError:
-            raise InputError(f"cannot read the {self}: there is no such file; check the path") from None
+            raise InputError(
+                f"cannot read the {self}: there is no such file; check the path"
+            ) from None
         except PermissionError as error:
-            raise InputError(f"cannot read the {self}: {error.strerror}; check who may read it") from error
+            raise InputError(
+                f"cannot read the {self}: {error.strerror}; check who may read it"
+            ) from error
         except (OSError, ValueError) as error:  # ValueError: characters that a path cannot have
-            reason = getattr(error, "strerror", None) or "the path has characters that no path can have"
+            reason = (
+                getattr(error, "strerror", None) or "the path has characters that no path can have"
+            )
             raise InputError(f"cannot read the {self}: {reason}; check the path") from error
         file = os.fdopen(number, "rb")
         try:
@@ -158,27 +206,32 @@ class ImageSource:
         if stat.S_ISDIR(status.st_mode):
             raise InputError(f"cannot read the {self}: it is a folder; name one image file")
         if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"cannot read the {self}: it is not a regular file; name one image file")
+            raise InputError(
+                f"cannot read the {self}: it is not a regular file; name one image file"
+            )
         if status.st_size == 0:
             raise InputError(f"cannot read the {self}: the file is empty (0 bytes); copy it again")
 
     def damaged(self) -> InputError:
         """Return the error for a file whose data are damaged."""
         return InputError(
-            f"cannot read the {self}: its data are damaged or truncated; copy it again from where it came, "
+            f"cannot read the {self}: its data are damaged or truncated; copy it again from where "
+            f"it came, "
             "or save it again from a program that shows it completely"
         )
 
     def raw(self) -> InputError:
         """Return the error for a raw file of a camera."""
         return InputError(
-            f"cannot use the {self}: it is a raw file of a camera: develop it first, and give the JPEG, TIFF or PNG"
+            f"cannot use the {self}: it is a raw file of a camera: develop it first, and give the "
+            f"JPEG, TIFF or PNG"
         )
 
     def too_large(self, limit: int = MAX_PIXELS) -> InputError:
         """Return the error for an image of more pixels than a limit."""
         return InputError(
-            f"cannot use the {self}: it has more than {limit // 1_000_000} megapixels; give a smaller JPEG"
+            f"cannot use the {self}: it has more than {limit // 1_000_000} megapixels; give a "
+            f"smaller JPEG"
         )
 
 
@@ -195,7 +248,8 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
         The image, to be decoded by :func:`decode`, and the open file.
 
     Raises:
-        InputError: the file cannot be read, is not an image of a known format, is damaged or too large.
+        InputError: the file cannot be read, is not an image of a known format, is damaged or too
+            large.
     """
     with source.open() as file:
         start = file.read(64)
@@ -204,7 +258,8 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             raise source.raw()
         if kind is None:
             raise InputError(
-                f"cannot read the {source}: it is not an image, or of an unknown kind; give {source.formats}"
+                f"cannot read the {source}: it is not an image, or of an unknown kind; give "
+                f"{source.formats}"
             )
         if kind == "HEIF":
             _register_heif(source)
@@ -228,7 +283,8 @@ def decode(image: Image.Image, source: ImageSource) -> bool:
     """
     whole = None
     with wrap_decoding_errors(source):
-        # Pillow fills what a JPEG lacks with invented pixels. An image that was decoded before has no tiles.
+        # Pillow fills what a JPEG lacks with invented pixels. An image that was decoded before has
+        # no tiles.
         if image.format in ("JPEG", "MPO") and getattr(image, "tile", None):
             whole = _check_jpeg_data(image.fp)  # type: ignore[attr-defined]
             if whole is not None:
@@ -250,8 +306,8 @@ _DECODING = threading.RLock()
 def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
     """Convert errors of Pillow and its decoders to InputError; their warnings are not shown.
 
-    Inside the block, Pillow's global switches have the values that reading relies on, even if a plugin has set others.
-    Other threads wait.
+    Inside the block, Pillow's global switches have the values that reading relies on, even if a
+    plugin has set others. Other threads wait.
     """
     with _DECODING, warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -266,7 +322,8 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
             raise source.too_large() from None
         except MemoryError as error:
             raise InputError(
-                f"cannot read the {source}: there is not enough memory to decode it; give a smaller version"
+                f"cannot read the {source}: there is not enough memory to decode it; give a "
+                f"smaller version"
             ) from error
         except Exception as error:  # decoders raise many classes for damaged data
             raise source.damaged() from error
@@ -276,17 +333,28 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
 
 
 def _is_raw(start: bytes) -> bool:
-    """Return whether a file is the raw file of a camera, by its first 64 bytes; other raw files are TIFF."""
-    return start.startswith(_RAW_STARTS) or any(start[at:].startswith(part) for at, part in _RAW_PARTS.items())
+    """Return whether a file is the raw file of a camera, by its first 64 bytes; other raw files are
+    TIFF.
+    """
+    return start.startswith(_RAW_STARTS) or any(
+        start[at:].startswith(part) for at, part in _RAW_PARTS.items()
+    )
 
 
 def _kind(start: bytes) -> str | None:
-    """Return Pillow's name of the format, by the first 64 bytes of a file; None for an unknown format."""
+    """Return Pillow's name of the format, by the first 64 bytes of a file; None for an unknown
+    format.
+    """
     if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
         return "WEBP"
     if start[4:8] == b"ftyp":
-        brands = [start[at : at + 4] for at in range(8, min(len(start), int.from_bytes(start[:4])), 4)]
-        return next((kind for kind, known in _BRANDS.items() if any(brand in known for brand in brands)), None)
+        brands = [
+            start[at : at + 4] for at in range(8, min(len(start), int.from_bytes(start[:4])), 4)
+        ]
+        return next(
+            (kind for kind, known in _BRANDS.items() if any(brand in known for brand in brands)),
+            None,
+        )
     return next((kind for first, kind in _STARTS.items() if start.startswith(first)), None)
 
 
@@ -303,10 +371,12 @@ def _register_heif(source: ImageSource) -> None:
 
 
 def _check_jpeg_data(file: BinaryIO) -> bytes | None:
-    """Raise ValueError if data of the picture are missing or damaged, by decoding it at an eighth of its size.
+    """Raise ValueError if data of the picture are missing or damaged, by decoding it at an eighth
+    of its size.
 
-    libjpeg-turbo, which Pillow uses too, warns where the codes of the picture and its size disagree. Damage that leaves
-    as many codes as before, such as a changed bit, gives no warning. So lost blocks of zeros are looked for, too.
+    libjpeg-turbo, which Pillow uses too, warns where the codes of the picture and its size
+    disagree. Damage that leaves as many codes as before, such as a changed bit, gives no warning.
+    So lost blocks of zeros are looked for, too.
 
     Args:
         file: the content of a JPEG file.
@@ -315,16 +385,21 @@ def _check_jpeg_data(file: BinaryIO) -> bytes | None:
         The content with its end marker, if that alone is missing; else None.
 
     Raises:
-        ValueError: data are missing, there are more than ``MAX_SCANS`` scans or 400 MB, or the sampling of the colours
-            is of a kind that libjpeg-turbo cannot name.
+        ValueError: data are missing, there are more than ``MAX_SCANS`` scans or 400 MB, or the
+            sampling of the colours is of a kind that libjpeg-turbo cannot name.
     """
     size = file.seek(0, 2)
     if size > _MAX_JPEG_BYTES:
         raise ValueError(f"a JPEG of {size} bytes")
-    data, whole = bytearray(size), None
+    data = bytearray(size)
+    whole = None
     file.seek(0)
     file.readinto(data)  # type: ignore[attr-defined]
-    tables, scans, end, huffman, sequential = bytearray((0xFF, _SOI)), [], 0, b"", False
+    tables = bytearray((0xFF, _SOI))
+    scans = []
+    end = 0
+    huffman = b""
+    sequential = False
     for marker, start, stop in _segments(data):
         if marker == _EOI:
             end = start
@@ -345,13 +420,20 @@ def _check_jpeg_data(file: BinaryIO) -> bytes | None:
         data += bytes((0xFF, _EOI))
         whole = bytes(data)
     one_scan = sequential and len(scans) == 1
-    if one_scan and not _zeros_can_be_plain(huffman) and data.find(bytes(_LOST_BLOCK), scans[0], end) >= 0:
+    if (
+        one_scan
+        and not _zeros_can_be_plain(huffman)
+        and data.find(bytes(_LOST_BLOCK), scans[0], end) >= 0
+    ):
         raise ValueError(f"{_LOST_BLOCK} bytes of zeros in the picture")
-    # The tables alone, right before the picture: harmless oddities of other segments would be the only warning.
+    # The tables alone, right before the picture: harmless oddities of other segments would be the
+    # only warning.
     begin = scans[0] - len(tables)
     data[begin : scans[0]] = tables
     try:
-        simplejpeg.decode_jpeg(memoryview(data)[begin:], "GRAY", min_height=1, min_width=1, min_factor=8)
+        simplejpeg.decode_jpeg(
+            memoryview(data)[begin:], "GRAY", min_height=1, min_width=1, min_factor=8
+        )
     except ValueError as error:
         extra = _EXTRA.fullmatch(str(error))
         count = int(extra[1]) if extra else size
@@ -361,9 +443,12 @@ def _check_jpeg_data(file: BinaryIO) -> bytes | None:
 
 
 def _zeros_can_be_plain(huffman: bytes) -> bool:
-    """Return whether zeros end each block, as in optimised tables of pictures with large plain areas."""
+    """Return whether zeros end each block, as in optimised tables of pictures with large plain
+    areas.
+    """
     place = 0
-    while place < len(huffman):  # class and number of a table, 16 counts of codes, and a symbol for each code
+    # class and number of a table, 16 counts of codes, and a symbol for each code
+    while place < len(huffman):
         if huffman[place] >= 0x10 and huffman[place + 17 : place + 18] != b"\x00":
             return False
         place += 17 + sum(huffman[place + 1 : place + 17])
@@ -371,10 +456,13 @@ def _zeros_can_be_plain(huffman: bytes) -> bool:
 
 
 def _segments(data: bytearray) -> Iterator[tuple[int, int, int]]:
-    """Yield marker, start and end of each segment, up to the end of the picture; a scan's ends before its codes."""
+    """Yield marker, start and end of each segment, up to the end of the picture; a scan's ends
+    before its codes.
+    """
     place = 2
     while found := _MARKER.search(data, place):
-        marker, place = found[1][0], found.end()
+        marker = found[1][0]
+        place = found.end()
         if marker not in (_SOI, _EOI, _TEM):  # these have no length
             place += max(2, int.from_bytes(data[place : place + 2]))
         yield marker, found.start(), place

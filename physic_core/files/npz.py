@@ -1,4 +1,6 @@
-"""Read and write npz files without pickle; sizes are bounded before anything is inflated, checksums are verified."""
+"""Read and write npz files without pickle; sizes are bounded before anything is inflated, checksums
+are verified.
+"""
 
 from __future__ import annotations
 
@@ -49,19 +51,23 @@ def read_names(stream: IO[bytes]) -> list[str]:
     """Read the names of all arrays of a file.
 
     Raises:
-        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
+        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not
+            an npz file.
     """
     with zipfile.ZipFile(stream) as archive:
         return list(_entries(archive, None))
 
 
 def read_headers(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[str, ArrayHeader]:
-    """Read dtype and shape of all arrays of a file, or only of those in ``names``; no array is inflated.
+    """Read dtype and shape of all arrays of a file, or only of those in ``names``; no array is
+    inflated.
 
-    The size of a member is that which its header states, so reading an array takes no more memory than its header says.
+    The size of a member is that which its header states, so reading an array takes no more memory
+    than its header says.
 
     Raises:
-        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
+        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not
+            an npz file.
         KeyError: an array in ``names`` is missing.
     """
     with zipfile.ZipFile(stream) as archive:
@@ -73,8 +79,8 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read all arrays of a file, or only those in ``names``.
 
-    Each array has the size of its member, so that its checksum is verified. ``numpy.load`` stops where a damaged header
-    says that the array ends, and skips the checksum.
+    Each array has the size of its member, so that its checksum is verified. ``numpy.load`` stops
+    where a damaged header says that the array ends, and skips the checksum.
 
     Args:
         stream: of the file.
@@ -82,25 +88,29 @@ def read_arrays(
         limit: largest size in memory of these arrays, bytes; None for :data:`MAX_ARRAY_BYTES`.
 
     Raises:
-        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
+        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not
+            an npz file.
         KeyError: an array in ``names`` is missing.
     """
     with zipfile.ZipFile(stream) as archive:
         entries = _entries(archive, names)
-        size, limit = sum(entry.file_size for entry in entries.values()), MAX_ARRAY_BYTES if limit is None else limit
+        size = sum(entry.file_size for entry in entries.values())
+        limit = MAX_ARRAY_BYTES if limit is None else limit
         if size > limit:
             raise ValueError(f"its arrays claim {size / 1e6:,.0f} MB, more than {limit / 1e6:,.0f}")
         return {name: _array(archive, entry) for name, entry in entries.items()}
 
 
-def write_arrays(path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = "") -> None:
+def write_arrays(
+    path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = ""
+) -> None:
     """Write arrays to an npz file, with fast compression (zlib level 1).
 
     Args:
         path: of the file, or a binary stream.
         arrays: by name.
-        stored: the kinds of dtype (NumPy's letters) that are not compressed. Floats shrink by a tenth only, and
-            compressing 11 MB of them takes 0.25 s.
+        stored: the kinds of dtype (NumPy's letters) that are not compressed. Floats shrink by a
+            tenth only, and compressing 11 MB of them takes 0.25 s.
 
     Raises:
         ValueError: an array holds Python objects.
@@ -138,7 +148,8 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
     if version not in _HEADERS:
         raise ValueError(f"an array is in version {version} of numpy's format")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of headers that Python 2 wrote, which numpy reads with a warning
+        # of headers that Python 2 wrote, which numpy reads with a warning
+        warnings.simplefilter("ignore")
         shape, _, dtype = _HEADERS[version](member)
     if dtype.hasobject:
         raise ObjectArrayError("an array holds Python objects")
@@ -146,12 +157,15 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
         raise ValueError(f"an array is of dtype {dtype} and shape {shape}")
     offset = member.tell()
     if math.prod(shape) * dtype.itemsize != size - offset:
-        raise ValueError(f"an array of {size - offset} bytes should have {math.prod(shape) * dtype.itemsize}")
+        raise ValueError(
+            f"an array of {size - offset} bytes should have {math.prod(shape) * dtype.itemsize}"
+        )
     return ArrayHeader(dtype, shape, offset)
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    _header(archive, entry)  # the data end where the member ends, at which zipfile compares the checksum
+    # the data end where the member ends, at which zipfile compares the checksum
+    _header(archive, entry)
     with archive.open(entry) as member, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as in _parse_header
         array: NDArray[Any] = npy.read_array(member, allow_pickle=False)

@@ -1,8 +1,8 @@
 """Dataclasses as JSON values and named arrays, and back, by the types of their fields.
 
-An array is named by its place: ``result.people[0].vertices`` is "people.0.vertices". All else is JSON. A field with the
-metadata ``stored=False`` is skipped. The metadata ``shape`` lists the sizes of an array, numbers or letters: one letter
-stands for one size in all arrays.
+An array is named by its place: ``result.people[0].vertices`` is "people.0.vertices". All else is
+JSON. A field with the metadata ``stored=False`` is skipped. The metadata ``shape`` lists the sizes
+of an array, numbers or letters: one letter stands for one size in all arrays.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def split(value: Any, arrays: Arrays, path: str = "") -> Any:
     """Return the JSON form of a value, and add its arrays to ``arrays``.
 
     Args:
-        value: a dataclass, an array, a tensor on the CPU, a number, a text, None, or tuples, lists and mappings of
-            these.
+        value: a dataclass, an array, a tensor on the CPU, a number, a text, None, or tuples, lists
+            and mappings of these.
         arrays: by name; filled.
         path: of the value, with a dot at its end.
 
@@ -70,31 +70,37 @@ def join(
     sizes: Mapping[str, int] | None = None,
     named: Iterable[Any] = (),
 ) -> Any:
-    """Restore a value from its JSON form and its arrays; lists are restored as tuples where the type says so.
+    """Restore a value from its JSON form and its arrays; lists are restored as tuples where the
+    type says so.
 
     Args:
         kind: type of the value.
         value: as returned by :func:`split`.
         arrays: by name; others than those of the value are ignored.
         sizes: letter of a shape -> size, where known.
-        named: dataclasses that fields name and that their modules import for type checkers only; those of
-            :mod:`physic_core.types` need not be given.
+        named: dataclasses that fields name and that their modules import for type checkers only;
+            those of :mod:`physic_core.types` need not be given.
 
     Raises:
-        KeyError, TypeError, ValueError: an entry or array is missing, or not of the type or shape of its field; or the
-            dataclass refuses it.
+        KeyError, TypeError, ValueError: an entry or array is missing, or not of the type or shape
+            of its field; or the dataclass refuses it.
     """
     return _Join(arrays, dict(sizes or {}), tuple(named)).value(kind, value, "")
 
 
-def write_value(path: Path, value: Any, head: Mapping[str, Any] | None = None, *, stored: str = "iufc") -> None:
-    """Write a value to a file that only its owner can read, completely or not at all. Its folder is created if missing.
+def write_value(
+    path: Path, value: Any, head: Mapping[str, Any] | None = None, *, stored: str = "iufc"
+) -> None:
+    """Write a value to a file that only its owner can read, completely or not at all.
+
+    Its folder is created if missing.
 
     Args:
         path: of the file.
         value: as of :func:`split`.
         head: further entries of the document, JSON-ready.
-        stored: kinds of dtype that are not compressed: numbers compress badly, masks and texts well.
+        stored: kinds of dtype that are not compressed: numbers compress badly, masks and texts
+            well.
 
     Raises:
         TypeError: the value cannot be stored.
@@ -132,13 +138,16 @@ def read_value(path: Path, kinds: Iterable[Any], head: Mapping[str, Any] | None 
                 raise ValueError(f"its {other[0]} is {document[other[0]]!r:.60}")
             known = {kind.__name__: kind for kind in kinds}
             return join(known[document["kind"]], document["value"], arrays, named=known.values())
-        except Exception as error:  # zipfile, zlib, numpy and json raise a dozen classes for flipped and missing bytes
+        # zipfile, zlib, numpy and json raise a dozen classes for flipped and missing bytes
+        except Exception as error:
             raise DamagedFileError(f"{type(error).__name__}: {error}") from error
 
 
 @dataclass(frozen=True)
 class _Join:
-    """The arrays of a value that is restored, the sizes of the letters of shapes so far, and named dataclasses."""
+    """The arrays of a value that is restored, the sizes of the letters of shapes so far, and named
+    dataclasses.
+    """
 
     arrays: Mapping[str, NDArray[Any]]
     sizes: dict[str, int]
@@ -155,10 +164,13 @@ class _Join:
             raise TypeError(f"{name or 'the value'} is {value!r:.60}")
         if is_dataclass(kind):
             return self._record(kind, value, path)
-        origin, inner = get_origin(kind), get_args(kind)
+        origin = get_origin(kind)
+        inner = get_args(kind)
         if isinstance(value, Mapping):
             key, item = inner or (str, Any)
-            return {key(one): self.value(item, part, f"{path}{one}.") for one, part in value.items()}
+            return {
+                key(one): self.value(item, part, f"{path}{one}.") for one, part in value.items()
+            }
         if isinstance(value, list):
             is_fixed = origin is tuple and inner[-1] is not Ellipsis
             hints = inner if is_fixed else (inner[0] if inner else Any,) * len(value)
@@ -174,7 +186,9 @@ class _Join:
         for one in fields(kind):
             name = f"{path}{one.name}"
             if name in self.arrays or one.name in value:
-                found[one.name] = self.value(_hints(kind, self.named)[one.name], value.get(one.name), f"{name}.")
+                found[one.name] = self.value(
+                    _hints(kind, self.named)[one.name], value.get(one.name), f"{name}."
+                )
                 self._check_shape(one.metadata.get("shape"), name)
             elif one.init and one.default is MISSING and one.default_factory is MISSING:
                 raise ValueError(f"it has no {name}")
@@ -184,7 +198,10 @@ class _Join:
         if wanted is None or name not in self.arrays:
             return
         shape = self.arrays[name].shape
-        sizes = [self.sizes.setdefault(n, k) if isinstance(n, str) else n for n, k in zip(wanted, shape, strict=False)]
+        sizes = [
+            self.sizes.setdefault(n, k) if isinstance(n, str) else n
+            for n, k in zip(wanted, shape, strict=False)
+        ]
         if len(wanted) != len(shape) or tuple(sizes) != shape:
             known = [str(self.sizes.get(str(n), n)) for n in wanted]
             raise ValueError(f"{name} has the shape {shape}, not ({', '.join(known)})")
@@ -212,7 +229,8 @@ def _suits(kind: Any, value: Any) -> bool:
     return (
         isinstance(value, str)
         if issubclass(origin, Enum)
-        else isinstance(value, list | Mapping) and (issubclass(origin, Mapping) == isinstance(value, Mapping))
+        else isinstance(value, list | Mapping)
+        and (issubclass(origin, Mapping) == isinstance(value, Mapping))
     )
 
 
@@ -222,7 +240,9 @@ def _is_tensor(kind: Any) -> bool:
 
 
 def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
-    """Return an array if one of the alternative types allows its dtype, as a tensor if one of them is Tensor."""
+    """Return an array if one of the alternative types allows its dtype, as a tensor if one of them
+    is Tensor.
+    """
     if any(_is_tensor(kind) for kind in kinds):
         import torch
 
@@ -230,7 +250,8 @@ def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
     allowed = [one for one in kinds if one is Any or (get_origin(one) or one) is np.ndarray]
     scalars = [get_args(get_args(one)[1])[0] if get_args(one) else Any for one in allowed]
     if not array.dtype.isnative or not any(
-        scalar is Any or np.issubdtype(array.dtype, get_origin(scalar) or scalar) for scalar in scalars
+        scalar is Any or np.issubdtype(array.dtype, get_origin(scalar) or scalar)
+        for scalar in scalars
     ):
         order = "" if array.dtype.isnative else " in the other byte order"
         raise TypeError(f"{name} is an array of {array.dtype.name}{order}")
@@ -239,7 +260,9 @@ def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
 
 @cache
 def _hints(kind: type, named: tuple[Any, ...]) -> dict[str, Any]:
-    """Return the types of the fields of a dataclass, also where names are imported for type checkers only."""
+    """Return the types of the fields of a dataclass, also where names are imported for type
+    checkers only.
+    """
     names = {name: getattr(types, name) for name in types.__all__}
     names |= {one.__name__: one for one in named if isinstance(one, type)}
     names |= {

@@ -14,7 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""First characters of a text that a spreadsheet computes; the last four are full-width, for Japanese and Chinese."""
+"""First characters of a text that a spreadsheet computes; the last four are full-width, for
+Japanese and Chinese.
+"""
 
 _MAX_DEPTH = 200
 _TOO_DEEP = f"values are nested more than {_MAX_DEPTH} deep"
@@ -36,25 +38,34 @@ def shorten(text: str, limit: int) -> str:
 
 def printable(text: str) -> str:
     """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
-    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        for c in text
+    )
 
 
 def path_problem(text: str) -> str:
-    """Return why a text cannot be the path of a file or folder, as the end of a sentence; "" if it can."""
+    """Return why a text cannot be the path of a file or folder, as the end of a sentence; "" if it
+    can.
+    """
     if not text:
         return "it is empty: name a file or a folder"
     if re.match(r"(?:https?|ftp|file|data|s3|gs):", text, re.IGNORECASE):
-        return f"{quoted(text)} is an address, and PhySIC downloads nothing: save the file, and name its path"
+        return (
+            f"{quoted(text)} is an address, and PhySIC downloads nothing: save the file, and "
+            f"name its path"
+        )
     if "\0" in text:
         return f"{quoted(text)} has a null character, which no path has"
     return ""
 
 
 def write_csv(file: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write a line with the columns, then one for each row; a value that is missing or None is empty.
+    """Write a line with the columns, then one for each row; a value that is missing or None is
+    empty.
 
-    A text that a spreadsheet would take for a formula has an apostrophe before it, and so has one that begins with an
-    apostrophe: without the first apostrophe, each text is the original.
+    A text that a spreadsheet would take for a formula has an apostrophe before it, and so has one
+    that begins with an apostrophe: without the first apostrophe, each text is the original.
 
     Args:
         file: opened with ``newline=""``.
@@ -80,8 +91,8 @@ def to_json(value: Any, *, digits: int | None = None) -> Any:
     """Convert a value to JSON types; NaN and infinities become "NaN", "Infinity" and "-Infinity".
 
     Args:
-        value: NumPy arrays become lists, NumPy scalars numbers, paths strings, tuples and sets lists. The keys of a
-            mapping become strings, and so does every object of another class.
+        value: NumPy arrays become lists, NumPy scalars numbers, paths strings, tuples and sets
+            lists. The keys of a mapping become strings, and so does every object of another class.
         digits: significant digits to which floats are rounded; None keeps all.
     """
     if value is None or isinstance(value, bool | str):
@@ -129,7 +140,9 @@ def parse_json(content: bytes | str) -> Any:
         level = [
             item
             for one in level
-            for item in (one.values() if isinstance(one, dict) else one if isinstance(one, list) else ())
+            for item in (
+                one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
+            )
         ]
         if not level:
             return value

@@ -10,8 +10,9 @@ unknown                meaning                 residual of a pixel, as a share o
 "inverse_scale_shift"  1 / Z = s / Z' + t      Z (s / Z' + t) - 1, each point stays on its ray
 =====================  ======================  ==============================================
 
-RANSAC scores all hypotheses with one tolerance. Robust least squares on the inliers refines the best. "scale_shift"
-uses X and Y too, as in the paper: they determine the scale of a scene at nearly one depth.
+RANSAC scores all hypotheses with one tolerance. Robust least squares on the inliers refines the
+best. "scale_shift" uses X and Y too, as in the paper: they determine the scale of a scene at nearly
+one depth.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ class AlignmentOptions:
     Attributes:
         tolerance: largest relative depth error of an inlier; the same for all hypotheses.
         hypotheses: number of RANSAC hypotheses; 20 in the released code.
-        residual: "relative" as in the table above. "metric" multiplies it by the depth, as Eq. 1 is printed; far pixels
-            then dominate.
+        residual: "relative" as in the table above. "metric" multiplies it by the depth, as Eq. 1 is
+            printed; far pixels then dominate.
         axes: "z" ignores X and Y in "scale_shift", for a target without a known camera.
     """
 
@@ -62,8 +63,8 @@ class Alignment:
         scale: s > 0.
         shift: t, in the target's unit ("scale_shift") or its inverse ("inverse_scale_shift").
         unknown: formula that scale and shift belong to.
-        inlier_share: weighted share of the used pixels with a depth error within the tolerance, 0-1. If it is 0, the
-            scale is 1 and the shift 0.
+        inlier_share: weighted share of the used pixels with a depth error within the tolerance,
+            0-1. If it is 0, the scale is 1 and the shift 0.
         residual: median absolute relative depth difference of the inliers; inf if there are none.
     """
 
@@ -106,10 +107,12 @@ def fit_alignment(
         valid: (...) bool, pixels that are valid in both.
         unknown: formula to fit.
         options: of the fit; default :class:`AlignmentOptions`.
-        weight: (...) >= 0, weight of each pixel in the fit and in ``inlier_share``; uniform if None.
+        weight: (...) >= 0, weight of each pixel in the fit and in ``inlier_share``; uniform if
+            None.
 
     Returns:
-        The alignment; the identity with ``inlier_share`` 0 if there are too few common pixels or no inliers.
+        The alignment; the identity with ``inlier_share`` 0 if there are too few common pixels or no
+        inliers.
     """
     options = options or AlignmentOptions()
     generator = torch.Generator().manual_seed(_SEED)
@@ -154,10 +157,14 @@ def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
     return torch.where(torch.isinf(factor)[..., None], math.inf, points * factor[..., None])
 
 
-def _sample_pixels(relative: Tensor, target: Tensor, valid: Tensor, generator: torch.Generator) -> Tensor:
+def _sample_pixels(
+    relative: Tensor, target: Tensor, valid: Tensor, generator: torch.Generator
+) -> Tensor:
     """Return flat indices (M,) of valid pixels, at most ``_MAX_PIXELS``, in random order."""
     chosen = valid.flatten().nonzero()[:, 0]
-    chosen = chosen[torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS].to(chosen.device)]
+    chosen = chosen[
+        torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS].to(chosen.device)
+    ]
     usable = torch.ones_like(chosen, dtype=torch.bool)
     for points in (relative, target):
         some = points.reshape(-1, 3)[chosen]
@@ -169,9 +176,12 @@ def _linear_system(
     source: Tensor, target: Tensor, weights: Tensor, unknown: AffineAmbiguity, axes: str
 ) -> _LinearSystem:
     depth = target[:, 2]
-    one, zero = torch.ones_like(depth), torch.zeros_like(depth)
+    one = torch.ones_like(depth)
+    zero = torch.zeros_like(depth)
     if unknown == "inverse_scale_shift":
-        return _LinearSystem(torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None], weights)
+        return _LinearSystem(
+            torch.stack((depth / source[:, 2], depth), -1)[:, None], one[:, None], weights
+        )
     along = source / depth[:, None]
     if unknown == "scale":
         return _LinearSystem(torch.stack((along[:, 2], zero), -1)[:, None], one[:, None], weights)
@@ -180,17 +190,22 @@ def _linear_system(
         return _LinearSystem(last[:, None], one[:, None], weights)
     side = [torch.stack((along[:, i], zero), -1) for i in (0, 1)]
     goal = target / depth[:, None]
-    return _LinearSystem(torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1), weights)
+    return _LinearSystem(
+        torch.stack((*side, last), 1), torch.stack((goal[:, 0], goal[:, 1], one), 1), weights
+    )
 
 
 def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> tuple[float, float]:
-    """Return the least and greatest scale at which the aligned depths spread about as widely as the target's.
+    """Return the least and greatest scale at which the aligned depths spread about as widely as the
+    target's.
 
     Without bounds, a scale of zero fits a scene that is mostly one wall.
     """
     if unknown == "scale":
         return 0.0, math.inf
-    before, after = (1 / source, 1 / target) if unknown == "inverse_scale_shift" else (source, target)
+    before, after = (
+        (1 / source, 1 / target) if unknown == "inverse_scale_shift" else (source, target)
+    )
     spreads = []
     for values in (before, after):
         low, middle, high = quantiles(values, (0.05, 0.5, 0.95))
@@ -208,13 +223,20 @@ def _ransac(
     bounds: tuple[float, float],
     generator: torch.Generator,
 ) -> Tensor | None:
-    """Return the hypothesis (2,) with the least truncated squared error, or None if it has no inlier."""
+    """Return the hypothesis (2,) with the least truncated squared error, or None if it has no
+    inlier.
+    """
     size = 1 if unknown == "scale" else 2
-    drawn = torch.multinomial(system.weight.cpu(), options.hypotheses * size, replacement=True, generator=generator)
+    drawn = torch.multinomial(
+        system.weight.cpu(), options.hypotheses * size, replacement=True, generator=generator
+    )
     picks = drawn.view(options.hypotheses, size).to(system.b.device)
-    A, b = system.A[picks].flatten(1, 2), system.b[picks].flatten(1, 2)
+    A = system.A[picks].flatten(1, 2)
+    b = system.b[picks].flatten(1, 2)
     models = _solve(A.mT @ A, (A.mT @ b[..., None])[..., 0], unknown)
-    models = models[torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])]
+    models = models[
+        torch.isfinite(models).all(-1) & (models[:, 0] > bounds[0]) & (models[:, 0] < bounds[1])
+    ]
     if not len(models):
         return None
     scored = _LinearSystem(*(part[:_SCORED_PIXELS] for part in system))
@@ -238,7 +260,8 @@ def _refine(
         inlier = error < options.tolerance**2
         if int(inlier.sum()) < _FEWEST_PIXELS:
             return model
-        # 1.4826 makes a median absolute deviation a standard deviation; the floor keeps exact data solvable.
+        # 1.4826 makes a median absolute deviation a standard deviation; the floor keeps exact data
+        # solvable.
         spread = 3 * 1.4826**2 * float(error[inlier].median()) + 1e-18
         weight = system.weight * inlier * (spread / (spread + error)).square() * scale.square()
         weighted = system.A * weight[:, None, None]
@@ -266,9 +289,12 @@ def _solve(A: Tensor, b: Tensor, unknown: AffineAmbiguity) -> Tensor:
     return torch.where(solvable[:, None], torch.stack((s, t), -1) / determinant[:, None], math.nan)
 
 
-def _relative_depth_error(source: Tensor, target: Tensor, model: Tensor, unknown: AffineAmbiguity) -> Tensor:
+def _relative_depth_error(
+    source: Tensor, target: Tensor, model: Tensor, unknown: AffineAmbiguity
+) -> Tensor:
     """Return ``|Z_aligned / Z - 1|`` (M,) of a model."""
-    s, t = model[0], model[1]
+    s = model[0]
+    t = model[1]
     if unknown == "inverse_scale_shift":
         inverse = s / source[:, 2] + t
         aligned = inverse.clamp(min=_RELATIVE_DEPTH_FLOOR).reciprocal()

@@ -1,15 +1,16 @@
 """Pinhole projection and unprojection, and the removal of a lens's distortion.
 
-OpenCV axes (x right, y down, z forward), no skew. Integer pixel coordinates are pixel centres. Leading dimensions
-broadcast; results have the dtype and device of the points.
+OpenCV axes (x right, y down, z forward), no skew. Integer pixel coordinates are pixel centres.
+Leading dimensions broadcast; results have the dtype and device of the points.
 
-Distortion is the Brown-Conrady model with OpenCV's five coefficients k1, k2, p1, p2, k3. A point (x, y) of the pinhole
-camera, in units of the focal length, appears in the photo at
+Distortion is the Brown-Conrady model with OpenCV's five coefficients k1, k2, p1, p2, k3. A point
+(x, y) of the pinhole camera, in units of the focal length, appears in the photo at
 
     x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
     y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 
-with r^2 = x^2 + y^2. The undistorted picture keeps the camera matrix. Undistortion is kornia's calibration module.
+with r^2 = x^2 + y^2. The undistorted picture keeps the camera matrix. Undistortion is kornia's
+calibration module.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ def project(points: Tensor, K: Tensor) -> Tensor:
     """Project 3D points to pixel coordinates.
 
     Args:
-        points: (..., 3) camera frame, any unit. Depths below 0.001 count as 0.001, so that the gradient stays finite.
+        points: (..., 3) camera frame, any unit. Depths below 0.001 count as 0.001, so that the
+            gradient stays finite.
         K: (3, 3) px, or (..., 3, 3) that broadcasts with the leading dimensions of ``points``.
 
     Returns:
@@ -62,7 +64,9 @@ def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:
 
 
 def pixel_grid(height: int, width: int, like: Tensor) -> Tensor:
-    """Return the (x, y) coordinates (H, W, 2) of all pixel centres, with the dtype and device of ``like``."""
+    """Return the (x, y) coordinates (H, W, 2) of all pixel centres, with the dtype and device of
+    ``like``.
+    """
     v = torch.arange(height, dtype=like.dtype, device=like.device)
     u = torch.arange(width, dtype=like.dtype, device=like.device)
     return torch.stack((u.expand(height, width), v[:, None].expand(height, width)), dim=-1)
@@ -80,7 +84,9 @@ def focal_px(K: Tensor) -> float:
 
 
 def mean_camera(first: Tensor, second: Tensor) -> Tensor:
-    """Return the mean of two intrinsics (3, 3): geometric for focal lengths, arithmetic for the principal point."""
+    """Return the mean of two intrinsics (3, 3): geometric for focal lengths, arithmetic for the
+    principal point.
+    """
     mean = (first + second) / 2
     for axis in (0, 1):
         mean[axis, axis] = (first[axis, axis] * second[axis, axis]).sqrt()
@@ -108,13 +114,17 @@ def check_distortion(camera: Intrinsics, distortion: Sequence[float]) -> None:
     r = np.linspace(0, np.hypot(x, y), _RADII)
     if (1 + 3 * k1 * r**2 + 5 * k2 * r**4 + 7 * k3 * r**6 <= 0).any():
         raise ConfigError(
-            f"the distortion {', '.join(f'{v:g}' for v in distortion)} folds the picture onto itself near its corners: "
+            f"the distortion {', '.join(f'{v:g}' for v in distortion)} folds the picture onto "
+            f"itself near its corners: "
             "give k1, k2, p1, p2, k3 in OpenCV's order, with the intrinsics of the same calibration"
         )
 
 
-def undistort_image(image: UInt8Array, camera: Intrinsics, distortion: Sequence[float]) -> UInt8Array:
-    """Return the picture (H, W, 3) uint8 of a camera of the same matrix without distortion; black where unknown.
+def undistort_image(
+    image: UInt8Array, camera: Intrinsics, distortion: Sequence[float]
+) -> UInt8Array:
+    """Return the picture (H, W, 3) uint8 of a camera of the same matrix without distortion; black
+    where unknown.
 
     Args:
         camera: of the image.
@@ -126,19 +136,27 @@ def undistort_image(image: UInt8Array, camera: Intrinsics, distortion: Sequence[
     # Float32 pixels with a grid of float64 would be refused.
     picture = torch.tensor(image).permute(2, 0, 1)[None].to(torch.float64)
     found = undistort(picture, K[None], coefficients[None])[0]
-    pixels: UInt8Array = found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+    pixels: UInt8Array = (
+        found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+    )
     return pixels
 
 
-def undistort_pixels(pixels: FloatArray, camera: Intrinsics, distortion: Sequence[float]) -> FloatArray:
+def undistort_pixels(
+    pixels: FloatArray, camera: Intrinsics, distortion: Sequence[float]
+) -> FloatArray:
     """Return where pixels (N, 2) of the distorted picture are in the undistorted one, (N, 2) px."""
     from kornia.geometry.calibration import undistort_points
 
     K, coefficients = _tensors(camera, distortion, torch.float64)
     points = torch.as_tensor(np.asarray(pixels, np.float64).reshape(1, -1, 2))
-    found: FloatArray = undistort_points(points, K[None], coefficients[None], num_iters=_ITERATIONS)[0].numpy()
+    found: FloatArray = undistort_points(
+        points, K[None], coefficients[None], num_iters=_ITERATIONS
+    )[0].numpy()
     return found
 
 
-def _tensors(camera: Intrinsics, distortion: Sequence[float], dtype: torch.dtype) -> tuple[Tensor, Tensor]:
+def _tensors(
+    camera: Intrinsics, distortion: Sequence[float], dtype: torch.dtype
+) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(camera.matrix).to(dtype), torch.tensor(list(distortion), dtype=dtype)

@@ -1,9 +1,11 @@
-"""Planes of a point map in inverse depth, any of which may be the floor, found by RANSAC. OpenCV camera frame.
+"""Planes of a point map in inverse depth, any of which may be the floor, found by RANSAC.
 
-A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z = a x + b y + c,
-where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. A fit in inverse depth needs no scale, and uncertain
-distant points have little weight. Inverse depth is averaged over square pixel blocks to reduce noise. The mean is exact
-on a plane.
+OpenCV camera frame.
+
+A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z =
+a x + b y + c, where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. A fit in inverse
+depth needs no scale, and uncertain distant points have little weight. Inverse depth is averaged
+over square pixel blocks to reduce noise. The mean is exact on a plane.
 """
 
 from __future__ import annotations
@@ -82,7 +84,9 @@ def average_blocks(
     scale = share.clamp(min=torch.finfo(share.dtype).tiny).reciprocal()
     mean_inverse = _block_mean(inverse, block) * scale
     mean_rays = torch.stack([_block_mean(rays[..., i], block) * scale for i in range(3)], -1)
-    down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(share.shape)
+    down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(
+        share.shape
+    )
     lower = down >= 1 - LOWER_SHARE
     weight = torch.ones_like(share)
     if hole is not None:
@@ -98,14 +102,18 @@ def average_blocks(
 
 
 def _block_mean(x: Tensor, block: int) -> Tensor:
-    """Return the mean of x (H, W) over block x block pixels; blocks at the border may be smaller."""
+    """Return the mean of x (H, W) over block x block pixels; blocks at the border may be
+    smaller.
+    """
     if block == 1:
         return x
     blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
     return blocks
 
 
-def fit_plane(samples: BlockMeans, tolerance: float, least_rise: float, up: Tensor | None) -> Tensor | None:
+def fit_plane(
+    samples: BlockMeans, tolerance: float, least_rise: float, up: Tensor | None
+) -> Tensor | None:
     """Fit a plane to the candidate blocks by RANSAC and reweighted least squares.
 
     Args:
@@ -129,16 +137,22 @@ def fit_plane(samples: BlockMeans, tolerance: float, least_rise: float, up: Tens
     if int(counted.sum()) > 2 * _SCORED_SAMPLES:
         order = torch.randperm(len(counted), generator=generator).to(counted.device)
         some = order[counted[order]][:_SCORED_SAMPLES]
-        planes = planes[_score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices]
+        planes = planes[
+            _score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices
+        ]
     best = _score(samples, planes, tolerance, counted.nonzero()[:, 0]).argmax()
     return _refine(samples, planes[best], tolerance, slope, up)
 
 
-def _draw_planes(samples: BlockMeans, slope: float, up: Tensor | None, generator: torch.Generator) -> Tensor:
+def _draw_planes(
+    samples: BlockMeans, slope: float, up: Tensor | None, generator: torch.Generator
+) -> Tensor:
     """Return valid planes (G, 3) through three random candidates each."""
     index = samples.candidate.nonzero()[:, 0]
     odds = samples.weight[index].float().cpu()
-    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(index.device)
+    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(
+        index.device
+    )
     triples = index[drawn].view(_HYPOTHESES, 3)
     planes, singular = torch.linalg.solve_ex(samples.rays[triples], samples.inverse[triples])
     planes = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
@@ -147,24 +161,34 @@ def _draw_planes(samples: BlockMeans, slope: float, up: Tensor | None, generator
 
 
 def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
-    """Return whether planes (..., 3) are seen from above, unrolled and perpendicular to up: (...) bool."""
-    # Inverse depth increases downwards on a plane seen from above; a / b is the tangent of the camera's roll.
+    """Return whether planes (..., 3) are seen from above, unrolled and perpendicular to up: (...)
+    bool.
+    """
+    # Inverse depth increases downwards on a plane seen from above; a / b is the tangent of the
+    # camera's roll.
     if up is None:
-        level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
+        level: Tensor = (
+            planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
+        )
     else:
         level = -(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1)
     return level & (planes[..., 1] > slope)
 
 
-def _refine(samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, up: Tensor | None) -> Tensor:
+def _refine(
+    samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, up: Tensor | None
+) -> Tensor:
     for _ in range(_REFITS):
         error = (samples.inverse - samples.rays @ plane) / tolerance
         weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
         weighted = samples.rays * weight[:, None]
         moments = weighted.T @ samples.rays
         if up is not None:
-            # A prior on the component perpendicular to up, which is the angle between them times the length.
-            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(plane)
+            # A prior on the component perpendicular to up, which is the angle between them times
+            # the length.
+            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(
+                plane
+            )
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
             moments = moments + _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
         refit, singular = torch.linalg.solve_ex(moments, weighted.T @ samples.inverse)
@@ -175,9 +199,13 @@ def _refine(samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, 
 
 
 def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
-    """Return the weight (G,) of the inliers minus that of blocks below; weights double towards the bottom."""
-    rays, inverse = samples.rays[some].float(), samples.inverse[some].float()
-    low, high = rays[:, 1].min(), rays[:, 1].max()
+    """Return the weight (G,) of the inliers minus that of blocks below; weights double towards the
+    bottom.
+    """
+    rays = samples.rays[some].float()
+    inverse = samples.inverse[some].float()
+    low = rays[:, 1].min()
+    high = rays[:, 1].max()
     weight = samples.weight[some].float() * (1 + (rays[:, 1] - low) / (high - low).clamp(min=1e-12))
     error = inverse - planes.float() @ rays.T
     on = (error.abs() < tolerance).float() @ (weight * samples.candidate[some])
@@ -186,11 +214,13 @@ def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) 
 
 
 def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
-    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then reweighted ones.
+    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then
+    reweighted ones.
 
     It is 0, at infinity, where the rays of the pixels are in one plane.
     """
-    plane, weight = torch.zeros_like(rays[0]), torch.ones_like(inverse)
+    plane = torch.zeros_like(rays[0])
+    weight = torch.ones_like(inverse)
     # Not lstsq: the last bit of its solution depends on where LAPACK's work space lies in memory.
     for _ in range(1 + _REFITS):
         weighted = rays * weight[:, None]
@@ -202,8 +232,11 @@ def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
     return plane
 
 
-def plane_inlier_shares(samples: BlockMeans, plane: Tensor, tolerance: float) -> tuple[float, float]:
-    """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances below it.
+def plane_inlier_shares(
+    samples: BlockMeans, plane: Tensor, tolerance: float
+) -> tuple[float, float]:
+    """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances
+    below it.
 
     Args:
         samples: blocks of inverse depth.
@@ -216,16 +249,20 @@ def plane_inlier_shares(samples: BlockMeans, plane: Tensor, tolerance: float) ->
         weight = samples.weight * among
         return float((weight * found).sum() / weight.sum()) if bool(among.any()) else 0.0
 
-    return share(error.abs() < tolerance, samples.candidate), share(error < -2 * tolerance, samples.lower)
+    return share(error.abs() < tolerance, samples.candidate), share(
+        error < -2 * tolerance, samples.lower
+    )
 
 
 FloorReason = Literal["found", "no_pixels", "no_consensus", "switched_off"]
-"""Result of a search: "found"; "no_pixels": too few pixels; "no_consensus": no plane is more likely than none;
-"switched_off" by the settings."""
+"""Result of a search: "found"; "no_pixels": too few pixels; "no_consensus": no plane is more likely
+than none; "switched_off" by the settings.
+"""
 
 FloorSource = Literal["floor mask", "labels", "lower image", "level surfaces", "soles"]
-"""Pixels that a plane was fitted to: of the floor mask, with the label of a floor, of the lower part of the image, of
-its horizontal surfaces, or at the soles of people."""
+"""Pixels that a plane was fitted to: of the floor mask, with the label of a floor, of the lower
+part of the image, of its horizontal surfaces, or at the soles of people.
+"""
 
 FEET_WINDOW = 0.08
 """Half side of the pixel window around each foot, as a share of the long image side."""
@@ -234,7 +271,9 @@ MASK_SLACK = 1.5
 """Factor on the tolerance of pixels labelled or masked as floor: depth networks bend floors."""
 
 PITCH_SIGMA = math.radians(1.5)
-"""Standard deviation of the camera's pitch over a floor, radians, if the camera is known: .3 to 2.2 degrees."""
+"""Standard deviation of the camera's pitch over a floor, radians, if the camera is known: .3 to 2.2
+degrees.
+"""
 
 _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
@@ -276,7 +315,8 @@ class FloorSearch:
         reason: why the search ended.
         inlier_share: of the best plane, accepted or not.
         below_share: of the best plane, accepted or not.
-        in_mask: whether the floor is where the segmenter sees one; None without a floor, or if it sees none.
+        in_mask: whether the floor is where the segmenter sees one; None without a floor, or if it
+            sees none.
     """
 
     plane: PlaneFit | None
@@ -297,12 +337,18 @@ class InverseDepthMap(NamedTuple):
     hole: Tensor | None  # (H, W) bool, inpainted pixels
 
     def error(self, plane: Tensor) -> Tensor:
-        """Return the error (H, W) of a plane (3,) in inverse depth, positive for pixels in front of it."""
+        """Return the error (H, W) of a plane (3,) in inverse depth, positive for pixels in front of
+        it.
+        """
         return self.inverse - self.rays @ plane.to(self.rays)
 
 
-def inverse_depth_map(points: Tensor, valid: Tensor, hole: Tensor | None = None) -> InverseDepthMap | None:
-    """Convert a point map (H, W, 3), valid (H, W), of any unit; None with too few pixels or a single depth."""
+def inverse_depth_map(
+    points: Tensor, valid: Tensor, hole: Tensor | None = None
+) -> InverseDepthMap | None:
+    """Convert a point map (H, W, 3), valid (H, W), of any unit; None with too few pixels or a
+    single depth.
+    """
     valid = valid & all_finite(points) & (points[..., 2] > 0)
     inverse = torch.where(valid, 1 / points[..., 2], 0.0)
     rays = torch.where(valid[..., None], points * inverse[..., None], 0.0)
@@ -317,14 +363,20 @@ def inverse_depth_map(points: Tensor, valid: Tensor, hole: Tensor | None = None)
 
 
 def plane_of_pixels(
-    view: InverseDepthMap, mask: Tensor | None, up: Tensor | None, source: FloorSource, slack: float = 1.0
+    view: InverseDepthMap,
+    mask: Tensor | None,
+    up: Tensor | None,
+    source: FloorSource,
+    slack: float = 1.0,
 ) -> tuple[Tensor, PlaneFit] | None:
-    """Fit a plane to the pixels of a mask (H, W), or to the lower part of the image without one; None if none fits.
+    """Fit a plane to the pixels of a mask (H, W), or to the lower part of the image without one;
+    None if none fits.
 
     Args:
         view: the point map.
         mask: candidate pixels.
-        up: (3,) unit; the plane is at most 15 degrees off. None allows any plane seen from above by an upright camera.
+        up: (3,) unit; the plane is at most 15 degrees off. None allows any plane seen from above by
+            an upright camera.
         source: name of the pixels.
         slack: factor on the tolerance.
 
@@ -337,27 +389,40 @@ def plane_of_pixels(
     plane = fit_plane(samples, slack * view.tolerance, view.least_rise, up)
     if plane is None:
         return None
-    return plane, _as_fit(view, plane, plane_inlier_shares(samples, plane, slack * view.tolerance), source, slack)
+    return plane, _as_fit(
+        view, plane, plane_inlier_shares(samples, plane, slack * view.tolerance), source, slack
+    )
 
 
 def _as_fit(
-    view: InverseDepthMap, plane: Tensor, shares: tuple[float, float], source: FloorSource, slack: float = 1.0
+    view: InverseDepthMap,
+    plane: Tensor,
+    shares: tuple[float, float],
+    source: FloorSource,
+    slack: float = 1.0,
 ) -> PlaneFit:
     """Return a plane (3,) in inverse depth as normal and offset, with its pixels."""
-    tolerance, expected = slack * view.tolerance, view.rays @ plane.to(view.rays)
+    tolerance = slack * view.tolerance
+    expected = view.rays @ plane.to(view.rays)
     length = float(torch.linalg.vector_norm(plane))
-    inliers = view.valid & ((view.inverse - expected).abs() < tolerance) & (expected > 2 * tolerance)
+    inliers = (
+        view.valid & ((view.inverse - expected).abs() < tolerance) & (expected > 2 * tolerance)
+    )
     return PlaneFit(-(plane / length).to(view.rays), 1 / length, inliers, *shares, source)
 
 
-def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> tuple[Tensor, PlaneFit] | None:
-    """Return the plane with a normal (3,) through the points at the feet (F, 2) px; None if none is in front of them.
+def plane_at_feet(
+    view: InverseDepthMap, up: Tensor, feet_px: Tensor
+) -> tuple[Tensor, PlaneFit] | None:
+    """Return the plane with a normal (3,) through the points at the feet (F, 2) px; None if none is
+    in front of them.
 
     Its inverse depth is that of the median foot.
     """
     feet = feet_px.round().long()
     x, y = (feet[:, i].clamp(0, view.valid.shape[1 - i] - 1) for i in (0, 1))
-    rays, inverse = view.rays[y, x].double(), view.inverse[y, x].double()
+    rays = view.rays[y, x].double()
+    inverse = view.inverse[y, x].double()
     slope = -(rays @ up.to(rays))
     seen = view.valid[y, x] & (slope > 1e-3)
     if not bool(seen.any()):
@@ -369,7 +434,9 @@ def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> tuple[T
 
 
 def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
-    """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another unit or camera."""
+    """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another
+    unit or camera.
+    """
     view = None if found.plane is None else inverse_depth_map(points, valid)
     if view is None or found.plane is None:
         return found
@@ -379,7 +446,8 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
     fit = _as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
-    factor, pitch_sigma = found.plane.reanchored, found.plane.pitch_sigma
+    factor = found.plane.reanchored
+    pitch_sigma = found.plane.pitch_sigma
     moved = replace(fit, offset=fit.offset / factor, reanchored=factor, pitch_sigma=pitch_sigma)
     return replace(found, plane=moved)
 
@@ -393,7 +461,8 @@ def move_to_feet(
         view: the point map.
         plane: (3,) inverse depth by ray.
         fit: the same plane.
-        mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all pixels.
+        mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all
+            pixels.
         feet_px: (F, 2) px, or None.
     """
     ground = view.valid
@@ -406,15 +475,21 @@ def move_to_feet(
     return replace(fit, offset=fit.offset / factor, reanchored=factor)
 
 
-def _depth_factors_at_feet(plane: Tensor, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None) -> Tensor:
-    """Return the ratio of measured inverse depth to the plane's at each foot in front of the plane's horizon.
+def _depth_factors_at_feet(
+    plane: Tensor, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
+) -> Tensor:
+    """Return the ratio of measured inverse depth to the plane's at each foot in front of the
+    plane's horizon.
 
     The measurement is the median over ``pixels`` (H, W) in a window around the foot.
     """
     reach = max(2, round(FEET_WINDOW * max(pixels.shape)))
     factors = []
     for u, v in [] if feet_px is None else feet_px.round().long().tolist():
-        box = (slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1)))
+        box = (
+            slice(max(0, v - reach), max(0, v + reach + 1)),
+            slice(max(0, u - reach), max(0, u + reach + 1)),
+        )
         seen = pixels[box]
         expected = view.rays[box][seen] @ plane.to(view.rays)
         near = expected > 2 * view.tolerance

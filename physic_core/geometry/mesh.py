@@ -1,4 +1,5 @@
-"""Normals and areas of the vertices of triangle meshes, as NumPy arrays or torch tensors, and simplified meshes.
+"""Normals and areas of the vertices of triangle meshes, as NumPy arrays or torch tensors, and
+simplified meshes.
 
 Torch is imported for tensors only, so that programs that only write files start fast.
 """
@@ -21,22 +22,28 @@ _EQUAL_M = 1e-9  # smaller differences of distances are rounding errors
 
 
 def vertex_normals(vertices: _Array, faces: _Array, around: Tensor | None = None) -> _Array:
-    """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from outside).
+    """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from
+    outside).
 
     Args:
         vertices: (..., V, 3) of any unit.
         faces: (F, 3) integers, of the same library as ``vertices``.
-        around: from :func:`faces_of_vertices`, for tensors of a mesh used repeatedly. A subset of its rows returns the
-            normals of those vertices only, faster with the faces of :func:`faces_around_vertices`.
+        around: from :func:`faces_of_vertices`, for tensors of a mesh used repeatedly. A subset of
+            its rows returns the normals of those vertices only, faster with the faces of
+            :func:`faces_around_vertices`.
 
     Returns:
-        (..., V, 3), or as many as ``around`` has rows, of tensors in their dtype, else float64; zero at a vertex
-        without a face.
+        (..., V, 3), or as many as ``around`` has rows, of tensors in their dtype, else float64;
+        zero at a vertex without a face.
     """
     if isinstance(vertices, np.ndarray):
-        total = _sum_at_corners_numpy(_doubled_areas_numpy(vertices, faces), faces, vertices.shape[-2])
+        total = _sum_at_corners_numpy(
+            _doubled_areas_numpy(vertices, faces), faces, vertices.shape[-2]
+        )
         length = np.linalg.norm(total, axis=-1, keepdims=True)
-        normals: NDArray[np.float64] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+        normals: NDArray[np.float64] = np.divide(
+            total, length, out=np.zeros_like(total), where=length > 0
+        )
         return normals
     import torch.nn.functional as F
 
@@ -60,16 +67,21 @@ def vertex_areas(vertices: _Array, faces: _Array) -> _Array:
         faces: (F, 3) integers, of the same library as ``vertices``.
 
     Returns:
-        (..., V) in the square of the unit, of tensors in their dtype, else float64; their sum is the area of the mesh.
+        (..., V) in the square of the unit, of tensors in their dtype, else float64; their sum is
+        the area of the mesh.
     """
     if isinstance(vertices, np.ndarray):
         sixth = np.linalg.norm(_doubled_areas_numpy(vertices, faces), axis=-1, keepdims=True) / 6.0
         return _sum_at_corners_numpy(sixth, faces, vertices.shape[-2])[..., 0]
-    return _sum_at_corners(_doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0, faces, vertices)[..., 0]
+    return _sum_at_corners(
+        _doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0, faces, vertices
+    )[..., 0]
 
 
 def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
-    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, largest number) int64, padded with F."""
+    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, largest number)
+    int64, padded with F.
+    """
     import torch
 
     corner = faces.reshape(-1)
@@ -77,7 +89,9 @@ def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
     owner = corner[order]
     meeting = torch.bincount(corner, minlength=count)
     slot = torch.arange(len(owner), device=faces.device) - (meeting.cumsum(0) - meeting)[owner]
-    table = torch.full((count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device)
+    table = torch.full(
+        (count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device
+    )
     table[owner, slot] = order // 3
     return table
 
@@ -131,7 +145,9 @@ def _doubled_areas_numpy(vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray
     return np.cross(b - a, c - a)
 
 
-def _sum_at_corners_numpy(per_face: NDArray[np.float64], faces: NDArray[Any], count: int) -> NDArray[np.float64]:
+def _sum_at_corners_numpy(
+    per_face: NDArray[np.float64], faces: NDArray[Any], count: int
+) -> NDArray[np.float64]:
     *lead, _, columns = per_face.shape
     total = np.empty((math.prod(lead), count, columns))
     corners = np.asarray(faces).T.reshape(-1)
@@ -156,7 +172,9 @@ class CoarseMesh:
     of_vertex: Tensor
 
 
-def coarse_mesh(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float) -> CoarseMesh:
+def coarse_mesh(
+    vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, spacing: float
+) -> CoarseMesh:
     """Merge the vertices of each voxel and body part, and remove degenerate faces.
 
     Args:
@@ -191,9 +209,14 @@ def cluster_points(points: Tensor, part_of_point: Tensor, spacing: float) -> tup
     x, y, z = (cell - cell.amin(0)).unbind(1) if len(points) else cell.unbind(1)
     wide = int(cell.amax() - cell.amin()) + 1 if len(points) else 1
     parts = int(part_of_point.max()) + 1 if len(points) else 1
-    _, group = torch.unique(((x * wide + y) * wide + z) * parts + part_of_point, return_inverse=True)
+    _, group = torch.unique(
+        ((x * wide + y) * wide + z) * parts + part_of_point, return_inverse=True
+    )
     count = int(group.max()) + 1 if len(group) else 0
-    centre = points.new_zeros(count, 3).index_add(0, group, points) / torch.bincount(group, minlength=count)[:, None]
+    centre = (
+        points.new_zeros(count, 3).index_add(0, group, points)
+        / torch.bincount(group, minlength=count)[:, None]
+    )
     off = (points - centre[group]).norm(dim=-1)
     least = off.new_full((count,), torch.inf).scatter_reduce(0, group, off, "amin")
     best = (off <= least[group] + _EQUAL_M).nonzero(as_tuple=True)[0]

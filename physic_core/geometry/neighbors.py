@@ -51,7 +51,8 @@ class NearestPointSearch:
     def __init__(self, points: Tensor, normals: Tensor, radius: float = 0.15) -> None:
         if points.ndim != 2 or points.shape[-1] != 3 or normals.shape != points.shape:
             raise PhysicError(
-                f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and {tuple(normals.shape)}: "
+                f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and "
+                f"{tuple(normals.shape)}: "
                 "flatten the point map first"
             )
         self.points = points.detach()
@@ -61,7 +62,8 @@ class NearestPointSearch:
     @cached_property
     def tree(self) -> cKDTree:
         """The k-d tree of the points, built when it is first used."""
-        # For pixel samples and a bounded distance, this tree is built faster and searched three times as fast.
+        # For pixel samples and a bounded distance, this tree is built faster and searched three
+        # times as fast.
         exact = self.points.cpu().double().numpy()
         return cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
 
@@ -91,13 +93,17 @@ class NearestPointSearch:
         return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
 
     def lookup(self, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
-        """Return the index (n,) of the nearest of the unscaled points to each place (n, 3), and its distance (n,).
+        """Return the index (n,) of the nearest of the unscaled points to each place (n, 3), and its
+        distance (n,).
 
-        A subclass may search in another way. Beyond the radius, the index may be any, and the distance any that is
-        larger than the radius.
+        A subclass may search in another way. Beyond the radius, the index may be any, and the
+        distance any that is larger than the radius.
         """
-        distance, index = self.tree.query(places.cpu().double().numpy(), distance_upper_bound=radius)
-        index = np.where(np.isfinite(distance), index, 0)  # SciPy returns the number of points if none is found
+        distance, index = self.tree.query(
+            places.cpu().double().numpy(), distance_upper_bound=radius
+        )
+        # SciPy returns the number of points if none is found
+        index = np.where(np.isfinite(distance), index, 0)
         return (
             torch.from_numpy(index.astype(np.int64)).to(places.device),
             torch.from_numpy(distance).to(places.device, places.dtype),
@@ -105,7 +111,8 @@ class NearestPointSearch:
 
 
 def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
-    """Return whether scene points (M, 3) lie in any body's bounding box, enlarged by a margin: (M,) bool.
+    """Return whether scene points (M, 3) lie in any body's bounding box, enlarged by a margin: (M,)
+    bool.
 
     Args:
         points: (M, 3) metres.
@@ -115,9 +122,12 @@ def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor
     keep = torch.zeros(len(points), dtype=torch.bool, device=points.device)
     if not len(vertices):
         return keep
-    low, high = vertices.amin(1) - margin, vertices.amax(1) + margin
-    # z first: it excludes most points, and one axis is cheaper than three. A body that is not finite has no points.
-    nearest, farthest = low[:, 2].nan_to_num(torch.inf).amin(), high[:, 2].nan_to_num(-torch.inf).amax()
+    low = vertices.amin(1) - margin
+    high = vertices.amax(1) + margin
+    # z first: it excludes most points, and one axis is cheaper than three. A body that is not
+    # finite has no points.
+    nearest = low[:, 2].nan_to_num(torch.inf).amin()
+    farthest = high[:, 2].nan_to_num(-torch.inf).amax()
     z = points[:, 2].contiguous()
     rows = ((z > nearest) & (z < farthest)).nonzero(as_tuple=True)[0]
     columns = points.index_select(0, rows).T.contiguous()

@@ -1,9 +1,12 @@
-"""Planes ``n . X + o = 0``: signed heights, sample points, and the up direction that surface normals show.
+"""Planes ``n .
 
-The height ``n . X + o`` is positive above the plane, and o is the height of the camera. OpenCV camera frame.
+X + o = 0``: signed heights, sample points, and the up direction that surface normals show.
 
-Most man-made surfaces are horizontal or vertical: normals are parallel or perpendicular to up (Gupta, Arbelaez and
-Malik, CVPR 2013, sec. 3).
+The height ``n . X + o`` is positive above the plane, and o is the height of the camera. OpenCV
+camera frame.
+
+Most man-made surfaces are horizontal or vertical: normals are parallel or perpendicular to up
+(Gupta, Arbelaez and Malik, CVPR 2013, sec. 3).
 """
 
 from __future__ import annotations
@@ -14,7 +17,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-_SPACING_M, _NEAR_M = 0.025, 1.5  # of points near people, and how far from a person that is
+# of points near people, and how far from a person that is
+_SPACING_M = 0.025
+_NEAR_M = 1.5
 _MAX_POINTS = 40_000
 
 
@@ -33,11 +38,13 @@ def plane_basis(normal: Tensor) -> tuple[Tensor, Tensor]:
     return first, torch.linalg.cross(normal, first)
 
 
-def sample_plane(normal: Tensor, offset: float, points: Tensor, centres: Tensor | None = None) -> Tensor:
+def sample_plane(
+    normal: Tensor, offset: float, points: Tensor, centres: Tensor | None = None
+) -> Tensor:
     """Sample points on a plane over the extent of a scene.
 
-    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. Points are 2.5 cm apart within
-    1.5 m of the centres, and elsewhere as dense as 40,000 points in all allow.
+    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. Points are
+    2.5 cm apart within 1.5 m of the centres, and elsewhere as dense as 40,000 points in all allow.
 
     Args:
         normal: (3,) unit.
@@ -70,7 +77,9 @@ def sample_plane(normal: Tensor, offset: float, points: Tensor, centres: Tensor 
     while int(counts.prod()) > left:
         coarse *= 1.02
         counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
-    lines = [float(low[i]) + coarse * torch.arange(int(counts[i]), dtype=flat.dtype) for i in (0, 1)]
+    lines = [
+        float(low[i]) + coarse * torch.arange(int(counts[i]), dtype=flat.dtype) for i in (0, 1)
+    ]
     wide = torch.cartesian_prod(*lines).to(flat)
     wide = wide[(torch.cdist(wide, middles) > _NEAR_M).all(-1)]
     return origin + torch.cat((close, wide)) @ axes
@@ -88,7 +97,8 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     found = torch.cat(cells)
     if not len(found):
         return found.to(middles)
-    # One number per cell: torch.unique of rows is 40 times slower. 64 bits hold a lattice of 3e9 rows and columns.
+    # One number per cell: torch.unique of rows is 40 times slower. 64 bits hold a lattice of 3e9
+    # rows and columns.
     low = found.amin(0)
     rows, columns = (found - low).unbind(-1)
     width = int(columns.max()) + 1
@@ -97,11 +107,14 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
 
 
 def _percentile(x: Tensor, share: float) -> Tensor:
-    """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large inputs."""
+    """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large
+    inputs.
+    """
     return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values
 
 
-_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, and number of iterations
+# largest deviation in degrees, and number of iterations
+_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))
 _SAMPLES = 20_000
 _FEWEST = 200
 
@@ -119,7 +132,9 @@ class UpEstimate(NamedTuple):
 
 
 def sample_normals(normals: Tensor) -> Tensor:
-    """Return some 20,000 of the known normals among (M, 3), in float64; a sample of the sample is itself."""
+    """Return some 20,000 of the known normals among (M, 3), in float64; a sample of the sample is
+    itself.
+    """
     rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
     return normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
 
@@ -127,8 +142,8 @@ def sample_normals(normals: Tensor) -> Tensor:
 def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | None:
     """Estimate the up direction from unit surface normals (M, 3), camera frame, zero where unknown.
 
-    The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by 45 degrees, which a
-    camera that looks down steeply exceeds. None if there are too few normals.
+    The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by
+    45 degrees, which a camera that looks down steeply exceeds. None if there are too few normals.
     """
     known = sample_normals(normals)
     if len(known) < _FEWEST:
@@ -139,7 +154,8 @@ def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | No
         reach = math.radians(degrees)
         for _ in range(times):
             cosine = (known @ up).abs()
-            level, upright = cosine > math.cos(reach), cosine < math.sin(reach)
+            level = cosine > math.cos(reach)
+            upright = cosine < math.sin(reach)
             spread = known[upright].T @ known[upright] - known[level].T @ known[level]
             values, directions = torch.linalg.eigh(spread)
             up = -directions[:, 0] if float(directions[:, 0] @ up) < 0 else directions[:, 0]

@@ -1,4 +1,6 @@
-"""Point maps: a 3D point for each pixel of the image grid, OpenCV camera frame (x right, y down, z forward)."""
+"""Point maps: a 3D point for each pixel of the image grid, OpenCV camera frame (x right, y down, z
+forward).
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ def depth_to_pointmap(depth: Tensor, K: Tensor) -> Tensor:
 
 
 def edge_ratio(rows: int, columns: int) -> float:
-    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024 px, otherwise
-    scaled.
+    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024
+    px, otherwise scaled.
 
     The threshold is at most ``EDGE_RATIO`` squared, since edges are sharp in small images too.
     """
@@ -68,7 +70,8 @@ def _max3x3(x: Tensor) -> Tensor:
         n = x.shape[dim]
         out = x.clone()
         if n > 1:
-            ahead, behind = x.narrow(dim, 1, n - 1), x.narrow(dim, 0, n - 1)
+            ahead = x.narrow(dim, 1, n - 1)
+            behind = x.narrow(dim, 0, n - 1)
             torch.maximum(out.narrow(dim, 0, n - 1), ahead, out=out.narrow(dim, 0, n - 1))
             torch.maximum(out.narrow(dim, 1, n - 1), behind, out=out.narrow(dim, 1, n - 1))
         x = out
@@ -76,7 +79,9 @@ def _max3x3(x: Tensor) -> Tensor:
 
 
 def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
-    """Return unit normals that face the camera, from differences of neighbouring pixels (paper Sec. 3.1).
+    """Return unit normals that face the camera, from differences of neighbouring pixels (paper Sec.
+
+    3.1).
 
     Differences across a depth edge are not used. A plane gets its exact normal up to its border.
 
@@ -92,18 +97,23 @@ def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tens
     strip = _STRIP_ROWS if points.device.type == "cpu" else max(height, 1)
     found = []
     for top in range(0, height, strip):
-        first, bottom = max(top - 1, 0), min(top + strip, height)
+        first = max(top - 1, 0)
+        bottom = min(top + strip, height)
         part = _normals(points[first : bottom + 1], valid[first : bottom + 1], ratio)
         found.append(part[top - first : bottom - first])
     return torch.cat(found) if found else torch.zeros_like(points)
 
 
 def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:
-    """Return :func:`pointmap_normals` of a strip; those of its first and last row lack the neighbours outside of it."""
+    """Return :func:`pointmap_normals` of a strip; those of its first and last row lack the
+    neighbours outside of it.
+    """
     dtype = points.dtype
-    # By planes of coordinates: reductions over a last axis of three take twice as long. The last digits of float32
-    # differ from CPU to CPU.
-    x, y, z = planes = points.movedim(-1, 0).to(torch.float64, memory_format=torch.contiguous_format)
+    # By planes of coordinates: reductions over a last axis of three take twice as long. The last
+    # digits of float32 differ from CPU to CPU.
+    x, y, z = planes = points.movedim(-1, 0).to(
+        torch.float64, memory_format=torch.contiguous_format
+    )
     # Two steps of one pixel span the 3 x 3 window.
     limit = math.sqrt(ratio)
     across, has_across = _tangent(planes, valid, 2, limit)
@@ -118,7 +128,8 @@ def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:
 
 
 def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Tensor, Tensor]:
-    """Return the sum of the usable differences along an image axis, over depth, and whether there is any.
+    """Return the sum of the usable differences along an image axis, over depth, and whether there
+    is any.
 
     Args:
         planes: (3, h, W) coordinates.
@@ -131,8 +142,10 @@ def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
     has = torch.zeros_like(valid)
     if n < 2:
         return tangent, has
-    near, far = planes.narrow(dim, 0, n - 1), planes.narrow(dim, 1, n - 1)
-    z_near, z_far = near[2], far[2]
+    near = planes.narrow(dim, 0, n - 1)
+    far = planes.narrow(dim, 1, n - 1)
+    z_near = near[2]
+    z_far = far[2]
     usable = valid.narrow(dim - 1, 0, n - 1) & valid.narrow(dim - 1, 1, n - 1)
     if math.isfinite(limit):
         usable = usable & (z_far <= limit * z_near) & (z_near <= limit * z_far)
@@ -148,12 +161,14 @@ def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
 def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     """Return pixels with fewer than two of eight neighbours at a similar depth, 2 px or 4 px apart.
 
-    A fast substitute for the paper's k-nearest-neighbour outlier rule that keeps distant points and thin poles.
+    A fast substitute for the paper's k-nearest-neighbour outlier rule that keeps distant points and
+    thin poles.
 
     Args:
         depth: (H, W) > 0 where valid, any unit.
         valid: (H, W) bool; invalid pixels do not count as neighbours.
-        ratio: largest depth ratio of similar neighbours two pixels apart; it grows with the distance.
+        ratio: largest depth ratio of similar neighbours two pixels apart; it grows with the
+            distance.
 
     Returns:
         (H, W) bool, only among valid pixels.
@@ -165,10 +180,12 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor
         tolerance = 0.5 * ring * math.log(ratio) if math.isfinite(ratio) else math.inf
         support = torch.zeros_like(valid, dtype=torch.uint8)
         for dy, dx in ((0, ring), (ring, 0), (ring, ring), (ring, -ring)):
-            rows, columns = height - dy, width - abs(dx)
+            rows = height - dy
+            columns = width - abs(dx)
             if rows <= 0 or columns <= 0:
                 continue
-            left, right = max(0, -dx), max(0, dx)
+            left = max(0, -dx)
+            right = max(0, dx)
             here = (slice(0, rows), slice(left, left + columns))
             there = (slice(dy, dy + rows), slice(right, right + columns))
             alike = (log_depth[here] - log_depth[there]).abs_() <= tolerance
@@ -182,7 +199,8 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor
 def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, float, float, float]:
     """Estimate the intrinsics of a point map (paper Sec. 3.1, "Combined scene points").
 
-    The principal point is the image centre; the focal lengths are medians of (u - cx) Z / X and (v - cy) Z / Y.
+    The principal point is the image centre; the focal lengths are medians of (u - cx) Z / X and (v
+    - cy) Z / Y.
 
     Args:
         points: (H, W, 3), any unit.
@@ -195,7 +213,8 @@ def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, floa
         BackendOutputError: there are too few valid points, or a focal length is not positive.
     """
     height, width = valid.shape
-    cx, cy = (width - 1) / 2, (height - 1) / 2
+    cx = (width - 1) / 2
+    cy = (height - 1) / 2
     offset = pixel_grid(height, width, points) - points.new_tensor([cx, cy])
     usable = valid[..., None] & (points[..., :2] != 0) & (offset != 0)
     focal = []
@@ -204,7 +223,8 @@ def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, floa
         ratio = (offset[..., axis] * points[..., 2] / points[..., axis])[chosen]
         if len(ratio) < _FEWEST_POINTS:
             raise BackendOutputError(
-                f"cannot estimate the focal length from the point map: {len(ratio)} valid points have {name} != 0, "
+                f"cannot estimate the focal length from the point map: {len(ratio)} valid points "
+                f"have {name} != 0, "
                 f"{_FEWEST_POINTS} are needed: give the camera, or check the backend's valid mask"
             )
         focal.append(float(ratio.median()))

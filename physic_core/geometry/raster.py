@@ -1,8 +1,8 @@
 """Depth buffers of batches of posed bodies on any device.
 
-Camera frame (x right, y down, z forward), metres; the camera is the origin. Triangles are bucketed by the size of their
-pixel box, and each bucket is tested as one block. A minimum over (depth, face) in one integer selects the nearest face,
-so that results are deterministic.
+Camera frame (x right, y down, z forward), metres; the camera is the origin. Triangles are bucketed
+by the size of their pixel box, and each bucket is tested as one block. A minimum over (depth, face)
+in one integer selects the nearest face, so that results are deterministic.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ _NEAR_M = 1e-3  # triangles with a smaller depth are not drawn
 
 
 def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int) -> Tensor:
-    """Return the nearest front face at each pixel: (B, height, width) int64, -1 where there is none.
+    """Return the nearest front face at each pixel: (B, height, width) int64, -1 where there is
+    none.
 
     Args:
         pixels: (B, V, 2) px, integers at the pixels' centres.
@@ -27,13 +28,17 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
         height: of the image.
         width: of the image.
     """
-    batch, device = len(pixels), pixels.device
+    batch = len(pixels)
+    device = pixels.device
     nothing = torch.iinfo(torch.int64).max
     pictures = torch.full((batch, height, width), nothing, dtype=torch.int64, device=device)
-    corner, depth = pixels[:, faces].flatten(0, 1), z[:, faces].flatten(0, 1)  # (B * F, 3, 2), (B * F, 3)
+    # (B * F, 3, 2), (B * F, 3)
+    corner = pixels[:, faces].flatten(0, 1)
+    depth = z[:, faces].flatten(0, 1)
     body = torch.arange(batch, device=device).repeat_interleave(len(faces))
     name = torch.arange(len(faces), device=device).repeat(batch)
-    edge1, edge2 = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    edge1 = corner[:, 1] - corner[:, 0]
+    edge2 = corner[:, 2] - corner[:, 0]
     doubled = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
     low = corner.amin(1).ceil().clamp(min=0)
     high = torch.minimum(corner.amax(1).floor(), pixels.new_tensor([width - 1, height - 1]))
@@ -71,7 +76,10 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     weights = []
     for p, q in ((b, c), (c, a), (a, b)):
         run = q - p
-        weights.append(run[:, :1, None] * (y - p[:, 1:])[:, :, None] - run[:, 1:, None] * (x - p[:, :1])[:, None, :])
+        weights.append(
+            run[:, :1, None] * (y - p[:, 1:])[:, :, None]
+            - run[:, 1:, None] * (x - p[:, :1])[:, None, :]
+        )
     total = weights[0] + weights[1] + weights[2]
     covered = (weights[0] <= 0) & (weights[1] <= 0) & (weights[2] <= 0) & (total < 0)
     covered &= ((x <= high[:, :1])[:, None, :]) & ((y <= high[:, 1:])[:, :, None])
@@ -79,7 +87,9 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     inverse = sum(w / d[:, None, None] for w, d in zip(weights, depth.unbind(1), strict=True))
     z = (total / inverse)[covered]
     which, row, column = covered.nonzero(as_tuple=True)
-    pixel = (body[which] * height + low[which, 1].long() + row) * width + low[which, 0].long() + column
+    pixel = (
+        (body[which] * height + low[which, 1].long() + row) * width + low[which, 0].long() + column
+    )
     # Positive floats have the same order as their bit patterns.
     key = (z.float().view(torch.int32).long() << 32) | name[which]
     pictures.view(-1).scatter_reduce_(0, pixel, key, "amin")

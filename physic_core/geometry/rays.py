@@ -1,7 +1,8 @@
-"""Ray casts against triangle meshes: by Embree where ``embreex`` is installed, and in NumPy elsewhere.
+"""Ray casts against triangle meshes: by Embree where ``embreex`` is installed, and in NumPy
+elsewhere.
 
-``embreex`` has no wheel for Linux on ARM. Both find the same triangles, except where a ray passes an edge within the
-rounding of Embree's float32. Distances are float64 for both.
+``embreex`` has no wheel for Linux on ARM. Both find the same triangles, except where a ray passes
+an edge within the rounding of Embree's float32. Distances are float64 for both.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ _Indices = NDArray[np.int64]
 _FAN = 4  # children of a box
 _BITS = 16  # per axis, of the cells by which triangles are sorted
 _BLOCK = 1 << 14  # rays walked together, which bounds the memory
-_MARGIN = 1e-9  # of the extent of all triangles and of a triangle's sides: no ray passes between neighbours
+# of the extent of all triangles and of a triangle's sides: no ray passes between neighbours
+_MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class RayHits:
 
     Attributes:
         face: (n,) int64, -1 without a hit.
-        distance: (n,) float64 in units of the direction's length, inf without a hit; for z = 1 it is the depth.
+        distance: (n,) float64 in units of the direction's length, inf without a hit; for z = 1 it
+            is the depth.
         corners: (n, 3) float64 barycentric coordinates.
     """
 
@@ -41,10 +44,12 @@ class RayHits:
 
 
 class RayCaster:
-    """Casts rays onto a triangle mesh. Triangles with a coordinate that is not finite are never hit.
+    """Casts rays onto a triangle mesh.
 
-    Embree finds the face in float32. The distance to the face's plane is computed in float64, so that large, distant
-    faces are as exact as near ones.
+    Triangles with a coordinate that is not finite are never hit.
+
+    Embree finds the face in float32. The distance to the face's plane is computed in float64, so
+    that large, distant faces are as exact as near ones.
 
     Args:
         vertices: (V, 3) metres.
@@ -52,26 +57,36 @@ class RayCaster:
         library: "embree" or "numpy"; None takes Embree if ``embreex`` is installed.
     """
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike, library: RayLibrary | None = None) -> None:
-        points, triangles = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    def __init__(
+        self, vertices: ArrayLike, faces: ArrayLike, library: RayLibrary | None = None
+    ) -> None:
+        points = np.asarray(vertices, np.float64)
+        triangles = np.asarray(faces, np.int64)
         corners = points[triangles]
         self.low, self.high = points.min(0, initial=np.inf), points.max(0, initial=-np.inf)
         self._corner = corners[:, 0]
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the face."""
-        self._embree = _embree_scene(points, triangles) if (library or _installed()) == "embree" else None
+        """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the
+        face.
+        """
+        self._embree = (
+            _embree_scene(points, triangles) if (library or _installed()) == "embree" else None
+        )
         self._tree: _TriangleTree | None = None
         if self._embree is None:
             self._tree = _TriangleTree(corners)
 
     def first(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
-        """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any length."""
+        """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any
+        length.
+        """
         start, way = _rays(origins, directions)
         if self._tree is not None:
             face, distance, uv = self._tree.first(start, way)
         else:
             found = self._run(start, way, output=True)
-            face, uv = found["primID"].astype(np.int64), np.stack([found["u"], found["v"]], 1).astype(np.float64)
+            face = found["primID"].astype(np.int64)
+            uv = np.stack([found["u"], found["v"]], 1).astype(np.float64)
             hit = np.flatnonzero(face >= 0)
             distance = np.full(len(face), np.inf)
             distance[hit] = self._refined(face[hit], found["tfar"][hit], start[hit], way[hit])
@@ -79,7 +94,9 @@ class RayCaster:
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 
     def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> _Indices:
-        """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`, faster."""
+        """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`,
+        faster.
+        """
         start, way = _rays(origins, directions)
         if self._tree is not None:
             return self._tree.first(start, way)[0]
@@ -92,28 +109,39 @@ class RayCaster:
         if self._tree is not None:
             near: NDArray[np.bool_] = self._tree.first(start, way)[1] <= 1
             return near
-        hit: NDArray[np.bool_] = self._run(start, way, dists=np.ones(len(way), np.float32), query="OCCLUDED") >= 0
+        hit: NDArray[np.bool_] = (
+            self._run(start, way, dists=np.ones(len(way), np.float32), query="OCCLUDED") >= 0
+        )
         return hit
 
     def plane_distance(self, faces: _Indices, origins: _Array, directions: _Array) -> _Array:
-        """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's length.
+        """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's
+        length.
 
         Negative behind the origin, and inf along the plane.
         """
         normal = self.normals[faces]
         slope = _dot(normal.T, directions.T)
         height = _dot(normal.T, (self._corner[faces] - origins).T)
-        distance: _Array = np.divide(height, slope, out=np.full(len(slope), np.inf), where=slope != 0)
+        distance: _Array = np.divide(
+            height, slope, out=np.full(len(slope), np.inf), where=slope != 0
+        )
         return distance
 
     def _run(self, origins: _Array, directions: _Array, **query: Any) -> Any:
-        return self._embree[0].run(origins.astype(np.float32), directions.astype(np.float32), **query)  # type: ignore[index]
+        return self._embree[0].run(  # type: ignore[index]
+            origins.astype(np.float32), directions.astype(np.float32), **query
+        )
 
-    def _refined(self, face: _Indices, coarse: NDArray[np.float32], start: _Array, way: _Array) -> _Array:
+    def _refined(
+        self, face: _Indices, coarse: NDArray[np.float32], start: _Array, way: _Array
+    ) -> _Array:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
         exact = self.plane_distance(face, start, way)
-        close: _Array = np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)
+        close: _Array = np.where(
+            np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse
+        )
         return close
 
 
@@ -129,7 +157,9 @@ def _installed() -> RayLibrary:
 
 @functools.cache
 def _device() -> Any:
-    """Return the shared Embree device; creating a device takes longer than the ray casts of one body."""
+    """Return the shared Embree device; creating a device takes longer than the ray casts of one
+    body.
+    """
     from embreex.rtcore import EmbreeDevice
 
     return EmbreeDevice()
@@ -145,10 +175,11 @@ def _embree_scene(vertices: _Array, faces: _Indices) -> tuple[Any, Any]:
 
 
 class _TriangleTree:
-    """Tree of boxes with level sides over triangles, walked by all rays at once, for machines without Embree.
+    """Tree of boxes with level sides over triangles, walked by all rays at once, for machines
+    without Embree.
 
-    Triangles with a coordinate that is not finite are skipped. Coordinates are rows, (3, n): NumPy is several times as
-    fast on long rows as on triples.
+    Triangles with a coordinate that is not finite are skipped. Coordinates are rows, (3, n): NumPy
+    is several times as fast on long rows as on triples.
 
     Args:
         corners: (F, 3, 3) metres.
@@ -156,19 +187,28 @@ class _TriangleTree:
 
     def __init__(self, corners: _Array) -> None:
         chosen = np.flatnonzero(np.isfinite(corners).all((1, 2)))
-        low, high = corners[chosen].min(1).T, corners[chosen].max(1).T
+        low = corners[chosen].min(1).T
+        high = corners[chosen].max(1).T
         extent = np.ptp(corners[chosen], axis=(0, 1)) if len(chosen) else np.ones(3)
         margin = _MARGIN * max(float(extent.max()), 1e-30)
-        cells = ((low + high) / 2 - low.min(1, keepdims=True, initial=np.inf)) / (extent[:, None] + margin)
+        cells = ((low + high) / 2 - low.min(1, keepdims=True, initial=np.inf)) / (
+            extent[:, None] + margin
+        )
         order = np.argsort(_along_curve((cells * (1 << _BITS)).astype(np.int64)), kind="stable")
         self._face: _Indices = chosen[order]
         self._corners = np.ascontiguousarray(corners[self._face].transpose(1, 2, 0))
         self._levels = [np.concatenate([low[:, order] - margin, high[:, order] + margin])]
         while self._levels[-1].shape[1] > _FAN:
             first = np.arange(0, self._levels[-1].shape[1], _FAN)
-            low, high = self._levels[-1][:3], self._levels[-1][3:]
+            low = self._levels[-1][:3]
+            high = self._levels[-1][3:]
             self._levels.append(
-                np.concatenate([np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)])
+                np.concatenate(
+                    [
+                        np.minimum.reduceat(low, first, axis=1),
+                        np.maximum.reduceat(high, first, axis=1),
+                    ]
+                )
             )
 
     def first(self, origins: _Array, directions: _Array) -> tuple[_Indices, _Array, _Array]:
@@ -179,15 +219,18 @@ class _TriangleTree:
             directions: (n, 3), of any length.
 
         Returns:
-            face: (n,) int64, -1 without a hit; of triangles at one distance that with the lowest index.
+            face: (n,) int64, -1 without a hit; of triangles at one distance that with the lowest
+                index.
             distance: (n,) in lengths of the direction, inf without a hit.
             uv: (n, 2) barycentric coordinates of the second and third corner.
         """
         face = np.full(len(origins), -1, np.int64)
-        distance, uv = np.full(len(origins), np.inf), np.zeros((len(origins), 2))
+        distance = np.full(len(origins), np.inf)
+        uv = np.zeros((len(origins), 2))
         for start in range(0, len(origins), _BLOCK):
             rows = slice(start, start + _BLOCK)
-            origin, way = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
+            origin = np.ascontiguousarray(origins[rows].T)
+            way = np.ascontiguousarray(directions[rows].T)
             ray, triangle = self._pairs(origin, way)
             ray, triangle, along, u, v = _intersect(ray, triangle, origin, way, self._corners)
             order = np.lexsort((self._face[triangle], along, ray))
@@ -198,49 +241,67 @@ class _TriangleTree:
         return face, distance, uv
 
     def _pairs(self, origin: _Array, way: _Array) -> tuple[_Indices, _Indices]:
-        """Return the pairs of ray and triangle where the ray, a column of (3, n), hits the box of the triangle."""
+        """Return the pairs of ray and triangle where the ray, a column of (3, n), hits the box of
+        the triangle.
+        """
         inverse = 1 / np.where(np.abs(way) < 1e-30, 1e-30, way)
         ray, node = (np.arange(n) for n in (origin.shape[1], self._levels[-1].shape[1]))
         ray, node = np.repeat(ray, len(node)), np.tile(node, len(ray))
         for depth, boxes in enumerate(reversed(self._levels)):
             if depth:
-                ray, node = np.repeat(ray, _FAN), (node[:, None] * _FAN + np.arange(_FAN)).ravel()
+                ray = np.repeat(ray, _FAN)
+                node = (node[:, None] * _FAN + np.arange(_FAN)).ravel()
                 there = node < boxes.shape[1]
-                ray, node = ray[there], node[there]
-            enters, leaves = np.zeros(len(ray)), np.full(len(ray), np.inf)
+                ray = ray[there]
+                node = node[there]
+            enters = np.zeros(len(ray))
+            leaves = np.full(len(ray), np.inf)
             for axis in range(3):
-                start, scale = origin[axis, ray], inverse[axis, ray]
+                start = origin[axis, ray]
+                scale = inverse[axis, ray]
                 ends = (boxes[axis, node] - start) * scale, (boxes[axis + 3, node] - start) * scale
-                enters, leaves = np.maximum(enters, np.minimum(*ends)), np.minimum(leaves, np.maximum(*ends))
+                enters = np.maximum(enters, np.minimum(*ends))
+                leaves = np.minimum(leaves, np.maximum(*ends))
             met = enters <= leaves
-            ray, node = ray[met], node[met]
+            ray = ray[met]
+            node = node[met]
         return ray, node
 
 
 def _intersect(
     ray: _Indices, triangle: _Indices, origin: _Array, way: _Array, corners: _Array
 ) -> tuple[_Indices, _Indices, _Array, _Array, _Array]:
-    """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet, distances, coordinates."""
+    """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet,
+    distances, coordinates.
+    """
     start, second, third = corners[..., triangle]
-    first, second, way = second - start, third - start, way[:, ray]
+    first = second - start
+    second = third - start
+    way = way[:, ray]
     across = _cross(way, second)
     slope = _dot(first, across)
     offset = origin[:, ray] - start
     turned = _cross(offset, first)
     scale = 1 / np.where(slope == 0, np.inf, slope)
-    u, v, along = _dot(offset, across) * scale, _dot(way, turned) * scale, _dot(second, turned) * scale
+    u = _dot(offset, across) * scale
+    v = _dot(way, turned) * scale
+    along = _dot(second, turned) * scale
     met = (slope != 0) & (u >= -_MARGIN) & (v >= -_MARGIN) & (u + v <= 1 + _MARGIN) & (along >= 0)
     return ray[met], triangle[met], along[met], u[met], v[met]
 
 
 def _dot(a: _Array, b: _Array) -> _Array:
-    """Return the dot products (n,) of vectors (3, n), in an order that is the same on every processor."""
+    """Return the dot products (n,) of vectors (3, n), in an order that is the same on every
+    processor.
+    """
     total: _Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total
 
 
 def _cross(a: _Array, b: _Array) -> _Array:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def _along_curve(cells: _Indices) -> _Indices:

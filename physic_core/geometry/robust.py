@@ -1,7 +1,7 @@
 """Robust losses of squared residuals.
 
-All but "absolute" are scaled so that ``rho(x^2)`` is ``x^2`` near zero: a weight has one meaning for all losses. The
-scale ``c`` is the residual from which the loss differs from a quadratic.
+All but "absolute" are scaled so that ``rho(x^2)`` is ``x^2`` near zero: a weight has one meaning
+for all losses. The scale ``c`` is the residual from which the loss differs from a quadratic.
 """
 
 from __future__ import annotations
@@ -17,23 +17,31 @@ if TYPE_CHECKING:
 
 
 def geman_mcclure(squared: Tensor, c: float | Tensor) -> Tensor:
-    """Return the Geman-McClure loss of squared residuals (...): ``c^2 / 2`` at residual ``c``, always below ``c^2``."""
+    """Return the Geman-McClure loss of squared residuals (...): ``c^2 / 2`` at residual ``c``,
+    always below ``c^2``.
+    """
     return squared / (1.0 + squared / c**2)
 
 
 def absolute(squared: Tensor) -> Tensor:
     """Return the absolute residuals of squared residuals (...), with derivative zero at zero."""
     off = squared > 0
-    return torch.where(off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared)
+    return torch.where(
+        off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared
+    )
 
 
 def cauchy(squared: Tensor, c: float | Tensor) -> Tensor:
-    """Return the Cauchy loss of squared residuals (...), with the largest derivative at residual ``c``."""
+    """Return the Cauchy loss of squared residuals (...), with the largest derivative at residual
+    ``c``.
+    """
     return c**2 * torch.log1p(squared / c**2)
 
 
 def pseudo_huber(squared: Tensor, c: float | Tensor) -> Tensor:
-    """Return the pseudo-Huber loss of squared residuals (...): quadratic below ``c``, linear above."""
+    """Return the pseudo-Huber loss of squared residuals (...): quadratic below ``c``, linear
+    above.
+    """
     # Equal to sqrt(1 + q) - 1, but accurate for small q in float32.
     q = squared / c**2
     return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
@@ -43,8 +51,8 @@ def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the loss ``kind`` of squared residuals.
 
     Args:
-        kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the default of the
-            library that the paper uses, of shape 1 and half of the square near zero.
+        kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the
+            default of the library that the paper uses, of shape 1 and half of the square near zero.
         squared: (...) squared residuals.
         c: scale, one for all or (...); not used by "square" and "absolute".
 
@@ -58,7 +66,10 @@ def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     if kind == "barron":
         return 2.0 * c**2 * torch.expm1(0.5 * torch.log1p(squared / c**2)) / (2.0 * c**2)
     if kind not in _BY_NAME:
-        raise PhysicError(f"unknown robust loss {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}")
+        raise PhysicError(
+            f"unknown robust loss {kind!r}: use square, absolute, barron, "
+            f"{', '.join(sorted(_BY_NAME))}"
+        )
     return _BY_NAME[kind](squared, c)
 
 
@@ -86,8 +97,11 @@ def loss_with_slope(kind: str, q: Tensor, c: float | Tensor) -> tuple[Tensor, Te
         return q * share, share.square()
     if kind in ("pseudo_huber", "barron"):
         root = torch.sqrt(1.0 + q)
-        loss, slope = 2.0 * q / (root + 1.0), 1.0 / root
-        return (loss, slope) if kind == "pseudo_huber" else (loss / (2.0 * c**2), slope / (2.0 * c**2))
+        loss = 2.0 * q / (root + 1.0)
+        slope = 1.0 / root
+        return (
+            (loss, slope) if kind == "pseudo_huber" else (loss / (2.0 * c**2), slope / (2.0 * c**2))
+        )
     loss = robust_loss(kind, q * c**2, c) / c**2
     return loss, torch.where(q > 0, 0.5 / (c**2 * loss), torch.zeros_like(loss))
 

@@ -1,7 +1,8 @@
-"""Rotations: matrices from vectors in torch, with an analytic derivative, and closed forms in NumPy, float64.
+"""Rotations: matrices from vectors in torch, with an analytic derivative, and closed forms in
+NumPy, float64.
 
-Tests compare the matrices and derivatives with ``roma``. Functions in NumPy take any leading dimensions, and directions
-need not have unit length.
+Tests compare the matrices and derivatives with ``roma``. Functions in NumPy take any leading
+dimensions, and directions need not have unit length.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ def _skew_basis(device: torch.device, dtype: torch.dtype) -> Tensor:
 
 
 def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
-    """Convert rotation vectors (..., 3), radians, to matrices (..., 3, 3); once differentiable, smooth everywhere."""
+    """Convert rotation vectors (..., 3), radians, to matrices (..., 3, 3); once differentiable,
+    smooth everywhere.
+    """
     matrix: Tensor = _RotvecToRotmat.apply(rotvec)  # type: ignore[no-untyped-call]
     return matrix
 
@@ -50,8 +53,11 @@ class _RotvecToRotmat(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> Tensor:
         rotvec, matrix, square, sine, versine = ctx.saved_tensors
-        # dR = [J dv] R with the left Jacobian J = sin(t)/t 1 + (1 - cos(t))/t^2 [v] + (t - sin(t))/t^3 v v^T
-        turn = (gradients[0] @ matrix.transpose(-1, -2)).flatten(-2) @ _skew_basis(rotvec.device, rotvec.dtype).T
+        # dR = [J dv] R with the left Jacobian J = sin(t)/t 1 + (1 - cos(t))/t^2 [v] + (t -
+        # sin(t))/t^3 v v^T
+        turn = (gradients[0] @ matrix.transpose(-1, -2)).flatten(-2) @ _skew_basis(
+            rotvec.device, rotvec.dtype
+        ).T
         along = _jacobian_along(square, sine) * (turn * rotvec).sum(-1, keepdim=True)
         slope: Tensor = sine * turn + versine * torch.linalg.cross(turn, rotvec) + along * rotvec
         return slope
@@ -67,7 +73,8 @@ def _sinc_and_versine(square: Tensor) -> tuple[Tensor, Tensor]:
 
 def _jacobian_along(square: Tensor, sine: Tensor) -> Tensor:
     """Return (t - sin(t)) / t^3 of squared angles and their sin(t) / t."""
-    # The series is exact to the last digit but one below the limit; the quotient divides a difference of near numbers.
+    # The series is exact to the last digit but one below the limit; the quotient divides a
+    # difference of near numbers.
     limit = 1e-3 if square.dtype == torch.float64 else 0.25
     series = 1 / 6 + square * (-1 / 120 + square * (1 / 5040 - square / 362880))
     return torch.where(square < limit, series, (1 - sine) / square.clamp(min=limit))
@@ -76,7 +83,8 @@ def _jacobian_along(square: Tensor, sine: Tensor) -> Tensor:
 _Array = NDArray[np.float64]
 
 _TINY = 1e-12
-_OPPOSITE = 1e-16  # squared sum of opposite unit vectors; below, rounding errs by more than the half turn does
+# squared sum of opposite unit vectors; below, rounding errs by more than the half turn does
+_OPPOSITE = 1e-16
 
 
 def unit(vectors: _Array) -> _Array:
@@ -93,15 +101,24 @@ def rotate(rotations: _Array, vectors: _Array) -> _Array:
 
 
 def cross(first: _Array, second: _Array) -> _Array:
-    """Return the cross product (..., 3). ``np.cross`` takes five times as long for a few vectors."""
-    a, b, c = first[..., 0], first[..., 1], first[..., 2]
-    d, e, f = second[..., 0], second[..., 1], second[..., 2]
+    """Return the cross product (..., 3).
+
+    ``np.cross`` takes five times as long for a few vectors.
+    """
+    a = first[..., 0]
+    b = first[..., 1]
+    c = first[..., 2]
+    d = second[..., 0]
+    e = second[..., 1]
+    f = second[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
 def rotvec_to_rotmat_numpy(rotvecs: _Array) -> _Array:
     """Convert rotation vectors (..., 3) in radians to matrices (..., 3, 3)."""
-    matrices: _Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
+    matrices: _Array = (
+        Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
+    )
     return matrices
 
 
@@ -129,7 +146,8 @@ def rotmat_to_euler(axes: str, rotations: NDArray[np.floating[Any]]) -> _Array:
     Where the first and the third axis coincide, the third angle is 0.
 
     Args:
-        axes: of the three turns in their order: "xyz" are fixed axes, "XYZ" those of the turned body.
+        axes: of the three turns in their order: "xyz" are fixed axes, "XYZ" those of the turned
+            body.
         rotations: (..., 3, 3).
     """
     with warnings.catch_warnings():
@@ -153,10 +171,11 @@ def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:
 def rotation_between(first: _Array, second: _Array) -> _Array:
     """Return the smallest rotations (..., 3, 3) from the first directions (..., 3) to the second.
 
-    Opposite directions give half a turn about any perpendicular axis. The rotation is the product of two half-turns:
-    about the first direction, then about the bisector.
+    Opposite directions give half a turn about any perpendicular axis. The rotation is the product
+    of two half-turns: about the first direction, then about the bisector.
     """
-    a, b = unit(first), unit(second)
+    a = unit(first)
+    b = unit(second)
     middle = a + b
     opposite = (middle * middle).sum(-1, keepdims=True) < _OPPOSITE
     if opposite.any():
@@ -166,14 +185,20 @@ def rotation_between(first: _Array, second: _Array) -> _Array:
     # (2 m m^T - 1) (2 a a^T - 1)
     ma = (m * a).sum(-1)[..., None, None]
     outer = 4 * ma * m[..., :, None] * a[..., None, :]
-    turn: _Array = outer - 2 * m[..., :, None] * m[..., None, :] - 2 * a[..., :, None] * a[..., None, :] + np.eye(3)
+    turn: _Array = (
+        outer
+        - 2 * m[..., :, None] * m[..., None, :]
+        - 2 * a[..., :, None] * a[..., None, :]
+        + np.eye(3)
+    )
     return turn
 
 
 def frame_from_axes(along: _Array, beside: _Array) -> _Array:
     """Return right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
 
-    Column 0 points along the first direction, column 1 along the part of the second that is perpendicular to it.
+    Column 0 points along the first direction, column 1 along the part of the second that is
+    perpendicular to it.
     """
     x = unit(along)
     y = unit(beside - (beside * x).sum(-1, keepdims=True) * x)
@@ -181,7 +206,9 @@ def frame_from_axes(along: _Array, beside: _Array) -> _Array:
 
 
 def nearest_rotation(moments: _Array) -> _Array:
-    """Return the rotations R (..., 3, 3) that maximise trace(R^T M), M = sum w target source^T (Kabsch 1976)."""
+    """Return the rotations R (..., 3, 3) that maximise trace(R^T M), M = sum w target source^T
+    (Kabsch 1976).
+    """
     left, _, right = np.linalg.svd(moments)
     # Flip the direction of the smallest singular value if the product is a reflection.
     left[..., :, 2] *= np.sign(np.linalg.det(left @ right))[..., None]
@@ -190,11 +217,12 @@ def nearest_rotation(moments: _Array) -> _Array:
 
 
 def swing_twist(rotations: _Array, axis: _Array) -> tuple[_Array, _Array]:
-    """Decompose rotations (..., 3, 3) into ``swing @ twist``, with the twist about ``axis`` (..., 3).
+    """Decompose rotations (..., 3, 3) into ``swing @ twist``, with the twist about ``axis`` (...,
+    3).
 
     Returns:
-        The swing (..., 3, 3), whose own axis is perpendicular to ``axis``, and the angle (...) of the twist in
-        radians in (-pi, pi].
+        The swing (..., 3, 3), whose own axis is perpendicular to ``axis``, and the angle (...) of
+        the twist in radians in (-pi, pi].
     """
     a = unit(axis)
     tilt = rotation_between(a, rotate(rotations, a))

@@ -1,4 +1,6 @@
-"""Convert NumPy arrays of backends to tensors of the engine, move dataclasses of tensors, and work on masks."""
+"""Convert NumPy arrays of backends to tensors of the engine, move dataclasses of tensors, and work
+on masks.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,8 @@ def dilate_square(mask: torch.Tensor, radius: int) -> torch.Tensor:
 
 
 def quantiles(values: torch.Tensor, shares: Sequence[float], most: int = 50_000) -> list[float]:
-    """Return quantiles of values (M,) without interpolation, of an even subsample of about ``most`` if there are more.
+    """Return quantiles of values (M,) without interpolation, of an even subsample of about ``most``
+    if there are more.
 
     ``torch.quantile`` does not support large inputs.
     """
@@ -69,11 +72,15 @@ def all_finite(points: torch.Tensor) -> torch.Tensor:
     return torch.isfinite(points @ points.new_ones(3))
 
 
-def to_device(record: _Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> _Record:
-    """Return a copy of a dataclass on another device, with its floating-point tensors in another type.
+def to_device(
+    record: _Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None
+) -> _Record:
+    """Return a copy of a dataclass on another device, with its floating-point tensors in another
+    type.
 
     Args:
-        record: its fields are tensors, dataclasses, mappings and tuples of these, and others, which stay.
+        record: its fields are tensors, dataclasses, mappings and tuples of these, and others, which
+            stay.
         device: None for the same.
         dtype: None for the same.
     """
@@ -81,7 +88,10 @@ def to_device(record: _Record, device: torch.device | str | None = None, dtype: 
     if isinstance(record, torch.Tensor):
         copy = record.to(device=device, dtype=dtype if record.is_floating_point() else None)
     elif is_dataclass(record) and not isinstance(record, type):
-        parts = {field.name: to_device(getattr(record, field.name), device, dtype) for field in fields(record)}
+        parts = {
+            field.name: to_device(getattr(record, field.name), device, dtype)
+            for field in fields(record)
+        }
         copy = replace(record, **parts)
     elif isinstance(record, Mapping):
         copy = {name: to_device(item, device, dtype) for name, item in record.items()}

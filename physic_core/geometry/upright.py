@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def up_in_camera(floor: Plane | None) -> Matrix:
-    """Return the unit up direction (3,) in the camera frame: the floor's normal, else the camera's up axis."""
+    """Return the unit up direction (3,) in the camera frame: the floor's normal, else the camera's
+    up axis.
+    """
     if floor is None:
         return np.array([0.0, -1.0, 0.0])
     normal = np.asarray(floor.normal, np.float64)
@@ -23,10 +25,11 @@ def up_in_camera(floor: Plane | None) -> Matrix:
 
 
 def gltf_from_camera(floor: Plane | None) -> Matrix:
-    """Return the rigid transform (4, 4), metres, from the camera frame to glTF's (x right, y up, z backward).
+    """Return the rigid transform (4, 4), metres, from the camera frame to glTF's (x right, y up, z
+    backward).
 
-    With a floor, +y is its normal, the floor is at y = 0, and the camera is above the origin and looks along -z.
-    Without one, the camera stays at the origin and y is its up axis.
+    With a floor, +y is its normal, the floor is at y = 0, and the camera is above the origin and
+    looks along -z. Without one, the camera stays at the origin and y is its up axis.
     """
     up = up_in_camera(floor)
     forward = _project_to_plane(np.array([0.0, 0.0, 1.0]), up)

@@ -2,11 +2,12 @@
 
 A vertex is visible by its facing angle, masks, and occlusion by limbs or other people.
 
-A point in front of all surfaces of a depth map is in free space. Beyond the rim of a surface, the normal of the nearest
-scene point does not distinguish inside from outside. For example, a calf in front of a seat is below the seat's plane,
-but not inside the seat.
+A point in front of all surfaces of a depth map is in free space. Beyond the rim of a surface, the
+normal of the nearest scene point does not distinguish inside from outside. For example, a calf in
+front of a seat is below the seat's plane, but not inside the seat.
 
-Camera frame (x right, y down, z forward), metres; the camera is the origin. Pixels have integer centres.
+Camera frame (x right, y down, z forward), metres; the camera is the origin. Pixels have integer
+centres.
 """
 
 from __future__ import annotations
@@ -26,11 +27,14 @@ from physic_core.geometry.rays import RayCaster
 if TYPE_CHECKING:
     from physic_core.geometry.mesh import CoarseMesh
 
-_BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
+# least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
+_BEHIND_M = 2e-3
 
 
 def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
-    """Return whether vertex normals are within an angle of the direction to the camera (paper sec. 3.2): (...) bool.
+    """Return whether vertex normals are within an angle of the direction to the camera (paper sec.
+
+    3.2): (...) bool.
 
     Args:
         normals: (..., 3) unit.
@@ -42,8 +46,11 @@ def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Te
 
 
 def inside_image(uv: Tensor, height: int, width: int) -> Tensor:
-    """Return whether pixel coordinates (..., 2) round to a pixel of the image; False for NaN: (...) bool."""
-    u, v = uv[..., 0], uv[..., 1]
+    """Return whether pixel coordinates (..., 2) round to a pixel of the image; False for NaN: (...)
+    bool.
+    """
+    u = uv[..., 0]
+    v = uv[..., 1]
     return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
 
 
@@ -78,7 +85,9 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     bodies = vertices.detach().reshape(-1, *vertices.shape[-2:])
     triangles = faces.cpu().numpy()
     pairs = [_cast_rays(body.cpu().double().numpy(), triangles) for body in bodies]
-    hidden, face = (torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True))
+    hidden, face = (
+        torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True)
+    )
     return hidden.reshape(shape), face.reshape(shape)
 
 
@@ -87,7 +96,8 @@ def _cast_rays(
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
-    # Only faces that face the camera can be hit first: the others are excluded from the search tree.
+    # Only faces that face the camera can be hit first: the others are excluded from the search
+    # tree.
     start = points[triangles[:, 0]]
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)
@@ -116,9 +126,11 @@ def self_occlusion(
         vertices: (..., V, 3) metres, camera frame.
         faces: (F, 3) int64, of a closed surface.
         part_of_vertex: (V,) int64.
-        parts: parts that can become occluded; the paper and its code take the limbs, not trunk and head.
+        parts: parts that can become occluded; the paper and its code take the limbs, not trunk and
+            head.
         share: least share of a part's vertices hidden by other parts.
-        coarse: simplified mesh of the same body; its vertices are tested instead, several times as fast.
+        coarse: simplified mesh of the same body; its vertices are tested instead, several times as
+            fast.
 
     Returns:
         hidden: (..., V) bool, vertices behind any face of the same body.
@@ -130,11 +142,15 @@ def self_occlusion(
     else:
         hidden, face = hidden_from_camera(vertices.index_select(-2, coarse.ids), coarse.faces)
         in_front = part_of_vertex[coarse.ids[coarse.faces[face.clamp(min=0), 0]]]
-        hidden, in_front = (flags.index_select(-1, coarse.of_vertex) for flags in (hidden, in_front))
+        hidden, in_front = (
+            flags.index_select(-1, coarse.of_vertex) for flags in (hidden, in_front)
+        )
     by_other = hidden & (in_front != part_of_vertex)
     count = max(int(part_of_vertex.max()) + 1, max(parts, default=-1) + 1)
     total = torch.bincount(part_of_vertex, minlength=count)
-    lost = total.new_zeros(*by_other.shape[:-1], count).index_add(-1, part_of_vertex, by_other.to(total.dtype))
+    lost = total.new_zeros(*by_other.shape[:-1], count).index_add(
+        -1, part_of_vertex, by_other.to(total.dtype)
+    )
     eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
     eligible[list(parts)] = True
     occluded = eligible & (lost >= share * total) & (total > 0)
@@ -142,7 +158,8 @@ def self_occlusion(
 
 
 def front_depth(depth: Tensor) -> Tensor:
-    """Return the least depth of each 2 x 2 pixel block: (H, W) -> (H - 1, W - 1); inf if none is finite.
+    """Return the least depth of each 2 x 2 pixel block: (H, W) -> (H - 1, W - 1); inf if none is
+    finite.
 
     Four pixels, since at a depth edge a single one may show the background.
     """
@@ -152,14 +169,17 @@ def front_depth(depth: Tensor) -> Tensor:
 
 
 def in_free_space(points: Tensor, front: Tensor, K: Tensor) -> Tensor:
-    """Return whether each point (..., 3) lies in front of every surface of the depth map: (...) bool.
+    """Return whether each point (..., 3) lies in front of every surface of the depth map: (...)
+    bool.
 
     Args:
         points: camera frame, in the unit of ``front``.
         front: (H - 1, W - 1), from :func:`front_depth`.
-        K: (3, 3) px of the full image. Points outside the image or behind the camera are in free space.
+        K: (3, 3) px of the full image. Points outside the image or behind the camera are in free
+            space.
     """
-    K, z = K.to(points), points[..., 2]
+    K = K.to(points)
+    z = points[..., 2]
     ahead = z > 1e-6
     away = torch.where(ahead, z, torch.ones_like(z))
     column = (K[0, 0] * points[..., 0] / away + K[0, 2]).floor()
@@ -202,7 +222,9 @@ def move_behind_bodies(
     triangles = faces.cpu().numpy()
     casters = [RayCaster(body, triangles) for body in bodies.detach().cpu().double().numpy()]
     for caster, here in zip(casters, shown.cpu().numpy(), strict=True):
-        along[here] = np.maximum(along[here], _distance_to_front(caster, start[here], rays[here], reach))
+        along[here] = np.maximum(
+            along[here], _distance_to_front(caster, start[here], rays[here], reach)
+        )
     for _ in range(_ROUNDS):
         before = along.copy()
         for caster in casters:
@@ -224,11 +246,14 @@ def _distance_to_front(caster: RayCaster, points: _Array, rays: _Array, reach: f
 
 
 def _distance_to_exit(caster: RayCaster, points: _Array, rays: _Array) -> _Array:
-    """Return the distance from each inside point along its ray to the surface; 0 for outside points."""
+    """Return the distance from each inside point along its ray to the surface; 0 for outside
+    points.
+    """
     way = np.zeros(len(points))
     near = np.flatnonzero(((points > caster.low) & (points < caster.high)).all(1))
     face = caster.first_faces(points[near], rays[near])
-    near, face = near[face >= 0], face[face >= 0]
+    near = near[face >= 0]
+    face = face[face >= 0]
     distance = caster.plane_distance(face, points[near], rays[near])
     from_within = ((caster.normals[face] * rays[near]).sum(1) > 0) & (distance > 0)
     way[near[from_within]] = distance[from_within] + _STEP_M

@@ -1,19 +1,23 @@
 """The eight interfaces that a plugin can implement: arguments, result type and validation of each.
 
-Images are (H, W, 3) uint8 RGB numpy arrays: already rotated as the EXIF data of the file says, and undistorted if the
-lens is known. The pipeline maps results back to the pixels of the file; a backend does neither. The frame is the OpenCV
-camera's (x right, y down, z forward), in metres; integer pixel coordinates are pixel centres: the first pixel is
-(0, 0), and the centre of an image 4 px wide is x = 1.5. The core checks the image before it calls a backend. A backend
-never edits its input, reports other bad input with a :class:`physic_core.errors.PhysicError`, and returns the same
+Images are (H, W, 3) uint8 RGB numpy arrays: already rotated as the EXIF data of the file says, and
+undistorted if the lens is known. The pipeline maps results back to the pixels of the file; a
+backend does neither. The frame is the OpenCV camera's (x right, y down, z forward), in metres;
+integer pixel coordinates are pixel centres: the first pixel is (0, 0), and the centre of an image 4
+px wide is x = 1.5. The core checks the image before it calls a backend. A backend never edits its
+input, reports other bad input with a :class:`physic_core.errors.PhysicError`, and returns the same
 result for the same input and options.
 
-Each interface has a version, ``api``. It rises when backends written for the previous version no longer work; then the
-backends of that interface, and of no other, are refused until their ``written_for`` states the new version.
+Each interface has a version, ``api``. It rises when backends written for the previous version no
+longer work; then the backends of that interface, and of no other, are refused until their
+``written_for`` states the new version.
 
-Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
+Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may
+be called twice.
 
-A plugin whose weights are to be fetched lists them in TOML files, and names their folder by an entry point in the group
-``physic.weights``. :mod:`physic_core.weights` finds them, and knows which are missing.
+A plugin whose weights are to be fetched lists them in TOML files, and names their folder by an
+entry point in the group ``physic.weights``. :mod:`physic_core.weights` finds them, and knows which
+are missing.
 """
 
 from __future__ import annotations
@@ -44,7 +48,12 @@ from physic_core.interfaces.maps import (
     RelativePointmap,
     RelativePointmapRequest,
 )
-from physic_core.interfaces.people import KeypointDetector, KeypointDetectorRequest, Segmenter, SegmenterRequest
+from physic_core.interfaces.people import (
+    KeypointDetector,
+    KeypointDetectorRequest,
+    Segmenter,
+    SegmenterRequest,
+)
 from physic_core.types.bounds import Share
 
 __all__ = [

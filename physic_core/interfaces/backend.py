@@ -1,4 +1,6 @@
-"""Base classes of all interfaces: backend, request, options and requirements; calls and validation of results."""
+"""Base classes of all interfaces: backend, request, options and requirements; calls and validation
+of results.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +39,15 @@ class StrictModel(BaseModel):
 
 
 def _holds_bool(value: Any) -> bool:
-    return isinstance(value, bool) or (isinstance(value, (list, tuple)) and any(map(_holds_bool, value)))
+    return isinstance(value, bool) or (
+        isinstance(value, (list, tuple)) and any(map(_holds_bool, value))
+    )
 
 
 def _leaves(kind: Any) -> Iterator[Any]:
-    """Yield the types of which an annotation is made, such as float and None of ``tuple[float, ...] | None``."""
+    """Yield the types of which an annotation is made, such as float and None of ``tuple[float, ...]
+    | None``.
+    """
     inner = get_args(kind)
     if inner and get_origin(kind) is not Literal:
         for each in inner:
@@ -51,14 +57,18 @@ def _leaves(kind: Any) -> Iterator[Any]:
 
 
 class Options(StrictModel):
-    """Base class of a backend's settings; unknown keys are an error, every field needs a description."""
+    """Base class of a backend's settings; unknown keys are an error, every field needs a
+    description.
+    """
 
 
 @dataclass(frozen=True)
 class Request(Generic[Result]):
-    """Input of one backend call; its fields are the arguments of ``infer`` in order, first the image.
+    """Input of one backend call; its fields are the arguments of ``infer`` in order, first the
+    image.
 
-    Keyword-only fields are used by ``check`` alone and are not passed to ``infer``. ``image`` is (H, W, 3) uint8 RGB.
+    Keyword-only fields are used by ``check`` alone and are not passed to ``infer``. ``image`` is
+    (H, W, 3) uint8 RGB.
     """
 
     image: UInt8Array
@@ -75,8 +85,8 @@ class Request(Generic[Result]):
             reads: see :attr:`Backend.reads`.
 
         Returns:
-            The arguments. Hints that the backend does not read are None, and using another argument that it does not
-            read raises an AttributeError.
+            The arguments. Hints that the backend does not read are None, and using another argument
+            that it does not read raises an AttributeError.
         """
         if reads is None:
             return self.arguments
@@ -93,12 +103,17 @@ class _Unread:
     def __getattr__(self, attribute: str) -> Any:
         if attribute.startswith("__"):  # copy and pickle look for such methods
             raise AttributeError(attribute)
-        raise AttributeError(f"`reads` of this backend lacks '{self.name}', whose '{attribute}' it uses: add the name")
+        raise AttributeError(
+            f"`reads` of this backend lacks '{self.name}', whose '{attribute}' it uses: add the "
+            f"name"
+        )
 
 
 def _limited(name: str, value: Any, reads: tuple[str, ...]) -> Any:
     if isinstance(value, Hints):
-        return replace(value, **{field.name: None for field in fields(value) if field.name not in reads})
+        return replace(
+            value, **{field.name: None for field in fields(value) if field.name not in reads}
+        )
     return value if name == "image" or name in reads else _Unread(name)
 
 
@@ -174,7 +189,9 @@ Requirement = Packages | Repository | UserFile | GpuMemory
 
 
 class _OptionsAsKeywords(ABCMeta):
-    """Constructs backends with options as keyword arguments, whatever their ``__init__`` accepts."""
+    """Constructs backends with options as keyword arguments, whatever their ``__init__``
+    accepts.
+    """
 
     def __call__(cls, *arguments: Any, **named: Any) -> Any:
         accepted = inspect.signature(cls.__init__).parameters  # type: ignore[misc]
@@ -182,7 +199,10 @@ class _OptionsAsKeywords(ABCMeta):
         if not settings:
             return super().__call__(*arguments, **named)
         if arguments or named:
-            raise ConfigError(f"{cls.__name__} takes its options as keyword arguments or as one object, not as both")
+            raise ConfigError(
+                f"{cls.__name__} takes its options as keyword arguments or as one object, not as "
+                f"both"
+            )
         return super().__call__(_options(cls, settings))
 
 
@@ -206,25 +226,30 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
 
     ``MyBackend(size=3)`` sets options, and ``MyBackend(MyBackend.Options(size=3))`` is the same.
 
-    An interface is a direct subclass that defines ``interface``, ``api``, ``Request``, ``Result``, ``infer`` and
-    ``check``. A backend is a subclass of an interface.
+    An interface is a direct subclass that defines ``interface``, ``api``, ``Request``, ``Result``,
+    ``infer`` and ``check``. A backend is a subclass of an interface.
 
     Attributes:
         interface: the interface's name in configs.
         api: version of the interface.
-        written_for: version of the interface that a backend was written for, such as 1. A core with another version
-            refuses it. Every backend of a plugin states it.
+        written_for: version of the interface that a backend was written for, such as 1. A core with
+            another version refuses it. Every backend of a plugin states it.
         Request: class of its requests.
         Result: class of its results; ``object`` for an array, which ``check`` validates.
-        sees: image of its first call: "photo", or "inpainted" for the photo with its people removed.
-        hints: names of the :class:`physic_core.types.Hints` that the pipeline knows when it calls the interface.
-        reads: names of the arguments of ``infer`` and of the hints that the backend reads, without ``image``. It gets
-            no others, and a cached result stays valid while these are equal. None if it may read everything.
+        sees: image of its first call: "photo", or "inpainted" for the photo with its people
+            removed.
+        hints: names of the :class:`physic_core.types.Hints` that the pipeline knows when it calls
+            the interface.
+        reads: names of the arguments of ``infer`` and of the hints that the backend reads, without
+            ``image``. It gets no others, and a cached result stays valid while these are equal.
+            None if it may read everything.
         Options: pydantic model of this backend's settings.
-        cacheable: whether the output may be cached. Set it to False if the output depends on anything but the input,
-            options, files that options name and ``fingerprint()``, or if computing it is faster than reading it.
-        weights_license: licence of weights that lie inside the plugin's own package, such as "MIT (MI-GAN)". That of
-            other weights stands in their manifest (:mod:`physic_core.weights.manifest`).
+        cacheable: whether the output may be cached. Set it to False if the output depends on
+            anything but the input, options, files that options name and ``fingerprint()``, or if
+            computing it is faster than reading it.
+        weights_license: licence of weights that lie inside the plugin's own package, such as "MIT
+            (MI-GAN)". That of other weights stands in their manifest
+            (:mod:`physic_core.weights.manifest`).
     """
 
     interface: ClassVar[str]
@@ -241,7 +266,9 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     infer: Callable[..., Any]  # each interface has arguments of its own
 
     def __init_subclass__(cls, **named: Any) -> None:
-        """Refuse a class with a name in ``reads`` that is neither an argument nor a hint of its interface."""
+        """Refuse a class with a name in ``reads`` that is neither an argument nor a hint of its
+        interface.
+        """
         super().__init_subclass__(**named)
         if cls.reads is None or not hasattr(cls, "Request"):  # a base class of several interfaces
             return
@@ -249,18 +276,20 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         if wrong := sorted(set(cls.reads) - known):
             names = ", ".join(sorted(known))
             raise TypeError(
-                f"{cls.__name__}.reads: no argument or hint is named {', '.join(wrong)}; there are: {names}"
+                f"{cls.__name__}.reads: no argument or hint is named {', '.join(wrong)}; there "
+                f"are: {names}"
             )
 
-    def __init__(self, options: BaseModel | None = None, **_: Any) -> None:  # keywords become ``options`` before
+    # keywords become ``options`` before
+    def __init__(self, options: BaseModel | None = None, **_: Any) -> None:
         self.options = self.Options() if options is None else options
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Run a loaded backend alone, and check its result.
 
         Args:
-            arguments: those of ``infer``, in their order; of a single photo, the first is its image (H, W, 3) uint8
-                RGB.
+            arguments: those of ``infer``, in their order; of a single photo, the first is its image
+                (H, W, 3) uint8 RGB.
             named: the same by name. ``hints`` may be omitted.
 
         Returns:
@@ -275,58 +304,76 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
             request = kind.Request(*arguments, **named)
         except TypeError as error:
             takes = ", ".join(field.name for field in fields(kind.Request) if not field.kw_only)
-            raise InputError(f"{kind.interface} is called with {takes}: {str(error).partition('() ')[2]}") from error
+            raise InputError(
+                f"{kind.interface} is called with {takes}: {str(error).partition('() ')[2]}"
+            ) from error
         result = call(self, request)
         if wrong := contract_violations(kind, result, request):
-            raise BackendOutputError(f"{type(self).__name__} returned an invalid result: {'; '.join(wrong)}")
+            raise BackendOutputError(
+                f"{type(self).__name__} returned an invalid result: {'; '.join(wrong)}"
+            )
         return result
 
     def load(self, device: str = "cpu") -> None:
-        """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1"); do nothing if the backend is loaded."""
+        """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1"); do nothing if the
+        backend is loaded.
+        """
 
     def close(self) -> None:
         """Release the weights and all other memory that ``load`` allocated."""
 
     def missing(self) -> tuple[str, ...]:
-        """Return one line for each file or package that this backend needs and does not find, with the remedy.
+        """Return one line for each file or package that this backend needs and does not find, with
+        the remedy.
 
-        Cheap and offline, the same at every call, and called before ``load``. If any backend of a run misses something,
-        the run stops before its first stage with a list for all backends.
+        Cheap and offline, the same at every call, and called before ``load``. If any backend of a
+        run misses something, the run stops before its first stage with a list for all backends.
         """
         return ()
 
     def requirements(self) -> tuple[Requirement, ...]:
-        """Return what this backend needs besides the weight sets that its options name, whether it is here or not.
+        """Return what this backend needs besides the weight sets that its options name, whether it
+        is here or not.
 
         ``physic setup`` makes its steps from it. Cheap and offline.
         """
         return ()
 
     def fingerprint(self) -> str:
-        """Return a short text that identifies the weights, as a part of the cache key; "" if there are none.
+        """Return a short text that identifies the weights, as a part of the cache key; "" if there
+        are none.
 
-        Cheap to compute, called before ``load``, and equal for equal weights in different folders. Files that options
-        name are tracked without it.
+        Cheap to compute, called before ``load``, and equal for equal weights in different folders.
+        Files that options name are tracked without it.
         """
         return ""
 
     @classmethod
     @abstractmethod
     def check(cls, result: Any, request: Any) -> Iterator[str]:
-        """Yield one sentence per violation of the interface: what was expected and what was returned.
+        """Yield one sentence per violation of the interface: what was expected and what was
+        returned.
 
-        Numbers of people that are not finite, or beyond :mod:`physic_core.interfaces.checks`, are a violation only if
-        no person has valid ones: the pipeline continues with the others.
+        Numbers of people that are not finite, or beyond :mod:`physic_core.interfaces.checks`, are a
+        violation only if no person has valid ones: the pipeline continues with the others.
         """
 
 
 def interface_of(backend: type[Backend]) -> type[Backend]:
-    """Return the interface that a backend class implements: the base class that defines ``interface``."""
-    return next(c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c))
+    """Return the interface that a backend class implements: the base class that defines
+    ``interface``.
+    """
+    return next(
+        c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c)
+    )
 
 
-def contract_violations(interface: type[Backend], result: object, request: Request[Any]) -> list[str]:
-    """Return one sentence for each violation of the interface by a result; empty for a valid result."""
+def contract_violations(
+    interface: type[Backend], result: object, request: Request[Any]
+) -> list[str]:
+    """Return one sentence for each violation of the interface by a result; empty for a valid
+    result.
+    """
     wrong_type = list(check_type(result, interface.Result))
     if wrong_type:
         return wrong_type

@@ -1,4 +1,6 @@
-"""Interfaces BodyEstimator, HandEstimator and ContactPrior: parameters, finger rotations and contact of each person."""
+"""Interfaces BodyEstimator, HandEstimator and ContactPrior: parameters, finger rotations and
+contact of each person.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,15 @@ from physic_core.interfaces.checks import (
     valid_rows,
     within,
 )
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Hints, Mesh, RestMesh
+from physic_core.types import (
+    Bodies,
+    BodyParameters,
+    ContactProbability,
+    Hands,
+    Hints,
+    Mesh,
+    RestMesh,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
@@ -68,25 +78,33 @@ class BodyEstimator(Backend):
 
     @abstractmethod
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Estimate one body for each of N people, in metres, camera frame.
 
-        Bodies may be of any body model. Those of another than the configured one are converted to it from their
-        ``joints``, and more accurately from their ``mesh``: give at least one of both unless the model is "embedded".
+        Bodies may be of any body model. Those of another than the configured one are converted to
+        it from their ``joints``, and more accurately from their ``mesh``: give at least one of both
+        unless the model is "embedded".
 
-        At rest, bodies are y up, face +z and have their left on +x. ``global_orient`` rotates about the pelvis joint,
-        then ``transl`` is added: to the origin of the body model, which is the pelvis joint of "embedded", but lies
-        above the pelvis joint of "smpl" and "smplx".
+        At rest, bodies are y up, face +z and have their left on +x. ``global_orient`` rotates about
+        the pelvis joint, then ``transl`` is added: to the origin of the body model, which is the
+        pelvis joint of "embedded", but lies above the pelvis joint of "smpl" and "smplx".
 
-        Example: ``global_orient`` (pi, 0, 0) and ``transl`` (0, 0, 3) of "embedded" are a person who stands 3 m ahead
-        and faces the camera: pelvis (0, 0, 3), head at y = -0.6, ankles at y = 0.9, and the left wrist at x = 0.7, to
-        the right in the image.
+        Example: ``global_orient`` (pi, 0, 0) and ``transl`` (0, 0, 3) of "embedded" are a person
+        who stands 3 m ahead and faces the camera: pelvis (0, 0, 3), head at y = -0.6, ankles at y =
+        0.9, and the left wrist at x = 0.7, to the right in the image.
         """
 
     @classmethod
     def check(cls, result: Bodies, request: BodyEstimatorRequest) -> Iterator[str]:
-        """Check the parameters, joints and mesh of N bodies; at least one body must be within limits."""
+        """Check the parameters, joints and mesh of N bodies; at least one body must be within
+        limits.
+        """
         n = len(request.people)
         wrong_type = [
             *check_type(result.parameters, BodyParameters, "parameters"),
@@ -109,12 +127,16 @@ class BodyEstimator(Backend):
 
 
 def valid_body_rows(bodies: Bodies) -> BoolArray:
-    """Return (N,) bool: True for people whose parameters, joints and mesh vertices are within limits.
+    """Return (N,) bool: True for people whose parameters, joints and mesh vertices are within
+    limits.
 
     ``joints`` may be NaN where the backend does not know them.
     """
-    parameters, joints = bodies.parameters, bodies.joints
-    arrays = [(getattr(parameters, field.name), _limit(field.name)[0]) for field in fields(parameters)]
+    parameters = bodies.parameters
+    joints = bodies.joints
+    arrays = [
+        (getattr(parameters, field.name), _limit(field.name)[0]) for field in fields(parameters)
+    ]
     if bodies.mesh is not None:
         arrays.append((bodies.mesh.vertices, METRES))
     valid = valid_rows(arrays, len(parameters))
@@ -139,7 +161,12 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
         yield from wrong
         if not wrong:
             readable[name] = value
-    if people and not valid_rows([(value, _limit(name)[0]) for name, value in readable.items()], people).any():
+    if (
+        people
+        and not valid_rows(
+            [(value, _limit(name)[0]) for name, value in readable.items()], people
+        ).any()
+    ):
         for name, value in readable.items():
             yield from check_limit(name, value, *_limit(name))
 
@@ -158,7 +185,10 @@ def _check_joints(joints: Any, people: int) -> Iterator[str]:
         return
     beyond = ~(within(joints, METRES) | (joints != joints))
     if beyond.any((1, 2)).all():
-        yield f"joints must be within +-{METRES:g} m, or NaN where unknown, {int(beyond.sum())} are beyond"
+        yield (
+            f"joints must be within +-{METRES:g} m, or NaN where unknown, {int(beyond.sum())} "
+            f"are beyond"
+        )
 
 
 def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:
@@ -194,13 +224,15 @@ class HandEstimator(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Estimate 15 joint rotations and a confidence for each hand; 0 for a hand that is not visible.
+        """Estimate 15 joint rotations and a confidence for each hand; 0 for a hand that is not
+        visible.
 
-        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by confidence. Fingers
-        of every confidence above 0 are used: return 0 for what is likely wrong.
+        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by
+        confidence. Fingers of every confidence above 0 are used: return 0 for what is likely wrong.
 
-        Example: a network for right hands got the mirrored crop of a left hand. Each of its rotation vectors (x, y, z)
-        becomes (x, -y, -z), and hand 0. MANO's hands with flat_hand_mean=False need the mean pose added.
+        Example: a network for right hands got the mirrored crop of a left hand. Each of its
+        rotation vectors (x, y, z) becomes (x, -y, -z), and hand 0. MANO's hands with
+        flat_hand_mean=False need the mean pose added.
         """
 
     @classmethod
@@ -225,7 +257,9 @@ class HandEstimator(Backend):
 
 
 def valid_hand_rows(hands: Hands) -> BoolArray:
-    """Return (N,) bool: True for people with finite confidence, and rotations of all detected hands within limits."""
+    """Return (N,) bool: True for people with finite confidence, and rotations of all detected hands
+    within limits.
+    """
     undetected = hands.confidence <= 0
     valid = valid_rows([(hands.confidence, math.inf)], len(hands.confidence))
     valid &= (within(hands.rotvecs, RADIANS).all((-2, -1)) | undetected).all(1)
@@ -263,16 +297,21 @@ class ContactPrior(Backend):
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """Predict the contact probability of each vertex of N bodies.
 
-        The probabilities may be on any mesh. If it is not the mesh of the bodies, give that mesh in the T-pose as
-        ``rest``: the core transfers the probabilities. Vertices of 0.5 and more count as in contact.
+        The probabilities may be on any mesh. If it is not the mesh of the bodies, give that mesh in
+        the T-pose as ``rest``: the core transfers the probabilities. Vertices of 0.5 and more count
+        as in contact.
 
-        Example: people who stand have about 0.9 at the vertices of their soles, and about 0 elsewhere.
+        Example: people who stand have about 0.9 at the vertices of their soles, and about 0
+        elsewhere.
         """
 
     @classmethod
     def check(cls, result: ContactProbability, request: ContactPriorRequest) -> Iterator[str]:
-        """Check contact probabilities of N people: in [0, 1], one per vertex of the bodies or of ``result.rest``."""
-        vertices, topology = request.vertices, request.topology
+        """Check contact probabilities of N people: in [0, 1], one per vertex of the bodies or of
+        ``result.rest``.
+        """
+        vertices = request.vertices
+        topology = request.topology
         if topology is None or vertices is None:
             vertices = result.probability.shape[-1]
         elif result.topology != topology:
@@ -284,7 +323,9 @@ class ContactPrior(Backend):
                 yield from wrong
                 return
             vertices = len(result.rest.vertices)
-        wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
+        wrong = list(
+            check_array("probability", result.probability, (len(request.people), vertices), "float")
+        )
         yield from wrong or check_unit_range(
             "probability", result.probability[rows_to_check(valid_contact_rows(result))]
         )
@@ -302,7 +343,10 @@ def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
         return
     vertices = length(rest.vertices)
     if rest.topology != topology:
-        yield f"rest must be the mesh {topology!r} that the probabilities are on, got {rest.topology!r}"
+        yield (
+            f"rest must be the mesh {topology!r} that the probabilities are on, got "
+            f"{rest.topology!r}"
+        )
     wrong = list(check_array("rest.vertices", rest.vertices, (vertices, 3), "float"))
     yield from wrong or check_limit("rest.vertices", rest.vertices, METRES, "m")
     yield from check_faces("rest.faces", rest.faces, vertices)

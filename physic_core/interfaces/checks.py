@@ -1,7 +1,7 @@
 """Checks of single values for all interfaces; each yields one sentence per violation.
 
-Numbers have bounds far beyond every real estimate, and within what the engine and every output file can hold. A person
-with a number beyond them is treated as a person with a NaN.
+Numbers have bounds far beyond every real estimate, and within what the engine and every output file
+can hold. A person with a number beyond them is treated as a person with a NaN.
 
 NumPy is imported inside functions: a command that only lists plugins must not wait for it.
 """
@@ -30,10 +30,16 @@ RADIANS = 1e3
 """Largest magnitude of a component of a rotation vector, rad."""
 
 SHAPE = 100.0
-"""Largest magnitude of a shape or expression component. Its unit is a standard deviation among people."""
+"""Largest magnitude of a shape or expression component.
+
+Its unit is a standard deviation among people.
+"""
 
 DEPTH_M = (1e-3, 1e5)
-"""Smallest and largest median of a depth map, m. Single pixels may be beyond: of the sky, for example."""
+"""Smallest and largest median of a depth map, m.
+
+Single pixels may be beyond: of the sky, for example.
+"""
 
 RELATIVE_DEPTH = (1e-9, 1e9)
 """Smallest and largest median z of a relative point map."""
@@ -49,7 +55,9 @@ SIGMA = 1e3
 
 
 def require_image(image: object) -> None:
-    """Raise InputError unless an image is a numpy array (H, W, 3) of uint8 with at least one pixel."""
+    """Raise InputError unless an image is a numpy array (H, W, 3) of uint8 with at least one
+    pixel.
+    """
     import numpy as np
 
     wanted = "the image must be a numpy array (H, W, 3) of uint8 RGB"
@@ -67,17 +75,27 @@ def check_type(value: object, expected: type, name: str = "") -> Iterator[str]:
 
 
 def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Iterator[str]:
-    """Check the type, shape and dtype of a numpy array; dtype "float" accepts floats of up to 64 bits."""
+    """Check the type, shape and dtype of a numpy array; dtype "float" accepts floats of up to 64
+    bits.
+    """
     import numpy as np
 
-    # Subclasses change the meaning of operators, and a masked array has values that are not results.
+    # Subclasses change the meaning of operators, and a masked array has values that are not
+    # results.
     if type(value) not in (np.ndarray, np.memmap):
-        yield f"{name} must be a numpy array {_text(shape)}, got {type(value).__name__}{_array_advice(value)}"
+        yield (
+            f"{name} must be a numpy array {_text(shape)}, got "
+            f"{type(value).__name__}{_array_advice(value)}"
+        )
         return
     if tuple(value.shape) != shape:
         yield f"{name} must be {_text(shape)}, got {_text(tuple(value.shape))}"
     # Neither torch nor SciPy's filters take the wider floats of some machines.
-    if not (value.dtype.kind == "f" and value.dtype.itemsize <= 8 if kind == "float" else value.dtype == kind):
+    if not (
+        value.dtype.kind == "f" and value.dtype.itemsize <= 8
+        if kind == "float"
+        else value.dtype == kind
+    ):
         yield f"{name} must be {kind}, got {value.dtype}"
 
 
@@ -97,18 +115,24 @@ def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator
         yield f"{name} must lie within +-{limit:g}{unit and ' ' + unit}, got {float(extreme):g}"
 
 
-def check_median(name: str, value: Any, limits: tuple[float, float], unit: str = "") -> Iterator[str]:
+def check_median(
+    name: str, value: Any, limits: tuple[float, float], unit: str = ""
+) -> Iterator[str]:
     """Check that the median of an array lies within limits."""
     import numpy as np
 
     (low, high), median = limits, float(np.median(value))
     if not low <= median <= high:
-        yield f"the median of {name} must lie between {low:g} and {high:g}{unit and ' ' + unit}, got {median:g}"
+        yield (
+            f"the median of {name} must lie between {low:g} and {high:g}{unit and ' ' + unit}, "
+            f"got {median:g}"
+        )
 
 
 def check_unit_range(name: str, value: Any) -> Iterator[str]:
     """Check that all values of an array lie in [0, 1]."""
-    low, high = float(value.min(initial=0)), float(value.max(initial=0))
+    low = float(value.min(initial=0))
+    high = float(value.max(initial=0))
     if not (low >= 0 and high <= 1):
         yield f"{name} must lie in [0, 1], got {low:g} to {high:g}"
 
@@ -122,11 +146,16 @@ def check_faces(name: str, faces: Any, vertices: int) -> Iterator[str]:
     wrong = list(check_array(name, faces, (count, 3), str(getattr(faces, "dtype", ""))))
     yield from wrong
     if not wrong and count and not 0 <= int(faces.min()) <= int(faces.max()) < vertices:
-        yield f"{name} must number the {vertices} vertices from 0, got {int(faces.min())} to {int(faces.max())}"
+        yield (
+            f"{name} must number the {vertices} vertices from 0, got {int(faces.min())} to "
+            f"{int(faces.max())}"
+        )
 
 
 def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator[str]:
-    """Check that intrinsics are finite, positive and for an image of ``height`` x ``width`` px; None is valid."""
+    """Check that intrinsics are finite, positive and for an image of ``height`` x ``width`` px;
+    None is valid.
+    """
     if camera is None:
         return
     wrong_type = list(check_type(camera, Intrinsics, "intrinsics"))
@@ -134,9 +163,14 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
         yield from wrong_type
         return
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
-    if not all(isinstance(v, Real) and math.isfinite(v) for v in numbers) or min(camera.fx, camera.fy) <= 0:
+    if (
+        not all(isinstance(v, Real) and math.isfinite(v) for v in numbers)
+        or min(camera.fx, camera.fy) <= 0
+    ):
         given = ", ".join(map(str, numbers))
-        yield f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {given}"
+        yield (
+            f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {given}"
+        )
     else:
         yield from _check_camera_limits(camera, max(height, width))
     if (camera.width, camera.height) != (width, height):
@@ -149,7 +183,10 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
 def _check_camera_limits(camera: Intrinsics, side: int) -> Iterator[str]:
     low, high = (share * side for share in FOCAL_SHARE)
     if not low <= min(camera.fx, camera.fy) <= max(camera.fx, camera.fy) <= high:
-        yield f"fx and fy must lie between {low:g} and {high:g} px for this image, got {camera.fx:g}, {camera.fy:g}"
+        yield (
+            f"fx and fy must lie between {low:g} and {high:g} px for this image, got "
+            f"{camera.fx:g}, {camera.fy:g}"
+        )
     if max(abs(camera.cx), abs(camera.cy)) > PRINCIPAL_SHARE * side:
         limit = f"+-{PRINCIPAL_SHARE * side:g} px"
         yield f"cx and cy must lie within {limit} for this image, got {camera.cx:g}, {camera.cy:g}"
@@ -184,7 +221,9 @@ def within(value: Any, limit: float) -> BoolArray:
 
 
 def valid_rows(arrays: Iterable[tuple[Any, float]], rows: int) -> BoolArray:
-    """Return (rows,) bool: True for rows that are within its limit in every one of the arrays (rows, ...)."""
+    """Return (rows,) bool: True for rows that are within its limit in every one of the arrays
+    (rows, ...).
+    """
     import numpy as np
 
     valid = np.ones(rows, bool)
@@ -205,7 +244,11 @@ def length(value: Any) -> int:
 
 def tensor_advice(value: object) -> str:
     """Return advice to convert a torch tensor to numpy; "" if the value is not a tensor."""
-    return ": write .detach().cpu().numpy()" if type(value).__module__.partition(".")[0] == "torch" else ""
+    return (
+        ": write .detach().cpu().numpy()"
+        if type(value).__module__.partition(".")[0] == "torch"
+        else ""
+    )
 
 
 def _array_advice(value: object) -> str:

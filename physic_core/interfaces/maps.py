@@ -1,4 +1,6 @@
-"""Interfaces MetricDepth, RelativePointmap and Inpainter: depth in metres, points up to a scale, and the background."""
+"""Interfaces MetricDepth, RelativePointmap and Inpainter: depth in metres, points up to a scale,
+and the background.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +41,15 @@ class MetricDepthRequest(Request[DepthMap]):
 class MetricDepth(Backend):
     """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    The scale of the depth is one vote on the scale of the scene, beside the people and everything else of known size.
-    Its sigma is ``scale_sigma``, or 0.1 without one. The depth is then multiplied to the scale of the vote. A backend
-    with "scale" in ``reads`` gets the vote of the others in ``hints.scale``, and its depth is used as it is. A backend
-    that needs people, and gets none, raises NoPersonError: the depth is then that of the scene.
+    The scale of the depth is one vote on the scale of the scene, beside the people and everything
+    else of known size. Its sigma is ``scale_sigma``, or 0.1 without one. The depth is then
+    multiplied to the scale of the vote. A backend with "scale" in ``reads`` gets the vote of the
+    others in ``hints.scale``, and its depth is used as it is. A backend that needs people, and gets
+    none, raises NoPersonError: the depth is then that of the scene.
 
-    A backend that measures or reads depth sets ``sees = "photo"``: it is called once, for the photo with its people and
-    without hints. If it states an error of at most .05, scene and people have the shape of its depth where it is known.
+    A backend that measures or reads depth sets ``sees = "photo"``: it is called once, for the photo
+    with its people and without hints. If it states an error of at most .05, scene and people have
+    the shape of its depth where it is known.
     """
 
     interface = "metric_depth"
@@ -53,20 +57,33 @@ class MetricDepth(Backend):
     Request = MetricDepthRequest
     Result = DepthMap
     sees = "inpainted"
-    hints = ("intrinsics", "people", "keypoints", "hole", "scene", "original", "floor", "scale", "bodies")
+    hints = (
+        "intrinsics",
+        "people",
+        "keypoints",
+        "hole",
+        "scene",
+        "original",
+        "floor",
+        "scale",
+        "bodies",
+    )
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Estimate the depth of each pixel along z, in metres; NaN where unknown.
 
-        A network for a fixed focal length f sees a photo of another one, fx, at a wrong distance: multiply by fx / f.
+        A network for a fixed focal length f sees a photo of another one, fx, at a wrong distance:
+        multiply by fx / f.
 
         Example: a wall straight ahead at 3 m has the depth 3.0 in all pixels, in the corners too.
         """
 
     @classmethod
     def check(cls, result: DepthMap, request: MetricDepthRequest) -> Iterator[str]:
-        """Check depth (H, W), within limits or NaN, with at least one known pixel; camera, scale_sigma and notes."""
+        """Check depth (H, W), within limits or NaN, with at least one known pixel; camera,
+        scale_sigma and notes.
+        """
         height, width = request.image.shape[:2]
         wrong = list(check_array("depth", result.depth, (height, width), "float"))
         yield from wrong
@@ -97,9 +114,10 @@ class RelativePointmapRequest(Request[Pointmap]):
 class RelativePointmap(Backend):
     """Estimates a point map up to a scale, or up to a scale and an offset (paper: MoGe).
 
-    Called for the inpainted photo (``hints.hole`` is the inpainted region, ``hints.photo`` the original photo), then
-    for the original photo (both are None, ``hints.scene`` is the first result). Inpainted pixels are invented: cues of
-    the camera, such as straight lines, are better taken from ``hints.photo`` outside the hole.
+    Called for the inpainted photo (``hints.hole`` is the inpainted region, ``hints.photo`` the
+    original photo), then for the original photo (both are None, ``hints.scene`` is the first
+    result). Inpainted pixels are invented: cues of the camera, such as straight lines, are better
+    taken from ``hints.photo`` outside the hole.
     """
 
     interface = "relative_pointmap"
@@ -113,12 +131,15 @@ class RelativePointmap(Backend):
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Estimate a point map of an image; ``hints.intrinsics`` are used if given.
 
-        Example: with cx = 159.5, fx = 300 and z = 2, the point of column 159 has x = (159 - 159.5) / 300 * 2.
+        Example: with cx = 159.5, fx = 300 and z = 2, the point of column 159 has x = (159 - 159.5)
+        / 300 * 2.
         """
 
     @classmethod
     def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:
-        """Check points (H, W, 3), within limits and in front of the camera where valid; and the rest."""
+        """Check points (H, W, 3), within limits and in front of the camera where valid; and the
+        rest.
+        """
         height, width = request.image.shape[:2]
         wrong = [
             *check_array("points", result.points, (height, width, 3), "float"),
@@ -128,11 +149,17 @@ class RelativePointmap(Backend):
         if not wrong:
             yield from _check_points(result.points[result.valid])
         if result.unknown not in get_args(AffineAmbiguity):
-            yield f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {result.unknown!r}"
+            yield (
+                f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got "
+                f"{result.unknown!r}"
+            )
         if result.shift_sigma is not None and not 0 <= result.shift_sigma < math.inf:
             yield f"shift_sigma must be finite and at least 0, or None, got {result.shift_sigma!r}"
         if result.people_farther is not None and not _is_mean_and_sigma(result.people_farther):
-            yield f"people_farther must be a finite mean and a sigma > 0, or None, got {result.people_farther!r}"
+            yield (
+                f"people_farther must be a finite mean and a sigma > 0, or None, got "
+                f"{result.people_farther!r}"
+            )
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
         yield from check_notes(result.warnings, "warnings")
@@ -180,10 +207,11 @@ class Inpainter(Backend):
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Replace the pixels where the mask is True; the other pixels and the size stay unchanged.
 
-        The mask is wider than the people by a margin: fill all of it, without blending at its border.
+        The mask is wider than the people by a margin: fill all of it, without blending at its
+        border.
 
-        Example: ``np.where(mask[..., None], filled, image)``, where ``filled`` is the output of a network at the size
-        of the image.
+        Example: ``np.where(mask[..., None], filled, image)``, where ``filled`` is the output of a
+        network at the size of the image.
         """
 
     @classmethod

@@ -1,4 +1,6 @@
-"""Interfaces Segmenter and KeypointDetector: masks of people, floor and surfaces, and 2D keypoints of the people."""
+"""Interfaces Segmenter and KeypointDetector: masks of people, floor and surfaces, and 2D keypoints
+of the people.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,15 @@ from physic_core.interfaces.checks import (
     valid_rows,
     within,
 )
-from physic_core.types import SURFACE_NAMES, Keypoints, People, Skeleton, SurfaceLabels, UnposedPerson, skeleton_named
+from physic_core.types import (
+    SURFACE_NAMES,
+    Keypoints,
+    People,
+    Skeleton,
+    SurfaceLabels,
+    UnposedPerson,
+    skeleton_named,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
@@ -32,7 +42,8 @@ if TYPE_CHECKING:
 class SegmenterRequest(Request[People]):
     """Input of a Segmenter: the photo, and the people whom the user chose in it.
 
-    ``prompt`` is None without a choice, and always for a backend that does not set ``takes_prompt``.
+    ``prompt`` is None without a choice, and always for a backend that does not set
+    ``takes_prompt``.
     """
 
     prompt: PeoplePrompt | None = field(default=None, kw_only=True)
@@ -44,13 +55,15 @@ class SegmenterRequest(Request[People]):
 
 
 class Segmenter(Backend):
-    """Segments people, optionally the floor and surfaces by their kind (paper: GroundingDINO + SAM2).
+    """Segments people, optionally the floor and surfaces by their kind (paper: GroundingDINO +
+    SAM2).
 
     Attributes:
-        takes_prompt: whether ``infer`` also takes ``prompt: PeoplePrompt | None = None`` as second argument. With a
-            prompt it returns exactly one person per prompt, in the order of the prompts, and keeps the given masks. It
-            raises NoPersonError for a prompt without a person. Without ``takes_prompt``, the pipeline selects the
-            chosen people from all people that the backend finds.
+        takes_prompt: whether ``infer`` also takes ``prompt: PeoplePrompt | None = None`` as second
+            argument. With a prompt it returns exactly one person per prompt, in the order of the
+            prompts, and keeps the given masks. It raises NoPersonError for a prompt without a
+            person. Without ``takes_prompt``, the pipeline selects the chosen people from all people
+            that the backend finds.
     """
 
     interface = "segmenter"
@@ -63,11 +76,11 @@ class Segmenter(Backend):
     def infer(self, image: UInt8Array) -> People:
         """Segment the people in an image, best score first; N = 0 without people.
 
-        Scores rank people and are reported; they need not be calibrated. Leave out all but people: every
-        returned person is reconstructed.
+        Scores rank people and are reported; they need not be calibrated. Leave out all but people:
+        every returned person is reconstructed.
 
-        Example: a person in columns 2 and 3 and rows 5 to 9 has the box (2, 5, 4, 10), and ``mask[5:10, 2:4]`` holds
-        all of the mask.
+        Example: a person in columns 2 and 3 and rows 5 to 9 has the box (2, 5, 4, 10), and
+        ``mask[5:10, 2:4]`` holds all of the mask.
         """
 
     @classmethod
@@ -89,7 +102,9 @@ class Segmenter(Backend):
         if result.heads is not None:
             wrong += check_array("heads", result.heads, (n,), "int")
         if result.objects is not None:
-            wrong += check_array("objects", result.objects, (length(result.objects), height, width), "bool")
+            wrong += check_array(
+                "objects", result.objects, (length(result.objects), height, width), "bool"
+            )
         yield from wrong
         yield from _check_unposed(result.unposed)
         if not wrong and n:
@@ -111,7 +126,9 @@ def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterato
         wrong.append(f"surfaces.names must be a tuple of texts, got {names!r}")
     elif unknown := [name for name in names if name not in SURFACE_NAMES]:
         known = ", ".join(SURFACE_NAMES)
-        wrong.append(f"surfaces.names has {', '.join(map(repr, unknown))}; the names of surfaces are {known}")
+        wrong.append(
+            f"surfaces.names has {', '.join(map(repr, unknown))}; the names of surfaces are {known}"
+        )
     elif len(set(names)) < len(names):
         wrong.append("surfaces.names must not name a surface twice")
     yield from wrong
@@ -120,12 +137,17 @@ def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterato
 
 
 def _check_unposed(unposed: Any) -> Iterator[str]:
-    if not (isinstance(unposed, tuple | list) and all(isinstance(one, UnposedPerson) for one in unposed)):
+    if not (
+        isinstance(unposed, tuple | list) and all(isinstance(one, UnposedPerson) for one in unposed)
+    ):
         yield f"unposed must be a tuple of UnposedPerson, got {unposed!r}"
         return
     for one in unposed:
         if not (0 <= one.score <= 1 and one.box[0] < one.box[2] and one.box[1] < one.box[3]):
-            yield f"unposed needs boxes x0 y0 x1 y1 and scores in [0, 1], got {one.box} and {one.score}"
+            yield (
+                f"unposed needs boxes x0 y0 x1 y1 and scores in [0, 1], got {one.box} and "
+                f"{one.score}"
+            )
 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:
@@ -139,7 +161,9 @@ def _check_values(people: People, height: int, width: int) -> Iterator[str]:
     flipped = (boxes[:, 2:] <= boxes[:, :2]).any(1)
     if (outside | flipped).any():
         bad = boxes[outside | flipped][0]
-        yield f"boxes must be x0 y0 x1 y1 inside the {width} x {height} px image, got {bad.tolist()}"
+        yield (
+            f"boxes must be x0 y0 x1 y1 inside the {width} x {height} px image, got {bad.tolist()}"
+        )
     if people.masks.sum(0, dtype="int64").max() > 1:
         yield "masks of two people overlap: every pixel belongs to one person at most"
 
@@ -163,22 +187,27 @@ class KeypointDetector(Backend):
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Detect the keypoints of N people in an image.
 
-        A confidence c says how likely the point is right: about half of the points with c = 0.5 are. In the standard
-        preset points weigh as much as their confidence, those below 0.3 a tenth of it, and those with 0 nothing. A
-        detector that knows its own errors states them in ``sigma`` and ``depth_sigma``.
+        A confidence c says how likely the point is right: about half of the points with c = 0.5
+        are. In the standard preset points weigh as much as their confidence, those below 0.3 a
+        tenth of it, and those with 0 nothing. A detector that knows its own errors states them in
+        ``sigma`` and ``depth_sigma``.
 
-        Example: a heat map of 48 x 64 cells over a crop of 192 x 256 px from (x0, y0) on has its maximum in cell
-        (i, j): the point is (x0 + 4 (i + 0.5) - 0.5, y0 + 4 (j + 0.5) - 0.5).
+        Example: a heat map of 48 x 64 cells over a crop of 192 x 256 px from (x0, y0) on has its
+        maximum in cell (i, j): the point is (x0 + 4 (i + 0.5) - 0.5, y0 + 4 (j + 0.5) - 0.5).
         """
 
     @classmethod
     def check(cls, result: Keypoints, request: KeypointDetectorRequest) -> Iterator[str]:
-        """Check the keypoints of N people; points with a confidence above 0 must be within limits."""
+        """Check the keypoints of N people; points with a confidence above 0 must be within
+        limits.
+        """
         yield from keypoint_violations(result, len(request.people))
 
 
 def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
-    """Yield one sentence for each fault of the keypoints of ``people`` people, of a KeypointDetector or a Segmenter."""
+    """Yield one sentence for each fault of the keypoints of ``people`` people, of a
+    KeypointDetector or a Segmenter.
+    """
     joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else None
     wrong = [
         *_check_skeleton(keypoints.skeleton, joints),
@@ -213,7 +242,10 @@ def _sigmas(keypoints: Keypoints) -> list[tuple[str, FloatArray]]:
 
 def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
     if not isinstance(skeleton, Skeleton | str):
-        yield f"skeleton must be a Skeleton or the name of a standard one, got {type(skeleton).__name__}"
+        yield (
+            f"skeleton must be a Skeleton or the name of a standard one, got "
+            f"{type(skeleton).__name__}"
+        )
         return
     try:
         names = skeleton_named(skeleton).names
@@ -225,7 +257,9 @@ def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
 
 
 def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
-    """Return (N,) bool: True for people with finite confidence, and points and errors in limits where it is above 0."""
+    """Return (N,) bool: True for people with finite confidence, and points and errors in limits
+    where it is above 0.
+    """
     undetected = keypoints.confidence <= 0
     valid = valid_rows([(keypoints.confidence, math.inf)], len(keypoints.points))
     valid &= (within(keypoints.points, PIXELS).all(-1) | undetected).all(1)

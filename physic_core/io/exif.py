@@ -18,26 +18,35 @@ _SOFTWARE = 0x0131
 EXIF_IFD = 0x8769
 _FOCAL_LENGTH = 0x920A
 _FOCAL_LENGTH_35MM = 0xA405
-_PIXEL_WIDTH, _PIXEL_HEIGHT = 0xA002, 0xA003
-_PLANE_X, _PLANE_Y, _PLANE_UNIT = 0xA20E, 0xA20F, 0xA210
+_PIXEL_WIDTH = 0xA002
+_PIXEL_HEIGHT = 0xA003
+_PLANE_X = 0xA20E
+_PLANE_Y = 0xA20F
+_PLANE_UNIT = 0xA210
 
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal of a 36 x 24 mm frame: CIPA DCG-001 defines the 35 mm equivalent by equal diagonals."""
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
-_MAX_FOCAL_BY_ONE = 6.0  # of the long side; a longer one needs a 35 mm equivalent and a plausible sensor
+# of the long side; a longer one needs a 35 mm equivalent and a plausible sensor
+_MAX_FOCAL_BY_ONE = 6.0
 _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
-# Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their nominal size.
+# Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their
+# nominal size.
 _AGREEMENT = 0.1
 _SAME_SIZE = 0.01
-_EDITED_SIGMA = 0.05  # of the logarithm of a focal length that two tags state in a file of an editor: _AGREEMENT / 2
+# of the logarithm of a focal length that two tags state in a file of an editor: _AGREEMENT / 2
+_EDITED_SIGMA = 0.05
 _SENSOR_ASPECTS = (4 / 3, 3 / 2)
 _ASPECT_ERROR = 0.02  # 4608 x 3456, 6048 x 4024: cameras leave a few rows out
 _EDITORS = re.compile(
-    "photo|lightroom|camera raw|elements|gimp|snapseed|picasa|capture one|darktable|rawtherapee|luminar|affinity|"
-    "irfanview|viewer|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|acd systems|paint|aperture|viewnx|"
-    "capture nx|nx studio|workspace|silkypix|dxo|corel|canva|picsart|facetune|fotor|pixlr|topaz|krita|meitu|zoner",
+    "photo|lightroom|camera raw|elements|gimp|snapseed|picasa|capture "
+    "one|darktable|rawtherapee|luminar|affinity|"
+    "irfanview|viewer|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|acd "
+    "systems|paint|aperture|viewnx|"
+    "capture nx|nx "
+    "studio|workspace|silkypix|dxo|corel|canva|picsart|facetune|fotor|pixlr|topaz|krita|meitu|zoner",
     re.IGNORECASE,
 )
 """Names of programs that crop or resize photos and keep the tags of the camera."""
@@ -53,11 +62,12 @@ def intrinsics_from_exif(
 ) -> tuple[Intrinsics | None, str | None]:
     """Compute the intrinsics of the upright photo from its EXIF tags.
 
-    The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
-    otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
-    wrote it, since a crop or a resize changes only one of them; if an editor saved it, they are an estimate. A single
-    one counts unless the software is an editor or the tagged pixel size is not the file's. A single equivalent also
-    needs the aspect of a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the whole
+    The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24
+    mm frame, or otherwise of ``FocalLength`` and the resolution of the focal plane. Where both
+    agree, the photo is as the camera wrote it, since a crop or a resize changes only one of them;
+    if an editor saved it, they are an estimate. A single one counts unless the software is an
+    editor or the tagged pixel size is not the file's. A single equivalent also needs the aspect of
+    a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the whole
     sensor.
 
     Args:
@@ -68,34 +78,43 @@ def intrinsics_from_exif(
         orientation: EXIF orientation, 1-8.
 
     Returns:
-        The intrinsics, or None if the tags do not determine them; and a note if a focal length was ignored or is not
-        known exactly, else None.
+        The intrinsics, or None if the tags do not determine them; and a note if a focal length was
+        ignored or is not known exactly, else None.
     """
-    plane, equivalent = _plane_focal(tags, stored), _number(tags.get(_FOCAL_LENGTH_35MM))
+    plane = _plane_focal(tags, stored)
+    equivalent = _number(tags.get(_FOCAL_LENGTH_35MM))
     if equivalent:
         shared = equivalent * math.hypot(*stored) / _FULL_FRAME_DIAGONAL_MM
-        focal, source = (shared, shared), f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
+        focal = (shared, shared)
+        source = f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
     elif plane:
-        focal, source = plane, f"EXIF: {_number(tags.get(_FOCAL_LENGTH)):g} mm and the sensor's resolution"
+        focal = plane
+        source = f"EXIF: {_number(tags.get(_FOCAL_LENGTH)):g} mm and the sensor's resolution"
     else:
         return None, None
     if reason := _doubt(tags, stored, focal, plane if equivalent else None):
         return None, f"the focal length in the EXIF data was ignored: {reason}"
     scale = max(width, height) / max(stored)
     fx, fy = (scale * f for f in (focal[::-1] if swaps_sides(orientation) else focal))
-    camera = Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN)
+    camera = Intrinsics(
+        fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN
+    )
     editor = _EDITORS.search(str(tags.get(_SOFTWARE)))
     if editor is None:
         return camera, None
     note = (
-        f"the focal length in the EXIF data may be off by {_EDITED_SIGMA:.0%}: an editor saved the photo ({editor[0]})"
+        f"the focal length in the EXIF data may be off by {_EDITED_SIGMA:.0%}: an editor saved "
+        f"the photo ({editor[0]})"
     )
     return replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_EDITED_SIGMA), note
 
 
 def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[float, float] | None:
-    """Return the focal lengths along the stored axes by the resolution of the focal plane, px; None if not known."""
-    focal_mm, plane_x = _number(tags.get(_FOCAL_LENGTH)), _number(tags.get(_PLANE_X))
+    """Return the focal lengths along the stored axes by the resolution of the focal plane, px; None
+    if not known.
+    """
+    focal_mm = _number(tags.get(_FOCAL_LENGTH))
+    plane_x = _number(tags.get(_PLANE_X))
     unit_mm = _UNIT_MM.get(int(_number(tags.get(_PLANE_UNIT)) or 2))
     if not focal_mm or not plane_x or unit_mm is None:
         return None
@@ -106,7 +125,10 @@ def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[floa
 
 
 def _doubt(
-    tags: Mapping[int, Any], stored: tuple[int, int], focal: tuple[float, float], other: tuple[float, float] | None
+    tags: Mapping[int, Any],
+    stored: tuple[int, int],
+    focal: tuple[float, float],
+    other: tuple[float, float] | None,
 ) -> str:
     """Return why a focal length, px, cannot be believed, or "".
 
@@ -121,27 +143,45 @@ def _doubt(
         return f"{share:.2g} times the long side is not plausible"
     by_film = _number(tags.get(_FOCAL_LENGTH_35MM)) is not None
     written = [_number(tags.get(tag)) or 0.0 for tag in (_PIXEL_WIDTH, _PIXEL_HEIGHT)]
-    pairs = zip(sorted(written), sorted(stored), strict=True)  # some software turns the pixels, but not the tags
-    if (all(written) or not by_film) and any(abs(tagged / side - 1) > _SAME_SIZE for tagged, side in pairs):
+    # some software turns the pixels, but not the tags
+    pairs = zip(sorted(written), sorted(stored), strict=True)
+    if (all(written) or not by_film) and any(
+        abs(tagged / side - 1) > _SAME_SIZE for tagged, side in pairs
+    ):
         tagged = f"{written[0]:.0f} x {written[1]:.0f} px"
-        return f"its tags state {tagged}, but the file has {stored[0]} x {stored[1]} px, as after a crop or a resize"
+        return (
+            f"its tags state {tagged}, but the file has {stored[0]} x {stored[1]} px, as after "
+            f"a crop or a resize"
+        )
     if other:
         agree = abs(math.log(max(other) / max(focal))) < _AGREEMENT
-        return "" if agree else "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a resize"
+        return (
+            ""
+            if agree
+            else "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a "
+            "resize"
+        )
     if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
         return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
     aspect = max(stored) / min(stored)
-    if by_film and all(abs(aspect / of_sensor - 1) > _ASPECT_ERROR for of_sensor in _SENSOR_ASPECTS):
+    if by_film and all(
+        abs(aspect / of_sensor - 1) > _ASPECT_ERROR for of_sensor in _SENSOR_ASPECTS
+    ):
         return f"sides of {aspect:.2f}:1 are of no usual sensor, so the photo may have been cropped"
     sensor_mm = max(stored) * (_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
     is_sensor = _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]
     if (by_film or is_sensor) if share <= _MAX_FOCAL_BY_ONE else (by_film and is_sensor):
         return ""
-    return f"{share:.2g} times the long side, with a sensor {sensor_mm:.2g} mm wide, needs a second tag that agrees"
+    return (
+        f"{share:.2g} times the long side, with a sensor {sensor_mm:.2g} mm wide, needs a "
+        f"second tag that agrees"
+    )
 
 
 def _number(value: Any) -> float | None:
-    """Convert an EXIF tag to a positive finite number; None for 0, 0/0 and text, which mean "unknown"."""
+    """Convert an EXIF tag to a positive finite number; None for 0, 0/0 and text, which mean
+    "unknown".
+    """
     try:
         number = float(value)
     except (TypeError, ValueError, ZeroDivisionError):

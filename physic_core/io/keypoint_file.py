@@ -1,4 +1,6 @@
-"""Read keypoints that the user gives: JSON of another program, or CSV with person, joint, x and y."""
+"""Read keypoints that the user gives: JSON of another program, or CSV with person, joint, x and
+y.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,12 @@ class GivenKeypoints(ShortRepr):
     """K keypoints that the user gives.
 
     Attributes:
-        person: of each keypoint, its number in the result, or the number of its annotation in the file.
+        person: of each keypoint, its number in the result, or the number of its annotation in the
+            file.
         joint: K names.
         points: (K, 2) px.
-        numbered: whether ``person`` is a number in the result; otherwise people are matched to annotations.
+        numbered: whether ``person`` is a number in the result; otherwise people are matched to
+            annotations.
         file_px: px of the photo file in one px of ``points``.
         confidence: (K,) in (0, 1], the score of another program, or 1; None if all are 1.
         notes: what was left out or changed when the file was read.
@@ -58,32 +62,39 @@ class GivenKeypoints(ShortRepr):
 def read_keypoints(path: str, width: int, height: int, photo: str = "") -> GivenKeypoints:
     """Read the keypoints of one photo.
 
-    A third number that is not 0, 1 or 2 makes all of the file scores: keypoints below .3 are left out, the others have
-    their score as confidence. Keypoints at (0, 0) in JSON, and those outside of the photo, are left out. A file for
-    another size of the same picture is scaled. Each is said in a note.
+    A third number that is not 0, 1 or 2 makes all of the file scores: keypoints below .3 are left
+    out, the others have their score as confidence. Keypoints at (0, 0) in JSON, and those outside
+    of the photo, are left out. A file for another size of the same picture is scaled. Each is said
+    in a note.
 
     Args:
-        path: of a CSV file with the columns person, joint, x and y, or of JSON by one of the tools of
-            ``docs/tools.md``.
+        path: of a CSV file with the columns person, joint, x and y, or of JSON by one of the tools
+            of ``docs/tools.md``.
         width: of the upright photo file, px.
         height: of it, px.
         photo: name of the photo's file, which tells one image of a dataset from the others.
 
     Raises:
-        InputError: the file cannot be read, its form is not known, it has no keypoints, has one twice, is for a picture
-            of another shape, or has most of its keypoints outside of the photo.
+        InputError: the file cannot be read, its form is not known, it has no keypoints, has one
+            twice, is for a picture of another shape, or has most of its keypoints outside of the
+            photo.
     """
     try:
         file = Path(path)
         text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
         is_csv = file.suffix.lower() != ".json"
-        table = KeypointTable(tuple(_csv_rows(text)), False) if is_csv else table_of(parse_json(text), photo)
+        table = (
+            KeypointTable(tuple(_csv_rows(text)), False)
+            if is_csv
+            else table_of(parse_json(text), photo)
+        )
         return _given(table, is_csv, (width, height))
     except OSError as error:
         raise InputError(f"cannot read the keypoints {path}: {unreadable(error)}") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(
-            f"the keypoints {path} cannot be used (give CSV with the columns {', '.join(_COLUMNS)}, COCO JSON, or JSON "
+            f"the keypoints {path} cannot be used (give CSV with the columns "
+            f"{', '.join(_COLUMNS)}, COCO JSON, or JSON "
             f"of a tool that docs/tools.md names): {error}"
         ) from error
 
@@ -92,13 +103,23 @@ def _csv_rows(text: str) -> Iterable[Row]:
     """Yield the rows below the header; all are visible."""
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     if missing := [name for name in _COLUMNS if name not in (lines.fieldnames or ())]:
-        raise ValueError(f"the first line lacks {', '.join(missing)} (got {quoted(text.split(chr(10))[0])})")
+        raise ValueError(
+            f"the first line lacks {', '.join(missing)} (got {quoted(text.split(chr(10))[0])})"
+        )
     for line in lines:
         try:
-            yield int(line["person"]), line["joint"].strip(), float(line["x"]), float(line["y"]), 2.0
+            yield (
+                int(line["person"]),
+                line["joint"].strip(),
+                float(line["x"]),
+                float(line["y"]),
+                2.0,
+            )
         except (ValueError, TypeError, AttributeError):
             given = ",".join(str(line[name]) for name in _COLUMNS)
-            raise ValueError(f"line {lines.line_num} needs a number, a name and two numbers (got {given})") from None
+            raise ValueError(
+                f"line {lines.line_num} needs a number, a name and two numbers (got {given})"
+            ) from None
 
 
 def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKeypoints:
@@ -114,7 +135,8 @@ def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKe
     if table.size is not None and table.size != size:
         points = (points + 0.5) * _scale(table.size, size) - 0.5
         notes.append(
-            f"the given keypoints are in px of a picture of {table.size[0]} x {table.size[1]}, and were scaled to the "
+            f"the given keypoints are in px of a picture of {table.size[0]} x {table.size[1]}, "
+            f"and were scaled to the "
             f"photo's {size[0]} x {size[1]}"
         )
     inside: BoolArray = np.all((points >= -0.5) & (points < np.array(size) - 0.5), axis=1)
@@ -139,7 +161,8 @@ def _scale(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
     # A side that was rounded is off by half a pixel.
     if abs(factors[0] / factors[1] - 1) > 1 / min(stated) + 1 / min(size):
         raise ValueError(
-            f"they are for a picture of {stated[0]} x {stated[1]} px, and the photo has {size[0]} x {size[1]}: give "
+            f"they are for a picture of {stated[0]} x {stated[1]} px, and the photo has {size[0]} "
+            f"x {size[1]}: give "
             "those of this photo, neither cropped nor turned"
         )
     return factors
@@ -157,15 +180,20 @@ def _check_rows(rows: list[Row]) -> None:
     # One joint may lie in the corner, at whole pixels.
     is_share = len(rows) > 1 or any(value % 1 for value in rows[0][2:4])
     if is_share and largest < _LARGEST_SHARE_PX:
-        raise ValueError("all coordinates are below 2: these look like shares of the picture, and px are needed")
+        raise ValueError(
+            "all coordinates are below 2: these look like shares of the picture, and px are needed"
+        )
 
 
-def _check_inside(rows: list[Row], points: FloatArray, inside: BoolArray, size: tuple[int, int]) -> None:
+def _check_inside(
+    rows: list[Row], points: FloatArray, inside: BoolArray, size: tuple[int, int]
+) -> None:
     if 2 * inside.sum() > len(rows):
         return
     at = int(np.flatnonzero(~inside)[0])
     place = f"the {rows[at][1]} of person {rows[at][0]} at ({points[at, 0]:g}, {points[at, 1]:g})"
     raise ValueError(
-        f"{(~inside).sum()} of {len(rows)} keypoints lie outside of the photo of {size[0]} x {size[1]} px, such as "
+        f"{(~inside).sum()} of {len(rows)} keypoints lie outside of the photo of {size[0]} x "
+        f"{size[1]} px, such as "
         f"{place}: are they px of another picture?"
     )

@@ -1,4 +1,6 @@
-"""Keypoints of one photo as other programs write them in JSON: which form it is, and the rows of each form."""
+"""Keypoints of one photo as other programs write them in JSON: which form it is, and the rows of
+each form.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,8 @@ class KeypointTable:
 
     Attributes:
         rows: all keypoints, also those that are not visible.
-        scored: whether the third number of the form is always a score. In COCO it is a visibility, 0, 1 or 2, unless
-            any number of the file is another one.
+        scored: whether the third number of the form is always a score. In COCO it is a visibility,
+            0, 1 or 2, unless any number of the file is another one.
         size: width and height in px of the image that the file states; None if it states none.
     """
 
@@ -35,13 +37,22 @@ def _names(skeleton: str) -> tuple[str, ...]:
 
 _WHOLE_BODY = _names("coco_wholebody133")
 _BY_COUNT = {17: _names("coco17"), 23: _names("coco23"), 26: _names("halpe26"), 133: _WHOLE_BODY}
-_PARTS = {"foot_kpts": (17, 23), "face_kpts": (23, 91), "lefthand_kpts": (91, 112), "righthand_kpts": (112, 133)}
+_PARTS = {
+    "foot_kpts": (17, 23),
+    "face_kpts": (23, 91),
+    "lefthand_kpts": (91, 112),
+    "righthand_kpts": (112, 133),
+}
 
 # OpenPose's joints in its order, "" where COCO's skeletons have none.
-_ARMS = tuple(f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist"))
+_ARMS = tuple(
+    f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist")
+)
 _LEGS = tuple(f"{side}_{joint}" for side in ("right", "left") for joint in ("hip", "knee", "ankle"))
 _HEAD = ("right_eye", "left_eye", "right_ear", "left_ear")
-_FEET = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("big_toe", "small_toe", "heel"))
+_FEET = tuple(
+    f"{side}_{joint}" for side in ("left", "right") for joint in ("big_toe", "small_toe", "heel")
+)
 _OPENPOSE = {
     18: ("nose", "", *_ARMS, *_LEGS, *_HEAD),
     25: ("nose", "", *_ARMS, "", *_LEGS, *_HEAD, *_FEET),
@@ -84,7 +95,11 @@ def _first(document: Any) -> Mapping[str, Any]:
 def _is_coco(document: Any) -> bool:
     if isinstance(document, Mapping):
         return isinstance(document.get("annotations"), list)
-    return document == [] or ("image_id" in _first(document)) or _is_flat(_first(document).get("keypoints"))
+    return (
+        document == []
+        or ("image_id" in _first(document))
+        or _is_flat(_first(document).get("keypoints"))
+    )
 
 
 def _is_flat(values: Any) -> bool:
@@ -92,14 +107,22 @@ def _is_flat(values: Any) -> bool:
 
 
 def _read_coco(document: Any, photo: str) -> KeypointTable:
-    """Read a COCO dataset, its annotations, or results; COCO-WholeBody has parts beside the keypoints."""
+    """Read a COCO dataset, its annotations, or results; COCO-WholeBody has parts beside the
+    keypoints.
+    """
     dataset = document if isinstance(document, Mapping) else {}
     annotations = dataset.get("annotations") if dataset else document
-    if not isinstance(annotations, list) or not all(isinstance(one, Mapping) for one in annotations):
+    if not isinstance(annotations, list) or not all(
+        isinstance(one, Mapping) for one in annotations
+    ):
         raise ValueError("it has no list of annotations")
     images = {one.get("id"): one for one in dataset.get("images") or () if isinstance(one, Mapping)}
     image = _image_of(annotations, images, photo)
-    names = {one["id"]: tuple(one["keypoints"]) for one in dataset.get("categories") or () if one.get("keypoints")}
+    names = {
+        one["id"]: tuple(one["keypoints"])
+        for one in dataset.get("categories") or ()
+        if one.get("keypoints")
+    }
     everywhere: list[Row] = []
     rows: list[Row] = []
     for number, one in enumerate(annotations):
@@ -110,19 +133,31 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
         rows += found if one.get("image_id") == image else []
     # A score of another image of the file says what the numbers of this one are.
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
-    return KeypointTable(tuple(_once(rows)), scored, _stated_size(images.get(image, {}), "width", "height"))
+    return KeypointTable(
+        tuple(_once(rows)), scored, _stated_size(images.get(image, {}), "width", "height")
+    )
 
 
-def _image_of(annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str) -> Any:
-    """Return the id of the photo's image: the only one, or the one of its name, listed or annotated."""
+def _image_of(
+    annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str
+) -> Any:
+    """Return the id of the photo's image: the only one, or the one of its name, listed or
+    annotated.
+    """
     found = {one.get("image_id") for one in annotations} | images.keys()
     if len(found) < 2:
         return next(iter(found), None)
     stem = PurePath(photo).stem
-    named = [key for key in found if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem]
+    named = [
+        key
+        for key in found
+        if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem
+    ]
     if len(named) == 1:
         return named[0]
-    raise ValueError(f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its")
+    raise ValueError(
+        f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
+    )
 
 
 def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
@@ -131,8 +166,12 @@ def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable
         return
     joints = names or _BY_COUNT.get(len(numbers) // 3, ())
     if len(numbers) != 3 * len(joints):
-        wanted = len(joints) or f"{', '.join(map(str, list(_BY_COUNT)[:-1]))} or {list(_BY_COUNT)[-1]}"
-        raise ValueError(f"annotation {number} has {len(numbers)} numbers for {wanted} keypoints of x, y, v")
+        wanted = (
+            len(joints) or f"{', '.join(map(str, list(_BY_COUNT)[:-1]))} or {list(_BY_COUNT)[-1]}"
+        )
+        raise ValueError(
+            f"annotation {number} has {len(numbers)} numbers for {wanted} keypoints of x, y, v"
+        )
     for row, joint in enumerate(joints):
         if joint:
             x, y, third = map(float, numbers[3 * row : 3 * row + 3])
@@ -140,7 +179,9 @@ def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable
 
 
 def _once(rows: Iterable[Row]) -> Iterable[Row]:
-    """Yield the first visible row of each joint of a person: the wrist is in the hand's part, too."""
+    """Yield the first visible row of each joint of a person: the wrist is in the hand's part,
+    too.
+    """
     kept: dict[tuple[int, str], Row] = {}
     for row in rows:
         at = row[0], row[1]
@@ -156,11 +197,16 @@ def _stated_size(entry: Mapping[str, Any], width: str, height: str) -> tuple[int
     return int(size[0]), int(size[1])  # type: ignore[arg-type]
 
 
-def _pairs(number: int, points: Any, scores: Any, names: Sequence[str] | None = None) -> Iterable[Row]:
+def _pairs(
+    number: int, points: Any, scores: Any, names: Sequence[str] | None = None
+) -> Iterable[Row]:
     """Yield the rows of a list of points and a list of scores."""
     joints = names or _BY_COUNT.get(len(points), ())
     if len(joints) != len(points) or len(scores) != len(points):
-        raise ValueError(f"person {number} has {len(points)} keypoints and {len(scores)} scores: 17, 23, 26 or 133 fit")
+        raise ValueError(
+            f"person {number} has {len(points)} keypoints and {len(scores)} scores: 17, 23, 26 or "
+            f"133 fit"
+        )
     for joint, at, score in zip(joints, points, scores, strict=True):
         yield number, joint, float(at[0]), float(at[1]), float(score)
 
@@ -188,7 +234,9 @@ def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
 
 
 def _read_scored(document: Any, photo: str) -> KeypointTable:
-    """Read points and scores apart: mmpose's and rtmlib's ``keypoint_scores``, transformers' ``scores``."""
+    """Read points and scores apart: mmpose's and rtmlib's ``keypoint_scores``, transformers'
+    ``scores``.
+    """
     people = document.get("instance_info") if isinstance(document, Mapping) else document
     people = people if people is not None else document.get("predictions", document)
     if isinstance(people, Mapping):  # rtmlib's two arrays, as lists
@@ -212,12 +260,18 @@ def _label(label: int) -> str:
     """Return the joint of a label of transformers, which counts COCO's 17."""
     joints = _BY_COUNT[17]
     if not 0 <= label < len(joints):
-        raise ValueError(f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}")
+        raise ValueError(
+            f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}"
+        )
     return joints[label]
 
 
 def _has_scores(document: Any) -> bool:
-    people = document.get("instance_info", document.get("predictions")) if isinstance(document, Mapping) else document
+    people = (
+        document.get("instance_info", document.get("predictions"))
+        if isinstance(document, Mapping)
+        else document
+    )
     if people is None:
         people = document
     people = _innermost(people)
@@ -226,12 +280,17 @@ def _has_scores(document: Any) -> bool:
 
 
 def _read_label_studio(document: Any, photo: str) -> KeypointTable:
-    """Read Label Studio's export of one task: each mark is a percentage of the image; all are of one person."""
+    """Read Label Studio's export of one task: each mark is a percentage of the image; all are of
+    one person.
+    """
     tasks = document if isinstance(document, list) else [document]
     if len(tasks) > 1:
         raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep that of this photo")
     marks = [
-        one for made in tasks[0]["annotations"] for one in made.get("result", ()) if one["type"] == "keypointlabels"
+        one
+        for made in tasks[0]["annotations"]
+        for one in made.get("result", ())
+        if one["type"] == "keypointlabels"
     ]
     rows: list[Row] = []
     size = None
@@ -261,7 +320,9 @@ def _innermost(document: Any) -> Any:
 def _is_mediapipe(document: Any) -> bool:
     """Return whether a document has landmarks of MediaPipe, in its objects or alone."""
     for key in ("pose_landmarks", "landmarks", "landmark"):
-        document = _innermost(document.get(key, document) if isinstance(document, Mapping) else document)
+        document = _innermost(
+            document.get(key, document) if isinstance(document, Mapping) else document
+        )
     return {"x", "y", "z"} <= _first(document).keys()
 
 
@@ -270,12 +331,12 @@ _LABELME = """it is a file of labelme; this Python prints it as CSV:
     print("person,joint,x,y")
     for mark in json.load(open("FILE.json"))["shapes"]:
         print(mark["group_id"] or 0, mark["label"], *mark["points"][0], sep=",")"""
-_MEDIAPIPE = """it has landmarks of MediaPipe, which are shares of the picture; this Python prints 33 as CSV:
+_MEDIAPIPE = """it has landmarks of MediaPipe, which are shares of the picture; this Python prints them:
     from physic_core.types.skeletons import SKELETONS
     print("person,joint,x,y")
     for name, mark in zip(SKELETONS["blazepose33"].names, LANDMARKS):
         if mark["visibility"] > 0.5:
-            print(0, name, mark["x"] * WIDTH - 0.5, mark["y"] * HEIGHT - 0.5, sep=",")"""
+            print(0, name, mark["x"] * WIDTH - 0.5, mark["y"] * HEIGHT - 0.5, sep=",")"""  # noqa: E501
 _REFUSED: tuple[tuple[Callable[[Any], bool], str], ...] = (
     (lambda d: isinstance(d, Mapping) and "shapes" in d, _LABELME),
     (_is_mediapipe, _MEDIAPIPE),

@@ -12,7 +12,13 @@ import numpy as np
 from PIL import Image
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
+from physic_core.files.image_file import (
+    MAX_PIXELS,
+    ImageSource,
+    decode,
+    open_image,
+    wrap_decoding_errors,
+)
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
@@ -25,7 +31,8 @@ if TYPE_CHECKING:
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
 
-_FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
+# of the long side; wider than any lens, narrower than a slip of the unit
+_FOCAL_RANGE = (0.1, 100.0)
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _ARRAY = ImageSource("given as an array")
 _PANORAMA_ASPECT = 0.01  # relative deviation from 2:1
@@ -51,7 +58,8 @@ class Photo(ShortRepr):
         image: (H, W, 3) uint8 RGB, upright.
         intrinsics: of ``image``; None if the file has no usable EXIF data.
         notes: conversions of the pixels, as text for the user.
-        file_size: (width, height) of the upright file, px, if the image was downscaled while reading, otherwise None.
+        file_size: (width, height) of the upright file, px, if the image was downscaled while
+            reading, otherwise None.
         digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
         name: of the file; "" for a photo without one.
     """
@@ -65,17 +73,20 @@ class Photo(ShortRepr):
 
 
 def read_photo(photo: PhotoSource) -> Photo:
-    """Read a photo as upright 8-bit RGB, with its digest, EXIF intrinsics and a note for each conversion.
+    """Read a photo as upright 8-bit RGB, with its digest, EXIF intrinsics and a note for each
+    conversion.
 
-    A photo above 24 Mpx is downscaled by an integer factor while reading. JPEG is decoded directly at the smaller size.
+    A photo above 24 Mpx is downscaled by an integer factor while reading. JPEG is decoded directly
+    at the smaller size.
 
     Args:
-        photo: path of a file, or its content as bytes; a PIL image of any mode, which is not modified, with its EXIF
-            data; or an upright uint8 array: (H, W, 3) RGB, or grey (H, W) or (H, W, 1) and RGBA (H, W, 4), which
-            are converted like PIL images of these modes.
+        photo: path of a file, or its content as bytes; a PIL image of any mode, which is not
+            modified, with its EXIF data; or an upright uint8 array: (H, W, 3) RGB, or grey (H, W)
+            or (H, W, 1) and RGBA (H, W, 4), which are converted like PIL images of these modes.
 
     Raises:
-        InputError: it is missing, is not an image, is damaged, of another type, or too small or too large.
+        InputError: it is missing, is not an image, is damaged, of another type, or too small or too
+            large.
     """
     if isinstance(photo, bytes | str | os.PathLike):
         source = (
@@ -86,7 +97,8 @@ def read_photo(photo: PhotoSource) -> Photo:
         with open_image(source) as (image, file):
             place = file.tell()
             file.seek(0)
-            digest = file_digest(file)  # of the file that is read, even if another one takes its place
+            # of the file that is read, even if another one takes its place
+            digest = file_digest(file)
             file.seek(place)
             return replace(_read(image, source), digest=digest)
     if isinstance(photo, Image.Image):
@@ -129,15 +141,20 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
     share = max_side / max(height, width)
     if share >= 1:
         return photo
-    new_width, new_height = max(1, round(width * share)), max(1, round(height * share))
+    new_width = max(1, round(width * share))
+    new_height = max(1, round(height * share))
     if min(new_width, new_height) < MIN_SIDE:
         raise InputError(
-            f"the photo is too long and thin: at a long side of {max_side} px, its {width} x {height} px become "
-            f"{new_width} x {new_height} px, but each side needs {MIN_SIDE} px; crop it, or allow a longer side"
+            f"the photo is too long and thin: at a long side of {max_side} px, its {width} x "
+            f"{height} px become "
+            f"{new_width} x {new_height} px, but each side needs {MIN_SIDE} px; crop it, or allow "
+            f"a longer side"
         )
     import cv2
 
-    image = cast("UInt8Array", cv2.resize(photo.image, (new_width, new_height), interpolation=cv2.INTER_AREA))
+    image = cast(
+        "UInt8Array", cv2.resize(photo.image, (new_width, new_height), interpolation=cv2.INTER_AREA)
+    )
     intrinsics = photo.intrinsics.resized(new_width, new_height) if photo.intrinsics else None
     return replace(photo, image=image, intrinsics=intrinsics)
 
@@ -145,20 +162,24 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
 def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     if (camera.width, camera.height) != (width, height):
         raise ConfigError(
-            f"the intrinsics are for {camera.width} x {camera.height} px, but the image has {width} x {height} px: "
-            f"give those of this image, or intrinsics.resized({width}, {height}) if it was only resized"
+            f"the intrinsics are for {camera.width} x {camera.height} px, but the image has "
+            f"{width} x {height} px: "
+            f"give those of this image, or intrinsics.resized({width}, {height}) if it was only "
+            f"resized"
         )
     side = max(width, height)
     least, most = _FOCAL_RANGE
     for focal in (camera.fx, camera.fy):
         if not least <= focal / side <= most:
             raise ConfigError(
-                f"the focal length is {focal / side:.2g} times the long side of the photo, but should be "
+                f"the focal length is {focal / side:.2g} times the long side of the photo, but "
+                f"should be "
                 f"{least:g} to {most:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise ConfigError(
-            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} x {height} px: "
+            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of "
+            f"{width} x {height} px: "
             "give it in px of the photo file, or give only the focal length"
         )
 
@@ -178,20 +199,27 @@ def check_image(image: Any) -> UInt8Array:
         advice = "scale it to 0-255 and convert it" if image.dtype.kind == "f" else "convert it"
         raise InputError(f"image must be uint8 with values 0-255, got {image.dtype}: {advice}")
     if image.ndim != 3 or image.shape[2] != 3:
-        raise InputError(f"image must be (H, W, 3), got {image.shape}: give one RGB image, channels last")
+        raise InputError(
+            f"image must be (H, W, 3), got {image.shape}: give one RGB image, channels last"
+        )
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
-            f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least {MIN_SIDE} px: give "
+            f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least "
+            f"{MIN_SIDE} px: give "
             f"a larger one"
         )
     return np.ascontiguousarray(image)
 
 
-_NEW_SUBFILE_TYPE, _DNG_VERSION = 254, 50706  # tags of TIFF and of DNG
+# tags of TIFF and of DNG
+_NEW_SUBFILE_TYPE = 254
+_DNG_VERSION = 50706
 
 
 def _is_raw(image: Image.Image) -> bool:
-    """Return whether a TIFF is a raw file (DNG, NEF and others), whose first image is a reduced copy of another."""
+    """Return whether a TIFF is a raw file (DNG, NEF and others), whose first image is a reduced
+    copy of another.
+    """
     if image.format != "TIFF":
         return False
     tags = getattr(image, "tag_v2", {})
@@ -209,11 +237,15 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     stored = image.size
     if min(stored) < MIN_SIDE:
         raise InputError(
-            f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, but each side needs at least "
+            f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, but each side needs at "
+            f"least "
             f"{MIN_SIDE} px; give a larger photo"
         )
     if image.mode == "F":
-        raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits per channel")
+        raise InputError(
+            f"cannot use the {source}: its pixels are floating point; save it with 8 bits per "
+            f"channel"
+        )
     if _is_raw(image):
         raise source.raw()
     notes = list(_frame_notes(image))
@@ -225,7 +257,8 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     if decode(image, source):
         notes.append("the file's last bytes are missing; the image is complete")
     orientation, tags, exif_note = _exif(image)
-    left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
+    # what the decoder has not reduced itself
+    left = factor // max(1, round(max(stored) / max(image.size)))
     with wrap_decoding_errors(source):
         rgb, conversions = _to_rgb(image, left, deep, source)
     if orientation != 1:
@@ -235,11 +268,14 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     height, width = rgb.shape[:2]
     if "equirectangular" in str(xmp) and abs(width / (2 * height) - 1) < _PANORAMA_ASPECT:
         raise InputError(
-            f"cannot use the {source}: it is an equirectangular panorama, which no perspective camera took; cut a "
+            f"cannot use the {source}: it is an equirectangular panorama, which no perspective "
+            f"camera took; cut a "
             "perspective view with the people from it, and give that"
         )
     if factor > 1:
-        notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px")
+        notes.append(
+            f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px"
+        )
     intrinsics, note = intrinsics_from_exif(tags, stored, width, height, orientation)
     notes += [text for text in (exif_note, note) if text]
     upright = stored[::-1] if swaps_sides(orientation) else stored
@@ -264,7 +300,9 @@ def _is_deep(image: Image.Image) -> bool:
 
 
 def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
-    """Return the orientation still to be applied, the tags of both EXIF directories, and a note if they are ignored."""
+    """Return the orientation still to be applied, the tags of both EXIF directories, and a note if
+    they are ignored.
+    """
     size = len(image.info.get("exif") or b"")
     if size > _MAX_EXIF_BYTES:
         return 1, {}, f"the EXIF data were ignored: they are {size / 1e6:.0f} MB"
@@ -278,8 +316,12 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
     return (orientation if orientation in _UPRIGHT else 1), tags, ""
 
 
-def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) -> tuple[UInt8Array, list[str]]:
-    """Convert any Pillow mode to RGB (H, W, 3), downscaled by an integer factor, with a note for each conversion."""
+def _to_rgb(
+    image: Image.Image, factor: int, deep: bool, source: ImageSource
+) -> tuple[UInt8Array, list[str]]:
+    """Convert any Pillow mode to RGB (H, W, 3), downscaled by an integer factor, with a note for
+    each conversion.
+    """
     width, height = image.size
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
@@ -293,10 +335,14 @@ def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) ->
             band = band.convert("RGBA")
             if np.asarray(band.getchannel("A")).min() < 255:
                 transparent = True
-                band = Image.alpha_composite(Image.new("RGBA", band.size, (128, 128, 128, 255)), band)
+                band = Image.alpha_composite(
+                    Image.new("RGBA", band.size, (128, 128, 128, 255)), band
+                )
         if band.mode != "RGB":
             band = band.convert("RGB")
-        rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(band.reduce(factor) if factor > 1 else band)
+        rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(
+            band.reduce(factor) if factor > 1 else band
+        )
     notes = {
         "16 bits per channel were scaled to 8": deep,
         "transparent parts were composited over mid-grey": transparent,
@@ -311,5 +357,7 @@ def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) ->
 def _grey_from_deep(image: Image.Image, source: ImageSource) -> Image.Image:
     values = np.asarray(image)
     if values.size and (values.min() < 0 or values.max() > 65535):
-        raise InputError(f"cannot use the {source}: its pixels have 32 bits; save it with 8 bits per channel")
+        raise InputError(
+            f"cannot use the {source}: its pixels have 32 bits; save it with 8 bits per channel"
+        )
     return Image.fromarray(((values.astype(np.uint32) + 128) // 257).astype(np.uint8))

@@ -1,9 +1,10 @@
-"""The files of a result folder: which of them a run may replace, and how they are replaced together.
+"""The files of a result folder: which of them a run may replace, and how they are replaced
+together.
 
-The document names the other files with their SHA-256, which tells files of a run from those that the user edited. It is
-moved away first and renamed last. Until the end, old and new document stay under temporary names, so that the next run
-knows the files of a killed run. ``people.csv``, a row for each person, and ``report.html``, a page for a browser, are
-beside them.
+The document names the other files with their SHA-256, which tells files of a run from those that
+the user edited. It is moved away first and renamed last. Until the end, old and new document stay
+under temporary names, so that the next run knows the files of a killed run. ``people.csv``, a row
+for each person, and ``report.html``, a page for a browser, are beside them.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ REPORT_FILE = "report.html"
 PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
 FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
-_RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"')
+_RUN = re.compile(
+    rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"'
+)
 _LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)*[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
 """Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
@@ -82,8 +85,8 @@ def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> N
         names: of the files that will be written.
 
     Raises:
-        OutputError: a file with one of these names is the photo, or was not written by a run; the folder has the result
-            of another photo.
+        OutputError: a file with one of these names is the photo, or was not written by a run; the
+            folder has the result of another photo.
     """
     present = [name for name in names if os.path.lexists(folder / name)]
     unchanged, edited = _earlier_files(folder, replaced)
@@ -93,18 +96,29 @@ def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> N
     cure = f"move {', '.join([*photos, *foreign])} away"
     faults = [f"{', '.join(photos)} there is the photo itself"] if photos else []
     if foreign:
-        faults.append(f"{', '.join(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")
-    if not faults and whose is not None and not same_photo(whose, replaced.photos) and not replaced.overwrite:
+        faults.append(
+            f"{', '.join(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier "
+            f"run"
+        )
+    if (
+        not faults
+        and whose is not None
+        and not same_photo(whose, replaced.photos)
+        and not replaced.overwrite
+    ):
         faults = ["it holds the result of another photo"]
         cure = "replace that result with --overwrite (overwrite=True in Python)"
     if faults:
-        raise OutputError(f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}")
+        raise OutputError(
+            f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}"
+        )
 
 
 def write_result_files(
     folder: Path, document: Mapping[str, Any], contents: Mapping[str, bytes], replaced: Replaced
 ) -> None:
-    """Write the files of a result, all or none, in place of those of an earlier one; edited files of it are kept.
+    """Write the files of a result, all or none, in place of those of an earlier one; edited files
+    of it are kept.
 
     Args:
         folder: created if missing.
@@ -119,20 +133,23 @@ def write_result_files(
         check_overwrite(folder, replaced, [DOCUMENT_FILE, *contents])
         unchanged, edited = _earlier_files(folder, replaced)
         new = _write_parts(folder, write, document, contents)
-        to_keep, gone = list(edited), unchanged - {DOCUMENT_FILE, *contents}
+        to_keep = list(edited)
+        gone = unchanged - {DOCUMENT_FILE, *contents}
         try:
             with suppress(FileNotFoundError):
                 os.replace(folder / DOCUMENT_FILE, _part(folder))
             _swap(folder, write, new, to_keep, gone)
         except BaseException:
-            # Without a document nothing is readable, so the new result is made whole before the error is raised.
+            # Without a document nothing is readable, so the new result is made whole before the
+            # error is raised.
             if not (folder / DOCUMENT_FILE).exists():
                 _swap(folder, write, new, to_keep, gone)
             raise
 
 
 def add_result_file(folder: Path, name: str, content: bytes) -> None:
-    """Write a file to the folder of a result, and list it in the document; an edited file of that name is kept.
+    """Write a file to the folder of a result, and list it in the document; an edited file of that
+    name is kept.
 
     The result stays complete at each step.
 
@@ -151,7 +168,8 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
 
 
 def list_exports(folder: Path, files: Iterable[Path]) -> None:
-    """List those of some files that lie in the folder of a result in its document: the next run there removes them.
+    """List those of some files that lie in the folder of a result in its document: the next run
+    there removes them.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -165,7 +183,8 @@ def list_exports(folder: Path, files: Iterable[Path]) -> None:
 
 
 def repair_result(folder: Path) -> None:
-    """Put the new files of a result in place if a process was killed while it did; a log message says so.
+    """Put the new files of a result in place if a process was killed while it did; a log message
+    says so.
 
     Where folders have no locks, nothing is done: another process may be writing there.
     """
@@ -174,44 +193,70 @@ def repair_result(folder: Path) -> None:
     try:
         with locked(folder) as is_locked:
             if is_locked and _is_torn(folder) and _complete(folder):
-                _LOG.warning("%s: a process was killed while it wrote the result there, which was completed", folder)
+                _LOG.warning(
+                    "%s: a process was killed while it wrote the result there, which was completed",
+                    folder,
+                )
     except OSError as error:
         _LOG.warning(
-            "%s: a process was killed while it wrote the result there, which cannot be completed: %s; allow writing",
+            "%s: a process was killed while it wrote the result there, which cannot be completed: "
+            "%s; allow writing",
             folder,
             error.strerror,
         )
 
 
 def _is_torn(folder: Path) -> bool:
-    """Return whether a folder has no document but those that a killed process has moved away or not yet renamed."""
+    """Return whether a folder has no document but those that a killed process has moved away or not
+    yet renamed.
+    """
     return not os.path.lexists(folder / DOCUMENT_FILE) and any(folder.glob(_PARTS))
 
 
 def _complete(folder: Path) -> bool:
-    """Make the result of the latest document whole, from its temporary files; return whether there is one."""
-    found = [(path, document) for path in folder.glob(_PARTS) if (document := _document(path)) is not None]
+    """Make the result of the latest document whole, from its temporary files; return whether there
+    is one.
+    """
+    found = [
+        (path, document)
+        for path in folder.glob(_PARTS)
+        if (document := _document(path)) is not None
+    ]
     for path, document in sorted(found, key=lambda each: each[0].stat().st_mtime_ns, reverse=True):
         digests = _files(document)
         ready = {
-            name: part for name in digests for part in parts_of(folder, name) if file_digest(part) == digests[name]
+            name: part
+            for name in digests
+            for part in parts_of(folder, name)
+            if file_digest(part) == digests[name]
         }
         if ARRAYS_FILE in ready or file_digest(folder / ARRAYS_FILE) == digests.get(ARRAYS_FILE):
             unchanged, edited = _earlier_files(folder, Replaced(""))
-            _swap(folder, AtomicWrite(folder, ready), path, list(edited), unchanged - {DOCUMENT_FILE, *digests})
+            _swap(
+                folder,
+                AtomicWrite(folder, ready),
+                path,
+                list(edited),
+                unchanged - {DOCUMENT_FILE, *digests},
+            )
             return True
     return False
 
 
-def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]) -> Path:
-    """Write files under temporary names, and the document that lists them; return its temporary path."""
+def _write_parts(
+    folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]
+) -> Path:
+    """Write files under temporary names, and the document that lists them; return its temporary
+    path.
+    """
     new = _part(folder)
     files = {**_files(document), **{name: digest_of(content) for name, content in contents.items()}}
     text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
     try:
         for name, content in contents.items():
             write(name).write_bytes(content)
-        # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON escapes.
+        # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON
+        # escapes.
         new.write_bytes(text.encode("utf-8", "backslashreplace"))
     except BaseException:
         new.unlink(missing_ok=True)
@@ -219,8 +264,11 @@ def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], 
     return new
 
 
-def _swap(folder: Path, write: AtomicWrite, new: Path, to_keep: list[str], gone: Iterable[str]) -> None:
-    """Put the files of a new result in the place of an earlier one; after an interruption, another call goes on.
+def _swap(
+    folder: Path, write: AtomicWrite, new: Path, to_keep: list[str], gone: Iterable[str]
+) -> None:
+    """Put the files of a new result in the place of an earlier one; after an interruption, another
+    call goes on.
 
     Args:
         folder: of the result.
@@ -261,14 +309,24 @@ def _keep(path: Path) -> None:
 
 
 def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]]:
-    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and edited ones.
+    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and
+    edited ones.
 
-    The run may have been killed while writing them. A file with another digest, a link or a folder under such a name is
-    edited: it belongs to the user. The document belongs to the run, even if it was edited.
+    The run may have been killed while writing them. A file with another digest, a link or a folder
+    under such a name is edited: it belongs to the user. The document belongs to the run, even if it
+    was edited.
     """
-    documents = [found for path in (folder / DOCUMENT_FILE, *folder.glob(_PARTS)) if (found := _document(path))]
+    documents = [
+        found
+        for path in (folder / DOCUMENT_FILE, *folder.glob(_PARTS))
+        if (found := _document(path))
+    ]
     digests = [_files(document) for document in documents]
-    there = {name for name in (*replaced.earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)}
+    there = {
+        name
+        for name in (*replaced.earlier, *itertools.chain(*digests))
+        if os.path.lexists(folder / name)
+    }
 
     def is_unchanged(name: str) -> bool:
         is_link = os.path.realpath(folder / name) != os.path.join(os.path.realpath(folder), name)
@@ -277,7 +335,11 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     unchanged = set(filter(is_unchanged, there))
     edited = there - unchanged - {DOCUMENT_FILE}
     is_own = DOCUMENT_FILE in there or _document(folder / DOCUMENT_FILE) is not None
-    if is_own and os.path.isfile(folder / DOCUMENT_FILE) and not os.path.islink(folder / DOCUMENT_FILE):
+    if (
+        is_own
+        and os.path.isfile(folder / DOCUMENT_FILE)
+        and not os.path.islink(folder / DOCUMENT_FILE)
+    ):
         unchanged.add(DOCUMENT_FILE)
     return unchanged, edited
 
@@ -289,7 +351,9 @@ def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
 
 
 def run_of_result(folder: str | os.PathLike[str]) -> str:
-    """Read which run wrote the result in a folder, from both ends of its document; "" if it is missing or cut off."""
+    """Read which run wrote the result in a folder, from both ends of its document; "" if it is
+    missing or cut off.
+    """
     try:
         with open_regular(Path(folder, DOCUMENT_FILE)) as file:
             found = _RUN.match(file.read(_END_BYTES))
@@ -300,12 +364,16 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
 
 
 def same_photo(one: str, other: str) -> bool:
-    """Return whether two results have a photo in common, by the digests of their photos, separated by spaces."""
+    """Return whether two results have a photo in common, by the digests of their photos, separated
+    by spaces.
+    """
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
 def file_digest(source: str | os.PathLike[str] | BufferedReader | BytesIO) -> str:
-    """Compute the SHA-256 of a file, given by its path or open at its start; "" if it cannot be read."""
+    """Compute the SHA-256 of a file, given by its path or open at its start; "" if it cannot be
+    read.
+    """
     with suppress(OSError, ValueError):
         if not isinstance(source, str | os.PathLike):
             return f"sha256:{hashlib.file_digest(source, 'sha256').hexdigest()}"
@@ -336,10 +404,16 @@ def _document(path: Path) -> dict[str, Any] | None:
 
 
 def _files(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return name -> digest of the files that a document lists, some in folders; the document is untrusted."""
+    """Return name -> digest of the files that a document lists, some in folders; the document is
+    untrusted.
+    """
     files = document.get("files")
     pairs = files.items() if isinstance(files, dict) else ()
-    return {name: str(digest) for name, digest in pairs if _LISTED.fullmatch(name) and name != DOCUMENT_FILE}
+    return {
+        name: str(digest)
+        for name, digest in pairs
+        if _LISTED.fullmatch(name) and name != DOCUMENT_FILE
+    }
 
 
 def people_csv(result: Reconstruction, photo: str) -> bytes:
@@ -354,7 +428,9 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
     return text.getvalue().encode()
 
 
-def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:
+def save_report(
+    reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = ""
+) -> Path:
     """Write the page of a reconstruction to a file; an earlier page of PhySIC is replaced.
 
     Args:
@@ -372,8 +448,11 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
     return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
 
 
-def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = "") -> Path:
-    """Write ``report.html`` to the folder of a result, and list it there, so that later runs replace it.
+def add_report(
+    folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = ""
+) -> Path:
+    """Write ``report.html`` to the folder of a result, and list it there, so that later runs
+    replace it.
 
     If the result cannot be read, the page says why, and the error is raised.
 
@@ -391,7 +470,9 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
     folder = Path(folder)
     if not is_result(folder):
-        raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+        raise InputError(
+            f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
+        )
     repair_result(folder)
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
     shown = reconstruction
@@ -401,7 +482,9 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
             shown = load_reconstruction(folder)
     except InputError as error:
-        add_result_file(folder, REPORT_FILE, report_html(error, title or folder.resolve().name).encode())
+        add_result_file(
+            folder, REPORT_FILE, report_html(error, title or folder.resolve().name).encode()
+        )
         raise
     title = title or shown.photo_name or folder.resolve().name
     add_result_file(folder, REPORT_FILE, report_html(shown, title).encode())
@@ -409,5 +492,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder has a result, valid or not, or one that a killed process has not completed."""
+    """Return whether a folder has a result, valid or not, or one that a killed process has not
+    completed.
+    """
     return os.path.isfile(os.path.join(folder, DOCUMENT_FILE)) or _is_torn(Path(folder))

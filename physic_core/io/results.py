@@ -1,8 +1,8 @@
 """Write a reconstruction to a folder and read it back: a document, arrays, and pictures if wanted.
 
-``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written last and removed
-first, and :func:`read_record` reads nothing else. ``reconstruction.npz`` has the arrays, by the names of
-:mod:`physic_core.files.plain`. docs/file-format.md describes both.
+``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written
+last and removed first, and :func:`read_record` reads nothing else. ``reconstruction.npz`` has the
+arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md describes both.
 """
 
 from __future__ import annotations
@@ -60,8 +60,9 @@ SCHEMA_VERSION = 6
 """Version of documents that are written and read."""
 
 SAVE = ("pictures", "numbers", "people")
-"""What to save. numbers: document and arrays. pictures: the same, ``preview.png`` and ``combined.glb``. people:
-document and arrays without photo and scene."""
+"""What to save. numbers: document and arrays. pictures: the same, ``preview.png`` and
+``combined.glb``. people: document and arrays without photo and scene.
+"""
 
 _FRAME = {
     "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
@@ -71,12 +72,16 @@ _FRAME = {
 }
 _OF_SCENE = ("image", "scene.")
 _RUN = "run"
-_STEPS_PER_METRE = 1 << 19  # of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes
+# of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes
+_STEPS_PER_METRE = 1 << 19
 _DEPTH_BITS = 15  # of the mantissa: 0.0015 %
 _NORMAL_STEPS = 127
 _RAY_TOLERANCE = 2e-5  # of the depth; float32 arithmetic along a ray is within 1e-6
-_SMALL, _MAX_RATIO = 256 << 20, 50
-"""Arrays may have 256 MB plus 50 times the size of their file: photos and depth compress by less than 10."""
+_SMALL = 256 << 20
+_MAX_RATIO = 50
+"""Arrays may have 256 MB plus 50 times the size of their file: photos and depth compress by less
+than 10.
+"""
 
 
 def save_reconstruction(
@@ -92,9 +97,10 @@ def save_reconstruction(
 ) -> tuple[Path, ...]:
     """Write the files of a result to a folder.
 
-    Either all files are written, or none; if the process is killed, the folder may have no result. An earlier result of
-    the same photo is replaced, that of another photo with ``overwrite`` only. Files of it that were edited are kept:
-    ``preview.png`` as ``preview.edited.png``. The photo, and files that no run wrote, are never replaced.
+    Either all files are written, or none; if the process is killed, the folder may have no result.
+    An earlier result of the same photo is replaced, that of another photo with ``overwrite`` only.
+    Files of it that were edited are kept: ``preview.png`` as ``preview.edited.png``. The photo, and
+    files that no run wrote, are never replaced.
 
     Args:
         reconstruction: what to save.
@@ -103,8 +109,10 @@ def save_reconstruction(
         overwrite: whether to replace another photo's result.
         beside: name and content of further files, which are files of the result too.
         page: title of ``report.html``; None for no page.
-        photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
-        earlier: names of files that an earlier run wrote, which are edited ones if no document lists them.
+        photos: digests of all photos of one moment, whose earlier results are replaced; "" for that
+            of the result.
+        earlier: names of files that an earlier run wrote, which are edited ones if no document
+            lists them.
 
     Returns:
         Paths of the written files.
@@ -112,11 +120,13 @@ def save_reconstruction(
     Raises:
         ConfigError: ``save`` is not valid.
         OutputError: the folder cannot be written, or user data would be lost.
-        BaseException: a picture or the page cannot be made; the numbers are then written without them.
+        BaseException: a picture or the page cannot be made; the numbers are then written without
+            them.
     """
     if save not in SAVE:
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
-    folder, beside = Path(folder), beside or {}
+    folder = Path(folder)
+    beside = beside or {}
     replaced = Replaced(photos or reconstruction.photo, overwrite, earlier)
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     if page is not None:
@@ -135,21 +145,26 @@ def save_reconstruction(
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
-    """Read a reconstruction that :func:`save_reconstruction` wrote, and check that its files are complete.
+    """Read a reconstruction that :func:`save_reconstruction` wrote, and check that its files are
+    complete.
 
     Raises:
-        InputError: a file is missing, damaged, changed, of another run, or of another version; the result has only
-            people.
+        InputError: a file is missing, damaged, changed, of another run, or of another version; the
+            result has only people.
     """
     document, arrays = _read(Path(folder))
     try:
         if "image" not in arrays:
-            raise ValueError("it was saved without photo and scene: physic_core.load_people reads it")
+            raise ValueError(
+                "it was saved without photo and scene: physic_core.load_people reads it"
+            )
         camera = join(Intrinsics, document["intrinsics"], {})
         sizes = {"H": camera.height, "W": camera.width}
         if arrays["image"].shape != (camera.height, camera.width, 3):
             raise ValueError(f"image has the shape {arrays['image'].shape}, not that of the camera")
-        result: Reconstruction = join(Reconstruction, document, _expanded(arrays, camera), sizes=sizes)
+        result: Reconstruction = join(
+            Reconstruction, document, _expanded(arrays, camera), sizes=sizes
+        )
         _check_indices(result)
         _check_digest(Path(folder), document)
     except InputError:
@@ -163,7 +178,8 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Read the arrays of a result but those of photo and scene, whatever was saved.
 
     Returns:
-        The arrays by name, such as ``people.0.vertices`` (V, 3), metres, in the frame of the OpenCV camera.
+        The arrays by name, such as ``people.0.vertices`` (V, 3), metres, in the frame of the OpenCV
+        camera.
 
     Raises:
         InputError: a file is missing, damaged, of another run, or of another version.
@@ -201,7 +217,8 @@ def read_document(folder: Path) -> dict[str, Any]:
             raise ValueError("it does not describe a reconstruction")
         if document.get("schema_version") != SCHEMA_VERSION:
             raise ValueError(
-                f"its version is {document.get('schema_version')!r:.20}, this PhySIC reads {SCHEMA_VERSION}"
+                f"its version is {document.get('schema_version')!r:.20}, this PhySIC reads "
+                f"{SCHEMA_VERSION}"
             )
     except OSError as error:
         raise _unreadable(path, error) from error
@@ -218,11 +235,24 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
     sigmas = reconstruction.distance_sigmas
-    for index, (record, person) in enumerate(zip(values["people"], reconstruction.people, strict=True)):
-        record.update({name: to_json(value) for name, value in _for_readers(index, person, sigmas[index]).items()})
+    for index, (record, person) in enumerate(
+        zip(values["people"], reconstruction.people, strict=True)
+    ):
+        record.update(
+            {
+                name: to_json(value)
+                for name, value in _for_readers(index, person, sigmas[index]).items()
+            }
+        )
     run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
     frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
-    return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "run": run, "frame": frame, **values}
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "run": run,
+        "frame": frame,
+        **values,
+    }
 
 
 def _for_readers(index: int, person: Person, sigma: float | None) -> dict[str, Any]:
@@ -240,12 +270,15 @@ def _for_readers(index: int, person: Person, sigma: float | None) -> dict[str, A
 def _contents(
     reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
 ) -> tuple[dict[str, bytes], BaseException | None]:
-    """Return the contents of the arrays' file, of the pictures and the page, and the error if one of these fails."""
+    """Return the contents of the arrays' file, of the pictures and the page, and the error if one
+    of these fails.
+    """
     from threadpoolctl import threadpool_limits
 
-    stream, found = BytesIO(), dict[str, bytes]()
-    # A second thread draws the preview, which takes as long as all else. Matrices of three columns: further threads of
-    # BLAS would take as much processor time again, waiting.
+    stream = BytesIO()
+    found = dict[str, bytes]()
+    # A second thread draws the preview, which takes as long as all else. Matrices of three columns:
+    # further threads of BLAS would take as much processor time again, waiting.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(1, "preview") as second:
         preview = second.submit(_preview, reconstruction) if PREVIEW_FILE in pictures else None
         write_arrays(stream, arrays)
@@ -274,7 +307,8 @@ def _preview(reconstruction: Reconstruction) -> bytes:
 
 def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str, Any], Arrays]:
     """Read the document of a result, and its arrays, or those of some names that it has."""
-    document, path = read_document(folder), folder / ARRAYS_FILE
+    document = read_document(folder)
+    path = folder / ARRAYS_FILE
     try:
         with open_regular(path) as stream:
             there = read_names(stream)
@@ -285,7 +319,8 @@ def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str,
             raise ValueError(f"it is of another run than {DOCUMENT_FILE}")
     except OSError as error:
         raise _unreadable(path, error) from error
-    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
+    # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
+    except Exception as error:
         raise damaged(path, error) from error
     return document, arrays
 
@@ -297,15 +332,22 @@ def _check_digest(folder: Path, document: Mapping[str, Any]) -> None:
     """
     stated = document["files"].get(ARRAYS_FILE) if isinstance(document.get("files"), dict) else None
     if file_digest(folder / ARRAYS_FILE) != stated:
-        wrong = f"its SHA-256 is not the one that {DOCUMENT_FILE} states, so it was changed since; copy it again"
+        wrong = (
+            f"its SHA-256 is not the one that {DOCUMENT_FILE} states, so it was changed "
+            f"since; copy it again"
+        )
         raise damaged(folder / ARRAYS_FILE, ValueError(wrong))
 
 
 def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         of_batch = next(path.parent.glob(f"photos/*/*/{path.name}"), None)
-        which = "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
-        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run{which}")
+        which = (
+            "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
+        )
+        return InputError(
+            f"cannot read {path}: there is no such file; name the folder of a finished run{which}"
+        )
     return InputError(f"cannot read {path}: {unreadable(error)}")
 
 
@@ -332,7 +374,9 @@ def _check_indices(result: Reconstruction) -> None:
 
 
 def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
-    """Return arrays as they are stored: a third of the bytes, with errors that docs/file-format.md states."""
+    """Return arrays as they are stored: a third of the bytes, with errors that docs/file-format.md
+    states.
+    """
     small = {
         name: _on_grid(array) if name.endswith((".vertices", ".joints", ".floor_points")) else array
         for name, array in arrays.items()
@@ -340,7 +384,10 @@ def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
     if "scene.points" in small:
         points = small["scene.points"]
         depth = _round_mantissa(points[..., 2])
-        near = np.abs(_rays(camera) * depth[..., None] - points) <= _RAY_TOLERANCE * np.abs(points[..., 2:]) + 1e-6
+        near = (
+            np.abs(_rays(camera) * depth[..., None] - points)
+            <= _RAY_TOLERANCE * np.abs(points[..., 2:]) + 1e-6
+        )
         if near.all():
             del small["scene.points"]
             small["scene.depth"] = depth
@@ -362,7 +409,9 @@ def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
 
 
 def _on_grid(metres: NDArray[Any]) -> NDArray[np.float32]:
-    return (np.round(metres.astype(np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(np.float32)
+    return (np.round(metres.astype(np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(
+        np.float32
+    )
 
 
 def _round_mantissa(values: NDArray[Any]) -> NDArray[np.float32]:
@@ -375,7 +424,8 @@ def _round_mantissa(values: NDArray[Any]) -> NDArray[np.float32]:
 def _rays(camera: Intrinsics) -> NDArray[np.float32]:
     """Return the rays (H, W, 3) of the pixels, with z = 1."""
     x, y = np.meshgrid(
-        (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
+        (np.arange(camera.width) - camera.cx) / camera.fx,
+        (np.arange(camera.height) - camera.cy) / camera.fy,
     )
     return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
 
@@ -387,7 +437,8 @@ class PersonRecord:
     Attributes:
         index: into the people of the result.
         pelvis: x, y, z in the camera frame, metres; NaN or None without a body.
-        distance_sigma: standard deviation of the logarithm of the distance from the camera; None if it is not known.
+        distance_sigma: standard deviation of the logarithm of the distance from the camera; None if
+            it is not known.
         contact_count: number of vertices in contact.
         vertex_count: of all vertices.
         states_partners: whether the result states what is touched.
@@ -453,9 +504,19 @@ def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:
         files: name -> SHA-256 of each file but the document.
     """
     people = []
-    for index, (person, sigma) in enumerate(zip(result.people, result.distance_sigmas, strict=True)):
+    for index, (person, sigma) in enumerate(
+        zip(result.people, result.distance_sigmas, strict=True)
+    ):
         own = _for_readers(index, person, sigma)
-        same = {one.name: getattr(person, one.name) for one in fields(PersonRecord) if one.name not in own}
+        same = {
+            one.name: getattr(person, one.name)
+            for one in fields(PersonRecord)
+            if one.name not in own
+        }
         people.append(PersonRecord(**own, **same))
-    same = {one.name: getattr(result, one.name) for one in fields(ResultRecord) if one.name not in ("files", "people")}
+    same = {
+        one.name: getattr(result, one.name)
+        for one in fields(ResultRecord)
+        if one.name not in ("files", "people")
+    }
     return ResultRecord(files=files, people=tuple(people), **same)

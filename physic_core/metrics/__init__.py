@@ -1,4 +1,6 @@
-"""Metrics of a reconstruction against ground truth, and tables and intervals of them; import names from here."""
+"""Metrics of a reconstruction against ground truth, and tables and intervals of them; import names
+from here.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Precision, recall and F1 of per-vertex contact, with the averages pooled, F1 of means and mean F1.
+"""Precision, recall and F1 of per-vertex contact, with the averages pooled, F1 of means and mean
+F1.
 
-The averages differ by several points on the same prediction. PhySIC prints the harmonic mean of its precision and
-recall, so ``f1_pooled`` or ``f1_of_means``; DECO and BSTRO print ``f1_mean``.
+The averages differ by several points on the same prediction. PhySIC prints the harmonic mean of its
+precision and recall, so ``f1_pooled`` or ``f1_of_means``; DECO and BSTRO print ``f1_mean``.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def contact_counts(predicted: BoolArray, truth: BoolArray) -> ContactCounts:
         PhysicError: the shapes differ, or an array is not bool.
     """
     require_same_shape("contact maps", predicted, truth)
-    predicted, truth = require_bool_dtype("predicted contact", predicted), require_bool_dtype("true contact", truth)
+    predicted = require_bool_dtype("predicted contact", predicted)
+    truth = require_bool_dtype("true contact", truth)
     return ContactCounts(
         hits=np.asarray((predicted & truth).sum(-1), np.int64),
         false_alarms=np.asarray((predicted & ~truth).sum(-1), np.int64),
@@ -86,11 +88,12 @@ def contact_counts(predicted: BoolArray, truth: BoolArray) -> ContactCounts:
 def precision_recall_f1(counts: ContactCounts) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return precision, recall and F1 (...,) float64 of each row.
 
-    As in DECO's code, a row without predicted contact has P = 1, R = 0, F1 = 0, and a row with predicted but no true
-    contact has P = 0, R = 1, F1 = 0.
+    As in DECO's code, a row without predicted contact has P = 1, R = 0, F1 = 0, and a row with
+    predicted but no true contact has P = 0, R = 1, F1 = 0.
     """
     hits = counts.hits.astype(np.float64)
-    predicted, true = counts.hits + counts.false_alarms, counts.hits + counts.misses
+    predicted = counts.hits + counts.false_alarms
+    true = counts.hits + counts.misses
     precision = np.where(predicted > 0, hits / np.maximum(predicted, 1), 1.0)
     recall = np.where(true > 0, hits / np.maximum(true, 1), 1.0)
     recall = np.where(predicted > 0, recall, 0.0)
@@ -98,7 +101,8 @@ def precision_recall_f1(counts: ContactCounts) -> tuple[FloatArray, FloatArray, 
 
 
 def contact_scores(predicted: BoolArray, truth: BoolArray) -> ContactScores:
-    """Score the contact of matched people, one row each; :func:`precision_recall_f1` defines scores of empty sets.
+    """Score the contact of matched people, one row each; :func:`precision_recall_f1` defines scores
+    of empty sets.
 
     Args:
         predicted: (..., V) bool.
@@ -111,8 +115,12 @@ def contact_scores(predicted: BoolArray, truth: BoolArray) -> ContactScores:
     rows = int(counts.hits.size)
     if not rows:
         return ContactScores(0, *[float("nan")] * 7)
-    total = ContactCounts(*(np.asarray(c.sum()) for c in (counts.hits, counts.false_alarms, counts.misses)))
-    precision_pooled, recall_pooled, f1_pooled = (float(value) for value in precision_recall_f1(total))
+    total = ContactCounts(
+        *(np.asarray(c.sum()) for c in (counts.hits, counts.false_alarms, counts.misses))
+    )
+    precision_pooled, recall_pooled, f1_pooled = (
+        float(value) for value in precision_recall_f1(total)
+    )
     precision, recall, f1 = (value.mean() for value in precision_recall_f1(counts))
     return ContactScores(
         rows=rows,
@@ -147,19 +155,23 @@ class GeodesicError:
     unreachable: NDArray[np.int64]
 
 
-def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, across: bool = False) -> csr_array:
+def surface_graph(
+    vertices: FloatArray, faces: NDArray[np.integer[Any]], *, across: bool = False
+) -> csr_array:
     """Build the edge graph of a mesh; one graph of the rest pose serves all people.
 
     Args:
         vertices: (V, 3) m, any frame.
         faces: (F, 3) vertex ids.
-        across: also connect the two vertices opposite an edge, by their distance after the two triangles are unfolded
-            into a plane, if the straight line between them crosses that edge.
+        across: also connect the two vertices opposite an edge, by their distance after the two
+            triangles are unfolded into a plane, if the straight line between them crosses that
+            edge.
 
     Returns:
         (V, V) float64 m, upper triangle; coinciding vertices keep an edge of length 0.
     """
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    vertices = np.asarray(vertices, np.float64)
+    faces = np.asarray(faces, np.int64)
     corners = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
     sides = np.sort(np.concatenate([faces[:, [a, b]] for a, b, _ in corners]), axis=1)
     edges = np.unique(sides, axis=0).reshape(-1, 2)
@@ -167,13 +179,17 @@ def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, acro
     if across:
         opposite = np.concatenate([faces[:, c] for _, _, c in corners])
         hops, hop_lengths = _opposite_pairs(vertices, sides, opposite)
-        edges, lengths = np.concatenate([edges, hops]), np.concatenate([lengths, hop_lengths])
-        # Two edges may connect the same vertices: keep the shortest, as a sparse array would sum them.
+        edges = np.concatenate([edges, hops])
+        lengths = np.concatenate([lengths, hop_lengths])
+        # Two edges may connect the same vertices: keep the shortest, as a sparse array would sum
+        # them.
         order = np.lexsort((lengths, edges[:, 1], edges[:, 0]))
-        edges, lengths = edges[order], lengths[order]
+        edges = edges[order]
+        lengths = lengths[order]
         first = np.ones(len(edges), bool)
         first[1:] = (edges[1:] != edges[:-1]).any(axis=1)
-        edges, lengths = edges[first], lengths[first]
+        edges = edges[first]
+        lengths = lengths[first]
     return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
 
 
@@ -186,12 +202,15 @@ def distance_to_sources(graph: csr_array, sources: BoolArray) -> FloatArray:
     """
     if not sources.any():
         return np.full(graph.shape[0], np.inf)
-    distance: FloatArray = dijkstra(graph, directed=False, indices=np.flatnonzero(sources), min_only=True)
+    distance: FloatArray = dijkstra(
+        graph, directed=False, indices=np.flatnonzero(sources), min_only=True
+    )
     return distance
 
 
 def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> GeodesicError:
-    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022); NaN if either set is empty.
+    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022); NaN if either set is
+    empty.
 
     Args:
         graph: of :func:`surface_graph`, on the mesh of the contact maps.
@@ -202,15 +221,20 @@ def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> 
         PhysicError: the shapes do not match, or a map is not bool.
     """
     require_same_shape("contact maps", predicted, truth)
-    predicted, truth = require_bool_dtype("predicted contact", predicted), require_bool_dtype("true contact", truth)
+    predicted = require_bool_dtype("predicted contact", predicted)
+    truth = require_bool_dtype("true contact", truth)
     if predicted.shape[-1] != graph.shape[0]:
         raise PhysicError(
             f"The contact maps have {predicted.shape[-1]} vertices and the graph {graph.shape[0]}: "
             "build the graph from the mesh that the contact is on."
         )
     shape = predicted.shape[:-1]
-    rows = list(zip(predicted.reshape(-1, graph.shape[0]), truth.reshape(-1, graph.shape[0]), strict=True))
-    positive, negative, lost = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows), np.int64)
+    rows = list(
+        zip(predicted.reshape(-1, graph.shape[0]), truth.reshape(-1, graph.shape[0]), strict=True)
+    )
+    positive = np.zeros(len(rows))
+    negative = np.zeros(len(rows))
+    lost = np.zeros(len(rows), np.int64)
     for i, (guess, fact) in enumerate(rows):
         if not (guess.any() and fact.any()):
             positive[i] = negative[i] = np.nan
@@ -229,7 +253,8 @@ def _mean_finite(distance: FloatArray) -> float:
 def _opposite_pairs(
     vertices: FloatArray, sides: NDArray[np.int64], opposite: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return pairs (E, 2) of vertices opposite an edge of two triangles, and their unfolded distance (E,).
+    """Return pairs (E, 2) of vertices opposite an edge of two triangles, and their unfolded
+    distance (E,).
 
     Args:
         vertices: (V, 3).
@@ -242,7 +267,8 @@ def _opposite_pairs(
     start, end = (vertices[sides[order[:, 0], k]] for k in (0, 1))
     axis = end - start
     length = np.linalg.norm(axis, axis=1)
-    along, off = [], []
+    along = []
+    off = []
     for k in (0, 1):
         way = vertices[opposite[order[:, k]]] - start
         along.append((way * axis).sum(1) / np.where(length > 0, length, 1.0))

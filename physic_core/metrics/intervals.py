@@ -1,7 +1,7 @@
 """Figures with 95 % bootstrap intervals over independent groups, such as photos, films or worlds.
 
-People of one photo share its scene and scale: groups are resampled, not people. The interval is the percentile
-bootstrap of Efron and Tibshirani (1993).
+People of one photo share its scene and scale: groups are resampled, not people. The interval is the
+percentile bootstrap of Efron and Tibshirani (1993).
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ def draw_counts(groups: int, draws: int = DRAWS) -> FloatArray:
 
 
 def percentile_interval(values: FloatArray | Sequence[float]) -> tuple[float, float]:
-    """Return the 2.5th and the 97.5th percentile of the finite draws of a figure; NaN without one."""
+    """Return the 2.5th and the 97.5th percentile of the finite draws of a figure; NaN without
+    one.
+    """
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -60,9 +62,12 @@ def percentile_interval(values: FloatArray | Sequence[float]) -> tuple[float, fl
 
 
 def resampled_interval(
-    strata: Sequence[Sequence[_Item]], statistic: Callable[[list[list[_Item]]], float], draws: int = DRAWS
+    strata: Sequence[Sequence[_Item]],
+    statistic: Callable[[list[list[_Item]]], float],
+    draws: int = DRAWS,
 ) -> tuple[float, float]:
-    """Return the interval of a statistic whose groups are drawn anew within each stratum, with replacement.
+    """Return the interval of a statistic whose groups are drawn anew within each stratum, with
+    replacement.
 
     Args:
         strata: the groups of each stratum, such as the films of each data set.
@@ -76,16 +81,24 @@ def resampled_interval(
         return math.nan, math.nan
     rng = np.random.default_rng(_SEED)
     return percentile_interval(
-        [statistic([[s[k] for k in rng.integers(len(s), size=len(s))] for s in strata]) for _ in range(draws)]
+        [
+            statistic([[s[k] for k in rng.integers(len(s), size=len(s))] for s in strata])
+            for _ in range(draws)
+        ]
     )
 
 
 def aligned_table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of equal length as lines: the first column on the left, numbers on the right of theirs."""
+    """Return rows of equal length as lines: the first column on the left, numbers on the right of
+    theirs.
+    """
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return "\n".join(
         "  ".join(
-            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+            [
+                row[0].ljust(widths[0]),
+                *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)),
+            ]
         ).rstrip()
         for row in rows
     )

@@ -46,14 +46,16 @@ class Matching:
 
 
 def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
-    """Return the intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 for two empty masks.
+    """Return the intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 for two
+    empty masks.
 
     Raises:
         PhysicError: the image sizes differ.
     """
     if predicted.shape[1:] != truth.shape[1:]:
         raise PhysicError(
-            f"Masks must have one size, got {predicted.shape[1:]} and {truth.shape[1:]}: resize one of them first."
+            f"Masks must have one size, got {predicted.shape[1:]} and {truth.shape[1:]}: resize "
+            f"one of them first."
         )
     iou = np.zeros((len(predicted), len(truth)))
     for i, guess in enumerate(predicted):
@@ -79,7 +81,9 @@ def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5)
 
 
 def match_by_boxes(
-    predicted: Sequence[Sequence[float] | FloatArray], truth: Sequence[Sequence[float] | FloatArray], min_iou: float
+    predicted: Sequence[Sequence[float] | FloatArray],
+    truth: Sequence[Sequence[float] | FloatArray],
+    min_iou: float,
 ) -> Matching:
     """Match people by the overlap of their boxes.
 
@@ -102,9 +106,12 @@ def assign(cost: FloatArray, allowed: BoolArray) -> Matching:
     """
     usual = np.where(allowed, cost, 0.0)
     # A forbidden pair costs more than any set of allowed pairs.
-    rows, columns = linear_sum_assignment(np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0))
+    rows, columns = linear_sum_assignment(
+        np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0)
+    )
     kept = allowed[rows, columns]
-    rows, columns = rows[kept].astype(np.int64), columns[kept].astype(np.int64)
+    rows = rows[kept].astype(np.int64)
+    columns = columns[kept].astype(np.int64)
     order = np.argsort(columns)
     return Matching(
         predicted=rows[order],

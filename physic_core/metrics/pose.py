@@ -1,8 +1,8 @@
 """Joint and vertex errors of each person, in millimetres: MPJPE, PA-MPJPE and MPVPE.
 
-Points are metres in the OpenCV camera frame (x right, y down, z forward). As in the paper (sec. 4.1), MPJPE and MPVPE
-use no alignment, so that they include the error of the distance from the camera. PA-MPJPE aligns each person by a
-similarity transform. The paper does not name the joints.
+Points are metres in the OpenCV camera frame (x right, y down, z forward). As in the paper (sec.
+4.1), MPJPE and MPVPE use no alignment, so that they include the error of the distance from the
+camera. PA-MPJPE aligns each person by a similarity transform. The paper does not name the joints.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ BODY_JOINTS = slice(0, 22)
 """Pelvis to wrists, of the 55 joints in SMPL-X order: those that all SMPL-family bodies have."""
 
 
-def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
+def mpjpe_mm(
+    predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None
+) -> FloatArray:
     """Return the mean per-joint position error, without alignment.
 
     Args:
@@ -38,8 +40,11 @@ def mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None =
     return _mean_distance_mm(predicted, truth, valid)
 
 
-def mpvpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Return the mean per-vertex position error, without alignment; arguments (..., V, 3) as in :func:`mpjpe_mm`.
+def mpvpe_mm(
+    predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None
+) -> FloatArray:
+    """Return the mean per-vertex position error, without alignment; arguments (..., V, 3) as in
+    :func:`mpjpe_mm`.
 
     Raises:
         PhysicError: the shapes differ.
@@ -48,8 +53,11 @@ def mpvpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None =
     return _mean_distance_mm(predicted, truth, valid)
 
 
-def pa_mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Return the mean per-joint position error after :func:`align_similarity`; arguments as in :func:`mpjpe_mm`.
+def pa_mpjpe_mm(
+    predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None
+) -> FloatArray:
+    """Return the mean per-joint position error after :func:`align_similarity`; arguments as in
+    :func:`mpjpe_mm`.
 
     Raises:
         PhysicError: the shapes differ.
@@ -57,12 +65,16 @@ def pa_mpjpe_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | Non
     return _mean_distance_mm(align_similarity(predicted, truth, valid), truth, valid)
 
 
-def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None) -> FloatArray:
-    """Align predicted points (..., J, 3) to the truth by a least-squares similarity transform without reflection.
+def align_similarity(
+    predicted: FloatArray, truth: FloatArray, valid: BoolArray | None = None
+) -> FloatArray:
+    """Align predicted points (..., J, 3) to the truth by a least-squares similarity transform
+    without reflection.
 
-    The transform is fitted to the valid points and applied to all (Umeyama, Least-squares estimation of
-    transformation parameters between two point patterns, PAMI 1991). Coinciding points go to the centroid of the truth.
-    A person without valid points, or with a non-finite one, becomes NaN.
+    The transform is fitted to the valid points and applied to all (Umeyama, Least-squares
+    estimation of transformation parameters between two point patterns, PAMI 1991). Coinciding
+    points go to the centroid of the truth. A person without valid points, or with a non-finite one,
+    becomes NaN.
 
     Raises:
         PhysicError: the shapes differ.
@@ -71,7 +83,11 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
     import torch
 
     require_same_shape("joints", predicted, truth)
-    counted = np.ones(truth.shape[:-1], bool) if valid is None else np.broadcast_to(valid, truth.shape[:-1])
+    counted = (
+        np.ones(truth.shape[:-1], bool)
+        if valid is None
+        else np.broadcast_to(valid, truth.shape[:-1])
+    )
     source = np.where(counted[..., None], np.asarray(predicted, np.float64), 0.0)
     target = np.where(counted[..., None], np.asarray(truth, np.float64), 0.0)
     usable = counted.any(-1) & np.isfinite(source).all((-2, -1)) & np.isfinite(target).all((-2, -1))
@@ -82,7 +98,8 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
     # Centred for accuracy far from the origin.
     source_mean = (weights[..., None] * source[usable]).sum(-2, keepdims=True)
     target_mean = (weights[..., None] * target[usable]).sum(-2, keepdims=True)
-    centred, goal = source[usable] - source_mean, target[usable] - target_mean
+    centred = source[usable] - source_mean
+    goal = target[usable] - target_mean
     size = np.sqrt((weights * np.square(centred).sum(-1)).sum(-1))
     flat = size <= 1e-12 * (1.0 + np.abs(source_mean).max((-2, -1)))
     rotation, scale = roma.rigid_vectors_registration(
@@ -96,11 +113,19 @@ def align_similarity(predicted: FloatArray, truth: FloatArray, valid: BoolArray 
     return aligned
 
 
-def _mean_distance_mm(predicted: FloatArray, truth: FloatArray, valid: BoolArray | None) -> FloatArray:
+def _mean_distance_mm(
+    predicted: FloatArray, truth: FloatArray, valid: BoolArray | None
+) -> FloatArray:
     with np.errstate(invalid="ignore"):  # inf - inf
-        distance = np.linalg.norm(np.asarray(predicted, np.float64) - np.asarray(truth, np.float64), axis=-1)
-    counted = np.ones(distance.shape, bool) if valid is None else np.broadcast_to(valid, distance.shape)
+        distance = np.linalg.norm(
+            np.asarray(predicted, np.float64) - np.asarray(truth, np.float64), axis=-1
+        )
+    counted = (
+        np.ones(distance.shape, bool) if valid is None else np.broadcast_to(valid, distance.shape)
+    )
     count = counted.sum(-1)
     total = np.where(counted, distance, 0.0).sum(-1)
-    mean: FloatArray = np.where((count > 0) & np.isfinite(total), 1000.0 * total / np.maximum(count, 1), np.nan)
+    mean: FloatArray = np.where(
+        (count > 0) & np.isfinite(total), 1000.0 * total / np.maximum(count, 1), np.nan
+    )
     return mean

@@ -1,6 +1,7 @@
 """Errors of the scene: depth, points, scale and floor.
 
-Metres, OpenCV camera frame (x right, y down, z forward); depth is along z. No alignment: the scene is metric.
+Metres, OpenCV camera frame (x right, y down, z forward); depth is along z. No alignment: the scene
+is metric.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class SceneError:
         delta_share: share of pixels with max(Z / Z*, Z* / Z) < 1.25.
         point_median: median distance of the points, m.
         point_mean: mean distance of the points, m.
-        log_scale: ln of the median depth over the true median depth: 0.1 is a scene about 10 % too large.
+        log_scale: ln of the median depth over the true median depth: 0.1 is a scene about 10 % too
+            large.
     """
 
     pixels: int
@@ -66,7 +68,8 @@ def scene_error(
     Args:
         predicted: (H, W, 3) m, or any leading shape that ``truth`` has too.
         truth: (H, W, 3) m.
-        predicted_valid: (H, W) bool; points that are not finite or have no positive depth are invalid too.
+        predicted_valid: (H, W) bool; points that are not finite or have no positive depth are
+            invalid too.
         true_valid: (H, W) bool, likewise.
 
     Raises:
@@ -80,7 +83,8 @@ def scene_error(
     if not pixels:
         return SceneError(0, 0.0 if known.any() else math.nan, *[math.nan] * 6)
     points, facts = (np.asarray(array[both], np.float64) for array in (predicted, truth))
-    depth, fact = points[:, 2], facts[:, 2]
+    depth = points[:, 2]
+    fact = facts[:, 2]
     relative = np.abs(depth - fact) / fact
     off = np.linalg.norm(points - facts, axis=1)
     return SceneError(
@@ -101,8 +105,8 @@ def floor_error(predicted: Plane | None, truth: Plane, at: FloatArray | None = N
     Args:
         predicted: found plane, or None.
         truth: true plane.
-        at: (3,) m, position at which heights are compared, such as a person's feet; the camera if None. A tilted floor
-            has another error at another position.
+        at: (3,) m, position at which heights are compared, such as a person's feet; the camera if
+            None. A tilted floor has another error at another position.
     """
     if predicted is None:
         return FloorError(math.nan, math.nan)
@@ -131,7 +135,8 @@ class SignedDistances:
 
     Attributes:
         distance: (..., V) float64 m, negative inside; inf without a surface within reach.
-        normal: (..., V, 3) float64 unit, of the nearest surface, out of the scene; zero where unknown.
+        normal: (..., V, 3) float64 unit, of the nearest surface, out of the scene; zero where
+            unknown.
     """
 
     distance: FloatArray
@@ -165,10 +170,12 @@ def scene_distance(
 
     require_same_shape("points and normals", points, normals)
     flat = np.asarray(vertices, np.float64).reshape(-1, 3)
-    answer, towards = np.full(len(flat), np.inf), np.zeros((len(flat), 3))
+    answer = np.full(len(flat), np.inf)
+    towards = np.zeros((len(flat), 3))
     if len(flat):
         spacing = point_spacing(points, normals, valid)
-        low, high = flat.min(0) - reach, flat.max(0) + reach
+        low = flat.min(0) - reach
+        high = flat.max(0) + reach
         with np.errstate(invalid="ignore"):
             near = valid & (points >= low).all(-1) & (points <= high).all(-1)
         cloud, facing, gap = (np.asarray(a[near], np.float64) for a in (points, normals, spacing))
@@ -207,8 +214,11 @@ def hidden_by_depth_map(
     return _behind(np.asarray(vertices, np.float64), depth, intrinsics, tolerance)
 
 
-def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, tolerance: float) -> BoolArray:
-    """Return whether each point (..., 3) is behind the nearest of the four pixels around it; False outside the image.
+def _behind(
+    points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, tolerance: float
+) -> BoolArray:
+    """Return whether each point (..., 3) is behind the nearest of the four pixels around it; False
+    outside the image.
 
     At a depth edge, a single pixel may show the background.
     """
@@ -226,11 +236,12 @@ def _behind(points: FloatArray, depth: FloatArray, intrinsics: Intrinsics, toler
 
 
 def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> FloatArray:
-    """Return the spacing (H, W) float64 m between neighbouring points of a point map on the same surface.
+    """Return the spacing (H, W) float64 m between neighbouring points of a point map on the same
+    surface.
 
-    The spacing is the largest distance from a point to its four neighbours on the same surface. Two neighbours are
-    on the same surface if each is within 10 degrees of the other's tangent plane. The spacing is 0 without such
-    neighbours.
+    The spacing is the largest distance from a point to its four neighbours on the same surface. Two
+    neighbours are on the same surface if each is within 10 degrees of the other's tangent plane.
+    The spacing is 0 without such neighbours.
 
     Args:
         points: (H, W, 3) m.
@@ -239,7 +250,9 @@ def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> 
     """
     spacing = np.zeros(valid.shape)
     for axis in (0, 1):
-        first, second = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
+        first, second = (
+            (slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None))
+        )
         with np.errstate(invalid="ignore"):
             step = np.asarray(points[second] - points[first], np.float64)
             length = np.linalg.norm(step, axis=-1)
@@ -274,7 +287,11 @@ def penetration(distance: FloatArray, counted: BoolArray | None = None) -> Penet
         distance: (..., V) m, signed.
         counted: (..., V) bool, vertices that count (not those of mouth and eyes); all if None.
     """
-    total = np.ones(distance.shape, bool) if counted is None else np.broadcast_to(counted, distance.shape)
+    total = (
+        np.ones(distance.shape, bool)
+        if counted is None
+        else np.broadcast_to(counted, distance.shape)
+    )
     inside = np.isfinite(distance) & (distance < 0) & total
     depth = np.where(inside, -np.asarray(distance, np.float64), 0.0)
     number = inside.sum(-1)
@@ -285,8 +302,11 @@ def penetration(distance: FloatArray, counted: BoolArray | None = None) -> Penet
     )
 
 
-def contact_gap(distance: FloatArray, contact: BoolArray, reach: float = float("inf")) -> FloatArray:
-    """Return the mean gap (...,) m from true contact vertices to the scene; a vertex inside the scene has gap 0.
+def contact_gap(
+    distance: FloatArray, contact: BoolArray, reach: float = float("inf")
+) -> FloatArray:
+    """Return the mean gap (...,) m from true contact vertices to the scene; a vertex inside the
+    scene has gap 0.
 
     Args:
         distance: (..., V) m, signed, of the predicted body in the predicted scene.

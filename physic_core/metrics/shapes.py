@@ -15,10 +15,13 @@ if TYPE_CHECKING:
 
 
 def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) -> None:
-    """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the message."""
+    """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the
+    message.
+    """
     if predicted.shape != truth.shape:
         raise PhysicError(
-            f"Predicted and true {what} must have the same shape, got {predicted.shape} and {truth.shape}: "
+            f"Predicted and true {what} must have the same shape, got {predicted.shape} and "
+            f"{truth.shape}: "
             "match the people first, and bring both to one joint set or mesh."
         )
 
@@ -29,5 +32,8 @@ def require_bool_dtype(what: str, values: NDArray[Any]) -> BoolArray:
     A probability converted to bool would count every value above zero.
     """
     if values.dtype != np.bool_:
-        raise PhysicError(f"The {what} must be bool, got {values.dtype}: threshold it first, as in probability >= 0.5.")
+        raise PhysicError(
+            f"The {what} must be bool, got {values.dtype}: threshold it first, as in probability "
+            f">= 0.5."
+        )
     return values

@@ -1,7 +1,9 @@
-"""Prepare results of backends: for the configured body model, without invalid people, and with the held objects.
+"""Prepare results of backends: for the configured body model, without invalid people, and with the
+held objects.
 
-Functions on invalid people take a checked result, so that the pipeline continues with the other people. They return the
-result with the rows of people with invalid numbers replaced by values for "unknown", and a mask (N,) bool of them.
+Functions on invalid people take a checked result, so that the pipeline continues with the other
+people. They return the result with the rows of people with invalid numbers replaced by values for
+"unknown", and a mask (N,) bool of them.
 """
 
 from __future__ import annotations
@@ -33,21 +35,27 @@ if TYPE_CHECKING:
 
 _SEEN = 0.3  # least confidence of a keypoint
 _JOINTS = ("nose", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-# Shares of the joints on the own mask and on that of another person. A false person had .27 and .73; of 201 people in
-# 37 photos of crowds one had .13 and .53, one .30 and .30, and the others at least .35 and at most .40.
-_FEW_OWN_JOINTS, _MOST_JOINTS = 0.3, 0.6
-_HAND_LENGTH = 0.4  # from the wrist to the middle of the fingers, as a share of the forearm in the photo
-_REACH = 0.12  # of the longer side of a person's box: half the length of a hand and the errors of keypoints
+# Shares of the joints on the own mask and on that of another person. A false person had .27 and
+# .73; of 201 people in 37 photos of crowds one had .13 and .53, one .30 and .30, and the others at
+# least .35 and at most .40.
+_FEW_OWN_JOINTS = 0.3
+_MOST_JOINTS = 0.6
+# from the wrist to the middle of the fingers, as a share of the forearm in the photo
+_HAND_LENGTH = 0.4
+# of the longer side of a person's box: half the length of a hand and the errors of keypoints
+_REACH = 0.12
 _LAP = np.linspace(0.2, 1.0, 5)  # along the thigh
 
 
 def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
-    """Return which people (N,) bool are real, by the keypoints of the segmenter: all without keypoints or with masks.
+    """Return which people (N,) bool are real, by the keypoints of the segmenter: all without
+    keypoints or with masks.
 
-    A false person has most joints on the mask of another one, and few on its own. Of a real person behind another one,
-    the photo shows more.
+    A false person has most joints on the mask of another one, and few on its own. Of a real person
+    behind another one, the photo shows more.
     """
-    keypoints, count = people.keypoints, len(people)
+    keypoints = people.keypoints
+    count = len(people)
     real = np.ones(count, bool)
     if keypoints is None or count < 2 or (prompt is not None and prompt.masks is not None):
         return real
@@ -66,22 +74,27 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
 
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
-    """Replace the finger rotations of bodies by those of ``hands`` where their confidence is above 0.
+    """Replace the finger rotations of bodies by those of ``hands`` where their confidence is above
+    0.
 
-    If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
+    If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by
+    confidence.
     """
     if hands.wrists is not None:
         from physic_core.body.attach_hands import attach_hands
 
         return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model))
-    p, found = bodies.parameters, hands.confidence > 0
+    p = bodies.parameters
+    found = hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
     right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
 
 
-def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
+def convert_to_configured(
+    bodies: Bodies, model: BodyModel, who: str, stages: StageRunner
+) -> Bodies:
     """Convert bodies to the configured body model, and add a note with the conversion error.
 
     Raises:
@@ -92,7 +105,11 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
     from physic_core.cache.correspondences import cached_correspondence
 
     if not can_convert(bodies, model):
-        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
+        cure = (
+            "name = 'embedded'"
+            if bodies.body_model == "embedded"
+            else f"path = the file of a '{bodies.body_model}'"
+        )
         raise ConfigError(
             f"{who} gives bodies for the body model '{bodies.body_model}', "
             f"but the configuration loads '{model.name}': set [body_model] {cure}, "
@@ -104,8 +121,10 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
         raise BodyModelError(f"{who}: {error}") from error
     if not valid_body_rows(found.bodies).any():
         raise BodyModelError(
-            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to convert them to "
-            f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least one person"
+            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to "
+            f"convert them to "
+            f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least "
+            f"one person"
         )
     stages.note(found.note(bodies.body_model))
     return found.bodies
@@ -114,7 +133,9 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
 def transfer_contact(
     contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
 ) -> ContactProbability | None:
-    """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
+    """Transfer contact probabilities to the mesh of the configured body model; None and a warning
+    on failure.
+    """
     from physic_core.body.convert.bodies import convert_contact
     from physic_core.cache.correspondences import cached_correspondence
 
@@ -128,7 +149,9 @@ def transfer_contact(
 
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
+    """Add joints to bodies for other backends, unless all backends can load the body model
+    ("embedded").
+    """
     if model.name == "embedded":
         return bodies
     from physic_core.body.convert.bodies import replace_mesh_with_joints
@@ -137,10 +160,11 @@ def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
 
 
 def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
-    """Set the confidence of people with invalid keypoints to 0, and of people with 3D points none of which was seen.
+    """Set the confidence of people with invalid keypoints to 0, and of people with 3D points none
+    of which was seen.
 
-    Their points are replaced by those of another person, since the optimisation needs finite start points that form a
-    pose.
+    Their points are replaced by those of another person, since the optimisation needs finite start
+    points that form a pose.
 
     Returns:
         Keypoints of N people, and (N,) bool, people with invalid ones.
@@ -164,18 +188,28 @@ def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
     if not invalid.any():
         return bodies, invalid
     names = [field.name for field in fields(BodyParameters)]
-    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan)))
+    blank = replace(
+        bodies, parameters=_fill_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan))
+    )
     mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, invalid, vertices=np.nan)
     return _fill_rows(replace(blank, mesh=mesh), invalid, joints=np.nan), invalid
 
 
 def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
-    """Set the confidence of invalid hands to 0; also return the mask (N,) bool of people with such hands."""
+    """Set the confidence of invalid hands to 0; also return the mask (N,) bool of people with such
+    hands.
+    """
     invalid = ~valid_hand_rows(hands)
-    return (_fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0) if invalid.any() else hands), invalid
+    return (
+        _fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0)
+        if invalid.any()
+        else hands
+    ), invalid
 
 
-def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[ContactProbability, BoolArray]:
+def expand_contact(
+    contact: ContactProbability, called: BoolArray
+) -> tuple[ContactProbability, BoolArray]:
     """Expand contact of some people to all N people, with 0 for the others and for invalid rows.
 
     Args:
@@ -206,7 +240,8 @@ def _fill_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:
 
 
 def select_held_objects(people: People, keypoints: Keypoints) -> BoolArray | None:
-    """Return the objects (K, H, W) bool that lie near a visible hand or lap, without the pixels of people.
+    """Return the objects (K, H, W) bool that lie near a visible hand or lap, without the pixels of
+    people.
 
     Args:
         people: of the photo, with or without objects.
@@ -225,13 +260,17 @@ def select_held_objects(people: People, keypoints: Keypoints) -> BoolArray | Non
         if not mask.any():
             continue
         away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
-        if any(_is_near(away, points, reach) for points, reach in _hands_and_laps(people, keypoints)):
+        if any(
+            _is_near(away, points, reach) for points, reach in _hands_and_laps(people, keypoints)
+        ):
             held.append(mask)
     return np.array(held, bool).reshape(-1, *visible.shape[1:])
 
 
 def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArray, float]]:
-    """Return for each person points (M, 2) px on visible hands and thighs, and the reach around them, px."""
+    """Return for each person points (M, 2) px on visible hands and thighs, and the reach around
+    them, px.
+    """
     names = keypoints.joint_set.names
     found: list[tuple[FloatArray, float]] = []
     for i, box in enumerate(np.asarray(people.boxes, np.float64)):
@@ -242,7 +281,9 @@ def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArr
         }
         points = []
         for side in SIDES:
-            wrist, elbow, hip, knee = (seen.get(f"{side}_{joint}") for joint in ("wrist", "elbow", "hip", "knee"))
+            wrist, elbow, hip, knee = (
+                seen.get(f"{side}_{joint}") for joint in ("wrist", "elbow", "hip", "knee")
+            )
             if wrist is not None:
                 forearm = np.zeros(2) if elbow is None else wrist - elbow
                 points += [wrist, wrist + _HAND_LENGTH * forearm]
@@ -254,7 +295,9 @@ def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArr
 
 
 def _is_near(away: FloatArray, points: FloatArray, reach: float) -> bool:
-    """Return whether one of the points (M, 2) px is within ``reach`` of a mask at distance ``away`` (H, W) px."""
+    """Return whether one of the points (M, 2) px is within ``reach`` of a mask at distance ``away``
+    (H, W) px.
+    """
     height, width = away.shape
     pixel = np.rint(points).astype(np.int64)
     inside = ((pixel >= 0) & (pixel < (width, height))).all(axis=1)

@@ -1,7 +1,8 @@
 """Cut a border of one colour round a photo, and give its result in px of the whole photo.
 
-Such borders are the bars of a screenshot, the strips of a square picture and painted frames. Networks take them for a
-part of the scene. A plain background of a studio is no border: its edge is not straight.
+Such borders are the bars of a screenshot, the strips of a square picture and painted frames.
+Networks take them for a part of the scene. A plain background of a studio is no border: its edge is
+not straight.
 """
 
 from __future__ import annotations
@@ -24,16 +25,22 @@ if TYPE_CHECKING:
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _STRAY = 0.002  # share of other pixels in a border
-_EDGE = 0.8  # share of columns with other pixels in the first rows of the photo: a head on a plain ground spans less
-_FIRST_PX = 16  # parts of one row may have the colour of the border, as bright sand has that of a white one
+# share of columns with other pixels in the first rows of the photo: a head on a plain ground spans
+# less
+_EDGE = 0.8
+# parts of one row may have the colour of the border, as bright sand has that of a white one
+_FIRST_PX = 16
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
 _LEAST_BAR = 0.01  # of the side; a narrower bar does not disturb networks
-_LEAST_INSIDE = 0.1  # of the area: the whole result has at most ten times the pixels of the picture inside
+# of the area: the whole result has at most ten times the pixels of the picture inside
+_LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
 
 
 def find_inside(image: UInt8Array) -> Inside | None:
-    """Return rows and columns of the picture inside the borders of an image (H, W, 3); None without a border."""
+    """Return rows and columns of the picture inside the borders of an image (H, W, 3); None without
+    a border.
+    """
     height, width = image.shape[:2]
     inside = slice(0, height), slice(0, width)
     for _ in range(2):  # the upper bar of a frame is found again without its sides
@@ -43,7 +50,10 @@ def find_inside(image: UInt8Array) -> Inside | None:
         start, stop = _between_bars(image[rows, columns].transpose(1, 0, 2))
         inside = rows, slice(columns.start + start, columns.start + stop)
     sides = [part.stop - part.start for part in inside]
-    if min(sides) < max(MIN_SIDE, _THINNEST * max(sides)) or math.prod(sides) < _LEAST_INSIDE * height * width:
+    if (
+        min(sides) < max(MIN_SIDE, _THINNEST * max(sides))
+        or math.prod(sides) < _LEAST_INSIDE * height * width
+    ):
         return None
     return None if sides == [height, width] else inside
 
@@ -53,7 +63,9 @@ def _between_bars(rows: UInt8Array) -> tuple[int, int]:
 
 
 def _bar(rows: UInt8Array) -> int:
-    """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0 without a bar."""
+    """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0
+    without a bar.
+    """
     samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)]
     outermost = samples[: math.ceil(_LEAST_BAR * len(rows))].astype(np.int16)
     color = np.median(outermost[0], axis=0)
@@ -73,7 +85,8 @@ def _bar(rows: UInt8Array) -> int:
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:
-    """Return the camera of the picture inside; a principal point in the centre of the photo moves to its centre.
+    """Return the camera of the picture inside; a principal point in the centre of the photo moves
+    to its centre.
 
     Args:
         camera: of the whole photo.
@@ -86,11 +99,15 @@ def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Int
     ))  # fmt: skip
     if (camera.cx, camera.cy) == ((camera.width - 1) / 2, (camera.height - 1) / 2):
         return replace(camera, cx=(width - 1) / 2, cy=(height - 1) / 2, width=width, height=height)
-    return replace(camera, cx=camera.cx - columns.start, cy=camera.cy - rows.start, width=width, height=height)
+    return replace(
+        camera, cx=camera.cx - columns.start, cy=camera.cy - rows.start, width=width, height=height
+    )
 
 
 def limit_inside(photo: Photo, inside: Inside, max_side: int) -> tuple[Photo, Inside]:
-    """Resize a photo so that the picture inside has at most ``max_side`` px; return it with its rows and columns."""
+    """Resize a photo so that the picture inside has at most ``max_side`` px; return it with its
+    rows and columns.
+    """
     height, width = photo.image.shape[:2]
     longest = max(part.stop - part.start for part in inside)
     photo = limit_size(photo, max_side * max(height, width) // longest)
@@ -107,7 +124,9 @@ def cut_border(photo: Photo, inside: Inside) -> Photo:
     height, width = photo.image.shape[:2]
     image = np.ascontiguousarray(photo.image[inside])
     note = "a border of one colour was cut for the computation; the picture inside has "
-    camera = None if photo.intrinsics is None else cut_camera(photo.intrinsics, (height, width), inside)
+    camera = (
+        None if photo.intrinsics is None else cut_camera(photo.intrinsics, (height, width), inside)
+    )
     return replace(
         photo,
         image=image,
@@ -149,12 +168,16 @@ class Border(ShortRepr):
             )
             for one in result.people
         ]
-        unposed = [replace(one, box=tuple((np.array(one.box) + shift).tolist())) for one in result.unposed]
+        unposed = [
+            replace(one, box=tuple((np.array(one.box) + shift).tolist())) for one in result.unposed
+        ]
         size = {"width": self.image.shape[1], "height": self.image.shape[0]}
         return replace(
             result,
             image=self.image,
-            intrinsics=replace(camera, cx=camera.cx + columns.start, cy=camera.cy + rows.start, **size),
+            intrinsics=replace(
+                camera, cx=camera.cx + columns.start, cy=camera.cy + rows.start, **size
+            ),
             scene=replace(
                 scene,
                 points=padded(scene.points, 0),

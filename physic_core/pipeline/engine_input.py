@@ -50,9 +50,11 @@ class EngineInput(ShortRepr):
         bodies: as estimated.
         detections: of the same people; each keypoint has a landmark on the body.
         contact_probability: (B, V) of the contact prior.
-        surfaces: (H, W) int64, index into ``surface_names`` of each pixel; None if the segmenter labels none.
+        surfaces: (H, W) int64, index into ``surface_names`` of each pixel; None if the segmenter
+            labels none.
         surface_names: classes of surfaces.
-        objects: (K, H, W) bool, visible pixels of held objects; None if the segmenter does not detect objects.
+        objects: (K, H, W) bool, visible pixels of held objects; None if the segmenter does not
+            detect objects.
         stance: of the same people.
     """
 
@@ -69,11 +71,20 @@ class EngineInput(ShortRepr):
 
 def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
     """Convert the estimates; bodies and keypoints get the type and the device of the model."""
-    people, original, parameters = estimates.people, estimates.original, estimates.bodies.parameters
-    labels, on_body = people.surfaces, keypoints_on_body(estimates.keypoints)
+    people = estimates.people
+    original = estimates.original
+    parameters = estimates.bodies.parameters
+    labels = people.surfaces
+    on_body = keypoints_on_body(estimates.keypoints)
     points, valid, depth, photo, photo_valid, hole, masks, contact_probability = tensors(
         *(estimates.scene.points, estimates.scene.valid, estimates.depth.depth),
-        *(original.points, original.valid, estimates.hole, people.masks, estimates.contact.probability),
+        *(
+            original.points,
+            original.valid,
+            estimates.hole,
+            people.masks,
+            estimates.contact.probability,
+        ),
     )
     observed, rotation_sigma, surfaces, objects = optional_tensors(
         estimates.bodies.observed,
@@ -84,7 +95,13 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
     betas, expression, transl, keypoints, confidence = (
         array.to(model.device, model.dtype)
         for array in tensors(
-            *(parameters.betas, parameters.expression, parameters.transl, on_body.points, on_body.confidence)
+            *(
+                parameters.betas,
+                parameters.expression,
+                parameters.transl,
+                on_body.points,
+                on_body.confidence,
+            )
         )
     )
     rotations = rotations_from_parameters(parameters, model.device, model.dtype)
@@ -96,7 +113,9 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
         scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
         photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),
         bodies=EstimatedBodies(model, rotations, betas, expression, transl, rotation_sigma),
-        detections=ObservedPeople(on_body.joint_set, keypoints, confidence, observed.to(model.device), masks),
+        detections=ObservedPeople(
+            on_body.joint_set, keypoints, confidence, observed.to(model.device), masks
+        ),
         contact_probability=contact_probability,
         surfaces=None if surfaces is None else surfaces.long(),
         surface_names=("unknown",) if labels is None else labels.names,
@@ -107,8 +126,11 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
 
 def _cameras(estimates: Estimates) -> Cameras:
     """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
-    metric, pointmap = estimates.depth.intrinsics, estimates.scene.intrinsics
-    keep = estimates.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
+    metric = estimates.depth.intrinsics
+    pointmap = estimates.scene.intrinsics
+    keep = estimates.camera_given or (
+        pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
+    )
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
         pointmap = None
     if keep and metric is not None and metric.known:
@@ -159,7 +181,10 @@ def joint_problem(
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         views: what other cameras show of the same people.
     """
-    scene, photo, bodies, detections = placed.scene, placed.photo, placed.bodies, given.detections
+    scene = placed.scene
+    photo = placed.photo
+    bodies = placed.bodies
+    detections = given.detections
     agrees = photo.alignment.inlier_share > 0
     points, normals = scene.surface
     return JointProblem(
@@ -194,7 +219,11 @@ def joint_problem(
 
 
 def contact_input(
-    given: EngineInput, scene: SceneState, problem: JointProblem, result: JointResult, method: ContactMethod
+    given: EngineInput,
+    scene: SceneState,
+    problem: JointProblem,
+    result: JointResult,
+    method: ContactMethod,
 ) -> ContactInput:
     """Return the input of stage 4.
 
@@ -204,7 +233,8 @@ def contact_input(
         result: of stage 3.
         method: of stage 4.
     """
-    s, vertices = result.scene_scale, result.vertices
+    s = result.scene_scale
+    vertices = result.vertices
     finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
     objects = given.objects
     return ContactInput(
@@ -215,7 +245,9 @@ def contact_input(
         observed=problem.observed_anywhere,
         surfaces=method.surfaces(problem, finite, s),
         classes=_classify_points(given, scene),
-        plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
+        plane=None
+        if problem.floor_normal is None
+        else (problem.floor_normal, problem.floor_offset * s),
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, objects),
         stance=given.stance,
@@ -224,7 +256,9 @@ def contact_input(
 
 
 def _classify_points(given: EngineInput, scene: SceneState) -> ClassifiedPoints:
-    """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
+    """Return the classes of the valid scene points, all unknown if the segmenter labels no
+    surfaces.
+    """
     (inpainted,) = select_pixels(scene.valid, given.photo.people)
     labels = torch.zeros_like(inpainted, dtype=torch.int64)
     if given.surfaces is not None:

@@ -1,7 +1,7 @@
 """Run the backends on one photo, in the order of the paper.
 
-Each backend gets earlier results as hints. Bodies come before metric depth, so that a classical depth backend can
-estimate its scale from the size of people. OpenCV camera frame.
+Each backend gets earlier results as hints. Bodies come before metric depth, so that a classical
+depth backend can estimate its scale from the size of people. OpenCV camera frame.
 """
 
 from __future__ import annotations
@@ -92,14 +92,16 @@ class Estimates(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        missing_results: per person, the interfaces whose backend returned no valid values for them. Such a person has
-            keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
+        missing_results: per person, the interfaces whose backend returned no valid values for them.
+            Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
+            contact.
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter does not detect
-            objects.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the
+            segmenter does not detect objects.
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
-        measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the people.
+        measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the
+            people.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         scale_by_people: whether the sizes of people give the scale of ``depth``.
         views: what other cameras show of the same people.
@@ -152,7 +154,8 @@ def run_backends(
         image: (H, W, 3) uint8 RGB.
         given: camera of the photo, or None.
         plan: the backends and settings of the run.
-        load_model: returns the body model that all bodies are converted to; not called before the bodies are estimated.
+        load_model: returns the body model that all bodies are converted to; not called before the
+            bodies are estimated.
         stages: calls the backends and records the run.
         prompt: whom to reconstruct, px of the image; None for all people.
         sizes: that the user knows, px of the image.
@@ -160,9 +163,10 @@ def run_backends(
 
     Raises:
         ConfigError: a measured depth is a disparity.
-        InputError: the number of known statures differs from that of the people, or given keypoints are of no person
-            or joint.
-        NoPersonError: a prompt selects no person, or people are required and the segmenter found none.
+        InputError: the number of known statures differs from that of the people, or given keypoints
+            are of no person or joint.
+        NoPersonError: a prompt selects no person, or people are required and the segmenter found
+            none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
@@ -180,7 +184,9 @@ def run_backends(
         known, notes = _known_people(sizes, found_people, chosen=True)
         known = known.select(real)
     stages.note(*notes)
-    keypoints, changed, contradicted = run.keypoints(image, people), None, None
+    keypoints = run.keypoints(image, people)
+    changed = None
+    contradicted = None
     if given_keypoints is not None:
         from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
 
@@ -201,12 +207,17 @@ def run_backends(
     if own is not None and shape is not None:
         if is_inverse(own, scene):
             raise ConfigError(
-                "the given depth is larger where the scene is nearer: it is a disparity, or inverse depth; give metres "
-                "along the optical axis: focal length in px x distance of the two cameras in m / disparity in px"
+                "the given depth is larger where the scene is nearer: it is a disparity, or "
+                "inverse depth; give metres "
+                "along the optical axis: focal length in px x distance of the two cameras in m / "
+                "disparity in px"
             )
         scene = with_measured_shape(scene, own, scene.intrinsics or camera)
         share = (np.isfinite(own.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())
-        stages.note(f"the given depth is the shape of {share:.0%} of the scene, and the point map that of the rest")
+        stages.note(
+            f"the given depth is the shape of {share:.0%} of the scene, and the point map that of "
+            f"the rest"
+        )
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = run.pointmap("photo point map", image, hints) if hole.any() else scene
     if own is not None and shape is not None and hole.any():
@@ -236,15 +247,26 @@ def run_backends(
         own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
     with stages.time_engine("floor and scale"):
         given_people = PeopleInScene(
-            scene, aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
+            scene,
+            aligned,
+            camera,
+            seen,
+            seen_keypoints,
+            select_people(bodies, embodied),
+            known.select(embodied),
         )
         witness = own if plan.engine.scene.rescales_depth else None
         found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
-    depth = found.depth or own or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
+    depth = (
+        found.depth
+        or own
+        or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
+    )
     stages.note(*depth.notes)
     for i, stature in found.small.items():
         stages.warn(
-            f"person {np.flatnonzero(embodied)[i]} would be {stature:.1f} m tall on the floor of the others: "
+            f"person {np.flatnonzero(embodied)[i]} would be {stature:.1f} m tall on the floor of "
+            f"the others: "
             "if this is a child, give --age"
         )
 
@@ -263,11 +285,15 @@ def run_backends(
         bodies=bodies,
         contact=contact,
         depth=depth,
-        missing_results=tuple(tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))),
+        missing_results=tuple(
+            tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))
+        ),
         objects=objects,
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
-        scale_by_people=not found.warning and found.measured is None and (own is None or found.depth is not None),
+        scale_by_people=not found.warning
+        and found.measured is None
+        and (own is None or found.depth is not None),
         known=sizes,
         measured_scale=found.measured,
         statures=known.stature,
@@ -283,8 +309,12 @@ def _without(depth: DepthMap, hole: BoolArray) -> DepthMap | None:
     return replace(depth, depth=np.asarray(rest, np.float32)) if np.isfinite(rest).any() else None
 
 
-def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> tuple[KnownPeople, tuple[str, ...]]:
-    """Return what the user knows about the people, in their order if ``chosen``, else from left to right; and notes."""
+def _known_people(
+    sizes: KnownSizes, people: People, *, chosen: bool
+) -> tuple[KnownPeople, tuple[str, ...]]:
+    """Return what the user knows about the people, in their order if ``chosen``, else from left to
+    right; and notes.
+    """
     if not any(sizes.age) and not any(sizes.stature):
         return KnownPeople(), ()
     from physic_core.pipeline.known_people import known_people, who_got_which
@@ -339,11 +369,16 @@ class _BackendCalls:
             own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
         if not len(people):
-            cure = _POINT_AT_PEOPLE if takes_prompt else "if the photo shows a person, use another segmenter"
+            cure = (
+                _POINT_AT_PEOPLE
+                if takes_prompt
+                else "if the photo shows a person, use another segmenter"
+            )
             if required:
                 raise _nobody(image, segmenter.title, cure)
             self.stages.note(
-                f"no person was found: the result is only the scene, and its scale is not confirmed; {cure}"
+                f"no person was found: the result is only the scene, and its scale is not "
+                f"confirmed; {cure}"
             )
         return people
 
@@ -351,15 +386,20 @@ class _BackendCalls:
         """Return the real ones (N,) bool of the people, with a note about each other one."""
         for i in np.flatnonzero(~real):
             x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
-            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): its joints lie on another person")
+            self.stages.note(
+                f"left out the person in ({x0}, {y0}, {x1}, {y1}): its joints lie on another person"
+            )
         self.missing.update({name: missing[real] for name, missing in self.missing.items()})
         return select_people(people, real)
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
         """Detect the keypoints of all people in an image."""
         if not len(people):
-            return Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
-        detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
+            return Keypoints(
+                np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17"
+            )
+        detector = self.backends["keypoint_detector"]
+        request = KeypointDetectorRequest(image, people)
         found = self.stages.call_backend("keypoints", detector, request)
         keypoints, self.missing["keypoint_detector"] = discard_invalid_keypoints(found)
         return keypoints
@@ -368,20 +408,29 @@ class _BackendCalls:
         """Return an image without the pixels (H, W) of a hole."""
         if not hole.any():
             return image
-        return self.stages.call_backend("inpainting", self.backends["inpainter"], InpainterRequest(image, hole))
+        return self.stages.call_backend(
+            "inpainting", self.backends["inpainter"], InpainterRequest(image, hole)
+        )
 
-    def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
+    def pointmap(
+        self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True
+    ) -> Pointmap:
         """Estimate a relative point map of the inpainted or the original photo."""
-        estimator, request = self.backends["relative_pointmap"], RelativePointmapRequest(image, hints)
+        estimator = self.backends["relative_pointmap"]
+        request = RelativePointmapRequest(image, hints)
         pointmap = self.stages.call_backend(stage, estimator, request, last=last)
         self.stages.note(*pointmap.notes)
         self.stages.warn(*pointmap.warnings)
         return pointmap
 
     def bodies(self, request: BodyEstimatorRequest, known: KnownPeople) -> Bodies:
-        """Estimate bodies with hands, of known stature or of a child's size; NaN for people without finite results."""
+        """Estimate bodies with hands, of known stature or of a child's size; NaN for people without
+        finite results.
+        """
         bodies = self._bodies_without_hands(request)
-        bodies = self._with_hands(HandEstimatorRequest(request.image, request.people, request.keypoints), bodies)
+        bodies = self._with_hands(
+            HandEstimatorRequest(request.image, request.people, request.keypoints), bodies
+        )
         if known.stature is None and known.years is None:
             return bodies
         from physic_core.pipeline.known_people import bodies_of_stature, resize_children
@@ -407,7 +456,9 @@ class _BackendCalls:
         return bodies
 
     def _with_hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
-        """Add estimated finger rotations to bodies, if a hand estimator is configured and succeeds."""
+        """Add estimated finger rotations to bodies, if a hand estimator is configured and
+        succeeds.
+        """
         if "hand_estimator" not in self.backends or not len(request.people):
             return bodies
         otherwise = "fingers keep the pose from the body_estimator"
@@ -420,18 +471,26 @@ class _BackendCalls:
         hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
         return replace_hands(bodies, hands, self.model)
 
-    def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
+    def contact(
+        self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray
+    ) -> ContactProbability:
         """Predict contact probabilities of all N people; 0 without a backend or a body.
 
         ``people`` and ``bodies`` are those with a finite body, selected by ``embodied``, (N,) bool.
         """
-        model, n = self.model, len(embodied)
+        model = self.model
+        n = len(embodied)
         none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
         if "contact_prior" not in self.backends or not n:
             return none
-        prior, otherwise = self.backends["contact_prior"], "contact is computed from distances only"
-        request = ContactPriorRequest(image, people, bodies, topology=model.topology, vertices=model.num_vertices)
-        found = self.stages.call_optional_backend("contact prior", prior, request, otherwise=otherwise)
+        prior = self.backends["contact_prior"]
+        otherwise = "contact is computed from distances only"
+        request = ContactPriorRequest(
+            image, people, bodies, topology=model.topology, vertices=model.num_vertices
+        )
+        found = self.stages.call_optional_backend(
+            "contact prior", prior, request, otherwise=otherwise
+        )
         if found is not None and found.topology != model.topology:
             found = transfer_contact(found, model, prior.title, self.stages)
         if found is None:
@@ -441,14 +500,18 @@ class _BackendCalls:
         return contact
 
     def depth_of_photo(self, image: UInt8Array) -> DepthMap | None:
-        """Return the depth (H, W) of the photo with its people; None if the backend sees the inpainted one."""
+        """Return the depth (H, W) of the photo with its people; None if the backend sees the
+        inpainted one.
+        """
         chosen = self.backends["metric_depth"]
         if chosen.backend.sees != "photo":
             return None
         return self.stages.call_backend("metric depth", chosen, MetricDepthRequest(image))
 
     def depth_of_own_scale(self, request: MetricDepthRequest) -> DepthMap | None:
-        """Estimate metric depth; None if the backend scales its depth by the hints, or needs people and gets none."""
+        """Estimate metric depth; None if the backend scales its depth by the hints, or needs people
+        and gets none.
+        """
         chosen = self.backends["metric_depth"]
         if "scale" in (chosen.backend.reads or ()):
             return None
@@ -467,7 +530,9 @@ class _BackendCalls:
         chosen = self.backends["metric_depth"]
         if "scale" in (chosen.backend.reads or ()):
             with suppress(NoPersonError):
-                return self.stages.call_backend("metric depth", chosen, MetricDepthRequest(inpainted, hints))
+                return self.stages.call_backend(
+                    "metric depth", chosen, MetricDepthRequest(inpainted, hints)
+                )
         assert hints.scene is not None
         assert hints.scale is not None
         return scaled_depth(hints.scene, hints.scale, hints.intrinsics)
@@ -476,7 +541,8 @@ class _BackendCalls:
 def _nobody(image: UInt8Array, segmenter: str, cure: str) -> NoPersonError:
     height, width = image.shape[:2]
     return NoPersonError(
-        f"no person was found in the photo of {width} x {height} px by {segmenter}: {cure}; without require_people, "
+        f"no person was found in the photo of {width} x {height} px by {segmenter}: {cure}; "
+        f"without require_people, "
         "the result is the scene alone"
     )
 
@@ -499,11 +565,19 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
     return Intrinsics(fx, fy, cx, cy, width, height, "point map")
 
 
-def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
+def _aligned(
+    original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings
+) -> Pointmap:
     from physic_core.engine.placement.solve import PhotoPoints, align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 
-    photo = PhotoPoints(tensor(original.points), tensor(original.valid), original.unknown, people=tensor(hole))
-    alignment = align_photo_points_to_scene(photo, tensor(scene.points), tensor(scene.valid), settings.placement)
-    return replace(original, points=apply_alignment(photo.points, alignment).numpy(), unknown=scene.unknown)
+    photo = PhotoPoints(
+        tensor(original.points), tensor(original.valid), original.unknown, people=tensor(hole)
+    )
+    alignment = align_photo_points_to_scene(
+        photo, tensor(scene.points), tensor(scene.valid), settings.placement
+    )
+    return replace(
+        original, points=apply_alignment(photo.points, alignment).numpy(), unknown=scene.unknown
+    )

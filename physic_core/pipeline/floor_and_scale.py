@@ -1,8 +1,10 @@
-"""Find the floor, the feet that stand on it, and the scale of the scene, once, before the metric depth.
+"""Find the floor, the feet that stand on it, and the scale of the scene, once, before the metric
+depth.
 
 The three questions have one answer. Each candidate for the floor has a score by its pixels
-(:mod:`physic_core.engine.floor`), each foot a probability to stand (:mod:`physic_core.engine.stance`), and with both,
-everything of known size votes on the scale (:mod:`physic_core.engine.sizes.scale_vote`). Camera frame.
+(:mod:`physic_core.engine.floor`), each foot a probability to stand
+(:mod:`physic_core.engine.stance`), and with both, everything of known size votes on the scale
+(:mod:`physic_core.engine.sizes.scale_vote`). Camera frame.
 """
 
 from __future__ import annotations
@@ -48,21 +50,29 @@ _FLOORS = ("floor", "ground", "rug")
 _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "water", "sky")
 
 # The ground beside soles, as shares of the height of a person's mask and of the photo's long side.
-_BESIDE_SOLES, _BESIDE_SOLES_PHOTO = 0.12, 0.02
+_BESIDE_SOLES = 0.12
+_BESIDE_SOLES_PHOTO = 0.02
 _FORESHORTENED = 0.6  # height over width of the window
 _FEWEST_PIXELS = 10
 _ON_FLOOR = 0.9  # of people who stand; 18 of 185 in photos stand on something else
 _ON_FLOOR_AMONG_RAISED = 0.4  # of those whose soles are beside what can carry them
 
-# Standard deviations of the logarithm of a scale, beside those of a stature and of people's depth in the map. On ten
-# photos with measured camera heights the camera's height over the floor is off by .12 by soles, by .1 by torsos (rms).
-_SOLE_SIGMA, _FLOOR_SIGMA = 0.05, 0.06  # of one person's soles; of the floor, shared by all
-_TORSO_SIGMA, _PEOPLE_SIGMA = 0.1, 0.12  # of one torso; of people in the map, shared by all
-_TORSO_SURE, _CAMERA_SURE = 0.9, 0.9
-_PEOPLE_WRONG = 0.15  # share of photos in which the depth of all people is far from that of the scene
+# Standard deviations of the logarithm of a scale, beside those of a stature and of people's depth
+# in the map. On ten photos with measured camera heights the camera's height over the floor is off
+# by .12 by soles, by .1 by torsos (rms). of one person's soles; of the floor, shared by all
+_SOLE_SIGMA = 0.05
+_FLOOR_SIGMA = 0.06
+# of one torso; of people in the map, shared by all
+_TORSO_SIGMA = 0.1
+_PEOPLE_SIGMA = 0.12
+_TORSO_SURE = 0.9
+_CAMERA_SURE = 0.9
+# share of photos in which the depth of all people is far from that of the scene
+_PEOPLE_WRONG = 0.15
 _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
-_NOT_ON_PLANE_NATS = -1.2  # for each person whose soles are seen, if there is no floor that they may stand on
+# for each person whose soles are seen, if there is no floor that they may stand on
+_NOT_ON_PLANE_NATS = -1.2
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
@@ -80,9 +90,12 @@ class FloorAndScale:
         scale: of the scene.
         warning: that the scale is a guess, or "".
         stance: of the N people.
-        depth: the given metric depth, at this scale; None without one, and if no size of a person gives the scale.
-        small: stature in metres of each person who stands on the floor of others and is much too small for an adult.
-        measured: scale by that depth if it was measured; this scale is then that of the people alone.
+        depth: the given metric depth, at this scale; None without one, and if no size of a person
+            gives the scale.
+        small: stature in metres of each person who stands on the floor of others and is much too
+            small for an adult.
+        measured: scale by that depth if it was measured; this scale is then that of the people
+            alone.
     """
 
     search: FloorSearch
@@ -95,12 +108,15 @@ class FloorAndScale:
     small: Mapping[int, float] = field(default_factory=dict)
 
 
-def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics) -> FloorEvidence:
+def floor_evidence(
+    people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics
+) -> FloorEvidence:
     """Return the evidence of segmenter, feet and camera about the floor."""
     from physic_core.engine.floor import FloorEvidence
     from physic_core.geometry.tensors import optional_tensors
 
-    labels, uncovered = people.surfaces, ~people.masks.any(0)
+    labels = people.surfaces
+    uncovered = ~people.masks.any(0)
     ground = None if labels is None else labels.mask(*_FLOORS) & uncovered
     soles = _ground_at_soles(people, hole, keypoints)
     no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & uncovered
@@ -113,7 +129,9 @@ def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints, camera
     return FloorEvidence(mask, hole_, feet, masks, floor, other, soles, focal_sigma=focal_sigma)
 
 
-def _ground_at_soles(people: People, hole: BoolArray, keypoints: Keypoints) -> tuple[GroundAtSoles, ...]:
+def _ground_at_soles(
+    people: People, hole: BoolArray, keypoints: Keypoints
+) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it."""
     import torch
 
@@ -121,13 +139,20 @@ def _ground_at_soles(people: People, hole: BoolArray, keypoints: Keypoints) -> t
     from physic_core.engine.stance import touch_in_picture
 
     (height, width), labels = hole.shape, people.surfaces
-    found, visible = [], torch.from_numpy(~hole)
-    touch = touch_in_picture(keypoints.points, keypoints.joint_set.names) if len(people) else np.zeros((0, 2))
+    found = []
+    visible = torch.from_numpy(~hole)
+    touch = (
+        touch_in_picture(keypoints.points, keypoints.joint_set.names)
+        if len(people)
+        else np.zeros((0, 2))
+    )
     for i, mask in enumerate(people.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
         window = torch.zeros_like(visible)
         for x, y in feet_pixels(select_people(keypoints, np.array([i])), height, width):
-            rows = slice(max(0, round(y - _FORESHORTENED * reach)), round(y + _FORESHORTENED * reach) + 1)
+            rows = slice(
+                max(0, round(y - _FORESHORTENED * reach)), round(y + _FORESHORTENED * reach) + 1
+            )
             window[rows, max(0, round(x - reach)) : round(x + reach) + 1] = True
         ground = (window & visible).nonzero()
         if len(ground) >= _FEWEST_PIXELS:
@@ -138,34 +163,52 @@ def _ground_at_soles(people: People, hole: BoolArray, keypoints: Keypoints) -> t
     return tuple(found)
 
 
-def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
+def feet_pixels(
+    keypoints: Keypoints, height: int, width: int, confidence: float = 0.5
+) -> FloatArray:
     """Return heels and toes inside the image with more than ``confidence``, (M, 2) px."""
-    soles = [i for i, name in enumerate(keypoints.joint_set.names) if name.endswith(("heel", "toe", "foot_tip"))]
-    points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
+    soles = [
+        i
+        for i, name in enumerate(keypoints.joint_set.names)
+        if name.endswith(("heel", "toe", "foot_tip"))
+    ]
+    points = keypoints.points[:, soles]
+    seen = keypoints.confidence[:, soles] > confidence
     seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
     chosen: FloatArray = points[seen]
     return chosen
 
 
-def candidates_in(scene: Pointmap, evidence: FloorEvidence, method: SceneMethod) -> tuple[FloorCandidate, ...]:
-    """Return the candidates for the floor of a relative scene; only "no floor" if the search is switched off."""
+def candidates_in(
+    scene: Pointmap, evidence: FloorEvidence, method: SceneMethod
+) -> tuple[FloorCandidate, ...]:
+    """Return the candidates for the floor of a relative scene; only "no floor" if the search is
+    switched off.
+    """
     from physic_core.engine.floor import FloorCandidate, floor_candidates
     from physic_core.geometry.pointmap import pointmap_normals
     from physic_core.geometry.tensors import tensor
 
     if method.floor == "off":
         return (FloorCandidate(None, 0.0),)
-    points, valid = tensor(scene.points), tensor(scene.valid)
+    points = tensor(scene.points)
+    valid = tensor(scene.valid)
     return floor_candidates(points, valid, evidence, pointmap_normals(points, valid))
 
 
 def plane_of(search: FloorSearch) -> Plane | None:
     """Return the plane of a floor search as arrays."""
-    return None if search.plane is None else Plane(search.plane.normal.numpy(), float(search.plane.offset))
+    return (
+        None
+        if search.plane is None
+        else Plane(search.plane.normal.numpy(), float(search.plane.offset))
+    )
 
 
 class PeopleInScene(NamedTuple):
-    """N people with their bodies, and point maps in one relative unit: of the scene, and of the photo with people."""
+    """N people with their bodies, and point maps in one relative unit: of the scene, and of the
+    photo with people.
+    """
 
     scene: Pointmap
     photo: Pointmap
@@ -190,37 +233,55 @@ def find_floor_and_scale(
         evidence: of the floor.
         given: of the same photo.
         model: of the bodies.
-        depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it was measured.
+        depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
+            was measured.
     """
     from physic_core.engine.floor import chosen_floor
-    from physic_core.engine.sizes.evidence import depth_witness, is_measured, measured_scale, rescaled_depth
+    from physic_core.engine.sizes.evidence import (
+        depth_witness,
+        is_measured,
+        measured_scale,
+        rescaled_depth,
+    )
     from physic_core.engine.sizes.scale_vote import vote_on_scale
 
-    seen, scene = _people_seen(given, model), given.scene
+    seen = _people_seen(given, model)
+    scene = given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
-    scores, kinds = [p.log_score for p in planes], [(p.soles, p.camera) for p in planes]
+    scores = [p.log_score for p in planes]
+    kinds = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     own = None if depth is None else depth_witness(depth, scene, given.camera, seen.torsos)
     decides = depth is not None and is_measured(depth)
     anywhere = [seen.torsos, _usual_depth(scene), *([] if own is None or decides else [own])]
     vote = vote_on_scale(anywhere, kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
-    search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
+    search = chosen_floor(candidates, best, evidence)
+    soles = planes[best].soles
     plane = plane_of(search)
     sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
         return FloorAndScale(search, plane, *_guessed(scene, plane), seen.stance)
-    stands = sum(w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True))
+    stands = sum(
+        w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True)
+    )
     stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
-    measured = measured_scale(depth, own, vote) if depth is not None and own is not None and decides else None
+    measured = (
+        measured_scale(depth, own, vote)
+        if depth is not None and own is not None and decides
+        else None
+    )
     small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), given.known)
-    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small)
+    return FloorAndScale(
+        search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small
+    )
 
 
 class _Seen(NamedTuple):
-    """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2) bool.
+    """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
+    bool.
 
     ``real`` (N,) is the probability that they are people, by the segmenter, and adults.
     """
@@ -247,18 +308,30 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     from physic_core.engine.sizes.stature import adult_probability
     from physic_core.geometry.tensors import tensor
 
-    p, count = given.bodies.parameters, len(given.people)
+    p = given.bodies.parameters
+    count = len(given.people)
     with torch.no_grad():
         rotations = rotations_from_parameters(p, model.device, model.dtype)
-        posed = model(rotations, *(tensor(x).to(model.device, model.dtype) for x in (p.betas, p.transl)))
+        posed = model(
+            rotations, *(tensor(x).to(model.device, model.dtype) for x in (p.betas, p.transl))
+        )
     vertices = posed.vertices.double().cpu().numpy()
-    observed = np.ones((count, 55), bool) if given.bodies.observed is None else np.asarray(given.bodies.observed, bool)
-    feet = np.stack([observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1)
+    observed = (
+        np.ones((count, 55), bool)
+        if given.bodies.observed is None
+        else np.asarray(given.bodies.observed, bool)
+    )
+    feet = np.stack(
+        [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
+    )
     sizes = given.known.filled(count)
-    sigma, real = _size_sigmas(given, *sizes), given.people.scores * adult_probability(*sizes)
+    sigma = _size_sigmas(given, *sizes)
+    real = given.people.scores * adult_probability(*sizes)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(given, observed)
-    by_torsos = scales_by_torsos(vertices, model, given.people.masks, given.photo, given.camera.matrix)
+    by_torsos = scales_by_torsos(
+        vertices, model, given.people.masks, given.photo, given.camera.matrix
+    )
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
         depth=vertices[..., 2].mean(1),
@@ -271,7 +344,9 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 
 
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
-    """Return the stance of N people by keypoints and depth, and the probability (N,) that their depth is right."""
+    """Return the stance of N people by keypoints and depth, and the probability (N,) that their
+    depth is right.
+    """
     from physic_core.engine.placement.place import ObservedPeople
     from physic_core.engine.stance import (
         Stance,
@@ -283,28 +358,49 @@ def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[St
     )
     from physic_core.geometry.tensors import optional_tensors, tensor
 
-    people, keypoints = given.people, given.keypoints
-    photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene))
-    (raised,) = optional_tensors(None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES))
-    seen = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
+    people = given.people
+    keypoints = given.keypoints
+    photo, scene = (
+        tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene)
+    )
+    (raised,) = optional_tensors(
+        None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES)
+    )
+    seen = (
+        tensor(keypoints.points),
+        tensor(keypoints.confidence),
+        tensor(observed),
+        tensor(people.masks),
+    )
     detections = ObservedPeople(keypoints.joint_set, *seen)
     shown = keypoints.points, keypoints.joint_set.names
-    stance = replace(Stance.unknown(len(people)), lower=lower_than_the_other(*shown), hanging=hanging_posture(*shown))
+    stance = replace(
+        Stance.unknown(len(people)),
+        lower=lower_than_the_other(*shown),
+        hanging=hanging_posture(*shown),
+    )
     gap, among = depth_gaps_at_feet(detections, photo, scene, raised)
-    stands, right = standing_prior(stance.touch, gap.numpy(), None if raised is None else among.numpy())
+    stands, right = standing_prior(
+        stance.touch, gap.numpy(), None if raised is None else among.numpy()
+    )
     return replace(stance, beside=depth_beside(detections, photo), stands=stands), right
 
 
 def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:
-    """Return the standard deviation (N,) of the log size of each person, larger for less visible people.
+    """Return the standard deviation (N,) of the log size of each person, larger for less visible
+    people.
 
-    Visibility is the square root of the mask's area, times the confidence of shoulders, hips, knees and ankles.
+    Visibility is the square root of the mask's area, times the confidence of shoulders, hips, knees
+    and ankles.
     """
     from physic_core.engine.sizes.stature import stature_sigmas
 
-    keypoints, sigma = given.keypoints, stature_sigmas(stature, years)
+    keypoints = given.keypoints
+    sigma = stature_sigmas(stature, years)
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
-    used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
+    used = [
+        row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row
+    ]
     confidence = np.maximum(keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
     shown = np.sqrt(np.maximum(np.asarray(given.people.masks).sum((1, 2)), 1)) * confidence
     share = np.maximum(shown / shown.max(initial=1e-9), _LEAST_SHOWN)
@@ -312,7 +408,9 @@ def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -
 
 
 class _OnPlane(NamedTuple):
-    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses that depend on it."""
+    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses that depend
+    on it.
+    """
 
     log_score: float
     by_soles: FloatArray
@@ -323,22 +421,34 @@ class _OnPlane(NamedTuple):
 def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     """Return the evidence of feet and camera if a candidate is the floor."""
     from physic_core.engine.floor import standing_score
-    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA, scales_by_soles
+    from physic_core.engine.sizes.evidence import (
+        USUAL_CAMERA_HEIGHT_M,
+        USUAL_CAMERA_HEIGHT_SIGMA,
+        scales_by_soles,
+    )
     from physic_core.engine.sizes.scale_vote import Witnesses
 
-    score, height, by_soles = candidate.log_score, math.nan, np.full((len(seen.feet), 2), np.nan)
+    score = candidate.log_score
+    height = math.nan
+    by_soles = np.full((len(seen.feet), 2), np.nan)
     if candidate.plane is None:
         score += _NO_CAMERA_NATS
     else:
         plane = Plane(candidate.plane.normal.numpy(), float(candidate.plane.offset))
-        by_soles, height = scales_by_soles(seen.vertices, seen.model, seen.observed, plane), plane.offset
+        by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
+        height = plane.offset
         score += standing_score(candidate.plane.normal, seen.joints)
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
     sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
-    soles = Witnesses(lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA)
-    usual, unknown = np.array([USUAL_CAMERA_HEIGHT_M / height]), np.array([math.nan])
-    camera = Witnesses(usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0)
+    soles = Witnesses(
+        lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
+    )
+    usual = np.array([USUAL_CAMERA_HEIGHT_M / height])
+    unknown = np.array([math.nan])
+    camera = Witnesses(
+        usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0
+    )
     return _OnPlane(score, by_soles, soles, camera)
 
 
@@ -348,11 +458,15 @@ def _usual_depth(scene: Pointmap) -> Witnesses:
     from physic_core.engine.sizes.scale_vote import Witnesses
 
     scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
-    return Witnesses(np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0)
+    return Witnesses(
+        np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0
+    )
 
 
 def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
-    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off it."""
+    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off
+    it.
+    """
     feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
     found = [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet]
     return np.nan_to_num(np.stack(found, 1))
@@ -368,12 +482,19 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
     else:
         scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
-    warning = f"the scale is unknown without a person: {assumed}; use a metric depth network to get metres"
+    warning = (
+        f"the scale is unknown without a person: {assumed}; use a metric depth network to "
+        f"get metres"
+    )
     return SceneScale(scale), warning
 
 
-def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray) -> tuple[str, ...]:
-    """Return a note about the people who contradict a vote on the scale; ``stands`` (N, 2) bool are feet."""
+def _notes(
+    vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray
+) -> tuple[str, ...]:
+    """Return a note about the people who contradict a vote on the scale; ``stands`` (N, 2) bool are
+    feet.
+    """
     on_floor = np.isfinite(soles.scale) & stands.any(1)
     kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
@@ -381,15 +502,22 @@ def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArr
     return (f"feet or size of {_people(count)} suggest another scale",) if count else ()
 
 
-def _too_small(vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople) -> dict[int, float]:
-    """Return the stature of people of unknown size who are too small for adults; feet ``stands`` (N, 2) bool stand."""
+def _too_small(
+    vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople
+) -> dict[int, float]:
+    """Return the stature of people of unknown size who are too small for adults; feet ``stands``
+    (N, 2) bool stand.
+    """
     from physic_core.engine.sizes.stature import ADULT_STATURE_M
 
-    on_floor, unknown = np.isfinite(soles.scale) & stands.any(1), np.isnan(known.filled(len(stands))).all(0)
+    on_floor = np.isfinite(soles.scale) & stands.any(1)
+    unknown = np.isnan(known.filled(len(stands))).all(0)
     if on_floor.sum() < _FEWEST_ON_FLOOR:
         return {}
     ratio = np.where(on_floor & unknown, vote.residuals(soles), -np.inf)
-    return {int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)}
+    return {
+        int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)
+    }
 
 
 def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None) -> str:
@@ -403,11 +531,18 @@ def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Pl
     stand = sum(any(map(_is_sole_on_floor, person)) for person in contacts)
     if floor is not None and stand:
         return f"the scale is from the soles of {_people(stand)} on the floor"
-    return f"the scale is from the body size of {_people(bodies)}: soles on a visible floor would give it more exactly"
+    return (
+        f"the scale is from the body size of {_people(bodies)}: soles on a visible floor would "
+        f"give it more exactly"
+    )
 
 
 def _is_sole_on_floor(contact: BodyContact) -> bool:
-    return contact.likely and not contact.assumed and (contact.partner.kind, contact.part[-4:]) == ("floor", "foot")
+    return (
+        contact.likely
+        and not contact.assumed
+        and (contact.partner.kind, contact.part[-4:]) == ("floor", "foot")
+    )
 
 
 def _people(count: int) -> str:

@@ -1,4 +1,6 @@
-"""People whom the user chose or knows: select them, assign statures and ages, resize bodies, correct keypoints."""
+"""People whom the user chose or knows: select them, assign statures and ages, resize bodies,
+correct keypoints.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,15 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.io.keypoint_file import GivenKeypoints
-    from physic_core.types import Bodies, BoolArray, FloatArray, Keypoints, KnownSizes, People, PeoplePrompt
+    from physic_core.types import (
+        Bodies,
+        BoolArray,
+        FloatArray,
+        Keypoints,
+        KnownSizes,
+        People,
+        PeoplePrompt,
+    )
 
 _BEYOND = {
     "wrist": ("pinky", "index", "middle", "ring", "thumb", "hand"),
@@ -34,13 +44,22 @@ _BEYOND = {
 }
 """Parts whose points move along with a corrected joint."""
 _SAME_PX = 0.02
-"""Distance of a given keypoint from the detected one up to which they are the same: a table of keypoints is rounded."""
+"""Distance of a given keypoint from the detected one up to which they are the same: a table of
+keypoints is rounded.
+"""
 _OUTSIDE = 0.01
-"""Distance from the mask beyond which a joint lies outside of it, as a share of the box's diagonal."""
+"""Distance from the mask beyond which a joint lies outside of it, as a share of the box's
+diagonal.
+"""
 _FAR_OUTSIDE = 0.2
-"""The same beyond which the mask alone contradicts it. Of 357 joints that people marked, two are as far outside."""
+"""The same beyond which the mask alone contradicts it.
+
+Of 357 joints that people marked, two are as far outside.
+"""
 _LIMB = 0.25
-"""Distance from the detected joint, in the same unit, beyond which it counts inside of the mask, too."""
+"""Distance from the detected joint, in the same unit, beyond which it counts inside of the mask,
+too.
+"""
 _CONFIDENT = 0.5
 """Least confidence of a detected keypoint that can contradict a given one."""
 _MIN_BOX_IOU = 0.3
@@ -53,8 +72,8 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
     """Return the known stature, metres, and age, years, of each of N people, NaN where unknown.
 
     Args:
-        known: its statures and ages are in the order of the people if the user chose them, otherwise from left to
-            right.
+        known: its statures and ages are in the order of the people if the user chose them,
+            otherwise from left to right.
         people: found by the segmenter.
         chosen: whether the user chose the people.
 
@@ -66,13 +85,17 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
 
 
 def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tuple[str, ...]:
-    """Return a note for statures and for ages given from left to right, since people are numbered otherwise."""
+    """Return a note for statures and for ages given from left to right, since people are numbered
+    otherwise.
+    """
     boxes = np.asarray(people.boxes, np.float64)
     order = np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable").tolist()
     lists = (("statures", known.stature, found.stature, " m"), ("ages", known.age, found.years, ""))
 
     def each(values: FloatArray, unit: str) -> str:
-        return ", ".join(f"person {i} {f'{values[i]:g}{unit}' if values[i] > 0 else 'unknown'}" for i in order)
+        return ", ".join(
+            f"person {i} {f'{values[i]:g}{unit}' if values[i] > 0 else 'unknown'}" for i in order
+        )
 
     return tuple(
         f"the {name}, from left to right: {each(values, unit)}"
@@ -81,13 +104,16 @@ def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tupl
     )
 
 
-def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray | None:
+def _per_person(
+    given: tuple[float, ...], name: str, people: People, *, chosen: bool
+) -> FloatArray | None:
     if not any(given):
         return None
     count = len(people)
     if len(given) > 1 and len(given) != count:
         raise ConfigError(
-            f"{len(given)} {name}s were given, but {count} {'person was' if count == 1 else 'people were'} found: give "
+            f"{len(given)} {name}s were given, but {count} "
+            f"{'person was' if count == 1 else 'people were'} found: give "
             f"one {name} for all, or one per person from left to right with 0 where it is unknown"
         )
     values = np.array(given * count if len(given) == 1 else given, np.float64)
@@ -98,14 +124,21 @@ def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: 
     return found
 
 
-def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None) -> Bodies:
-    """Give N bodies of the configured body model their known statures (N,), and keep their size in the image.
+def bodies_of_stature(
+    bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None
+) -> Bodies:
+    """Give N bodies of the configured body model their known statures (N,), and keep their size in
+    the image.
 
-    A body that becomes larger moves away from the camera by the same factor. Its betas are the nearest to ``near``
-    (N, K), or to the old ones.
+    A body that becomes larger moves away from the camera by the same factor. Its betas are the
+    nearest to ``near`` (N, K), or to the old ones.
     """
     parameters = bodies.parameters
-    chosen = np.isfinite(statures) & np.isfinite(parameters.betas).all(1) & np.isfinite(parameters.transl).all(1)
+    chosen = (
+        np.isfinite(statures)
+        & np.isfinite(parameters.betas).all(1)
+        & np.isfinite(parameters.transl).all(1)
+    )
     if not chosen.any():
         return bodies
     rows = parameters[chosen]
@@ -130,20 +163,29 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, ne
     return replace(
         bodies,
         parameters=replace(
-            parameters, betas=changed(parameters.betas, betas), transl=changed(parameters.transl, transl)
+            parameters,
+            betas=changed(parameters.betas, betas),
+            transl=changed(parameters.transl, transl),
         ),
-        joints=None if bodies.joints is None else np.asarray(bodies.joints * factor, bodies.joints.dtype),
+        joints=None
+        if bodies.joints is None
+        else np.asarray(bodies.joints * factor, bodies.joints.dtype),
         mesh=None
         if bodies.mesh is None
-        else replace(bodies.mesh, vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype)),
+        else replace(
+            bodies.mesh,
+            vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype),
+        ),
     )
 
 
-def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tuple[Bodies, list[str]]:
+def resize_children(
+    bodies: Bodies, model: BodyModel, known: KnownPeople
+) -> tuple[Bodies, list[str]]:
     """Give people of known age under 16 a child's stature and shape; others are unchanged.
 
-    Body estimators treat all people as adults, so children come out as adults farther away. The size of a child in the
-    photo is preserved. A known stature overrides an age.
+    Body estimators treat all people as adults, so children come out as adults farther away. The
+    size of a child in the photo is preserved. A known stature overrides an age.
 
     Args:
         bodies: of N people, of the configured body model; people of known stature have it.
@@ -156,14 +198,17 @@ def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tup
     if known.years is None:
         return bodies, []
     betas = np.array(bodies.parameters.betas, np.float64)
-    statures, notes, table = np.full(len(betas), np.nan), [], load_ages()
+    statures = np.full(len(betas), np.nan)
+    notes = []
+    table = load_ages()
     for i in np.flatnonzero((known.years < ADULT_YEARS) & np.isfinite(betas).all(1)).tolist():
         mean, sigma = table.at_age(known.years[i])
         statures[i], spread = np.exp(mean), f" ± {100 * sigma:.0f} %"
         if known.stature is not None and np.isfinite(known.stature[i]):
             statures[i], spread = known.stature[i], ""
         notes.append(
-            f"person {i} is a child of {known.years[i]:g} years, {statures[i]:.2f} m{spread} tall before the joint fit"
+            f"person {i} is a child of {known.years[i]:g} years, {statures[i]:.2f} m{spread} tall "
+            f"before the joint fit"
         )
     near = None
     if model.name == "embedded":
@@ -178,35 +223,48 @@ def corrected_keypoints(
 ) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
     """Replace detected keypoints of N people by given ones, of the least error and no 3D point.
 
-    Their confidence is the given one, or 1. Joints of another program's skeleton that the detector lacks are left out.
-    A hand moves with its wrist and a foot with its ankle, unless their points are given too. A given point that lies
-    where the detector found it changes nothing, so that a whole table of keypoints can be edited and given.
+    Their confidence is the given one, or 1. Joints of another program's skeleton that the detector
+    lacks are left out. A hand moves with its wrist and a foot with its ankle, unless their points
+    are given too. A given point that lies where the detector found it changes nothing, so that a
+    whole table of keypoints can be edited and given.
 
     Returns:
         The keypoints, which of them (N, J) the user changed, and notes.
 
     Raises:
-        InputError: a given keypoint is of no person or joint of the result, or no annotation is of a person.
+        InputError: a given keypoint is of no person or joint of the result, or no annotation is of
+            a person.
     """
     names = keypoints.joint_set.names
     given, missing = _known_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
     scores = np.ones(len(columns)) if given.confidence is None else given.confidence
     rows, strangers = _people_of(given, people)
-    points, confidence = np.array(keypoints.points), np.array(keypoints.confidence)
+    points = np.array(keypoints.points)
+    confidence = np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
-    wanted, changed = np.array(points, np.float64), np.zeros(confidence.shape, bool)
+    wanted = np.array(points, np.float64)
+    changed = np.zeros(confidence.shape, bool)
     sure = np.ones(confidence.shape)
-    for number, column, at, score in zip(given.person, columns, given.points, scores.tolist(), strict=True):
+    for number, column, at, score in zip(
+        given.person, columns, given.points, scores.tolist(), strict=True
+    ):
         if (person := rows.get(number)) is not None:
             wanted[person, column] = at
             sure[person, column] = score
-            is_new = confidence[person, column] == 0 or np.abs(at - points[person, column]).max() > _SAME_PX
+            is_new = (
+                confidence[person, column] == 0
+                or np.abs(at - points[person, column]).max() > _SAME_PX
+            )
             changed[person, column] = is_new
     for person, column in np.argwhere(changed):
         at, (side, _, joint) = wanted[person, column], names[column].partition("_")
         beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
-        with_it = [j for j, name in enumerate(names) if beyond and name.startswith(beyond) and not changed[person, j]]
+        with_it = [
+            j
+            for j, name in enumerate(names)
+            if beyond and name.startswith(beyond) and not changed[person, j]
+        ]
         points[person, with_it] += at - points[person, column]
         points[person, column] = at
         confidence[person, column] = sure[person, column]
@@ -219,12 +277,16 @@ def corrected_keypoints(
     return corrected, changed, (*given.notes, *missing, what, *strangers)
 
 
-def contradicted_keypoints(detected: Keypoints, corrected: Keypoints, changed: BoolArray, people: People) -> FloatArray:
-    """Return how far (N, J) mask and detector contradict the keypoints of N people that the user changed, px.
+def contradicted_keypoints(
+    detected: Keypoints, corrected: Keypoints, changed: BoolArray, people: People
+) -> FloatArray:
+    """Return how far (N, J) mask and detector contradict the keypoints of N people that the user
+    changed, px.
 
-    Outside of the mask, it is the distance from the detected joint if that is confident, or from the same joint of the
-    other side if that is nearer, since a detector may confuse them; the same inside of the mask for more than a limb.
-    Far outside it is at least the distance from the mask. It is 0 for other keypoints.
+    Outside of the mask, it is the distance from the detected joint if that is confident, or from
+    the same joint of the other side if that is nearer, since a detector may confuse them; the same
+    inside of the mask for more than a limb. Far outside it is at least the distance from the mask.
+    It is 0 for other keypoints.
 
     Args:
         detected: before they were corrected.
@@ -235,45 +297,61 @@ def contradicted_keypoints(detected: Keypoints, corrected: Keypoints, changed: B
     import cv2
 
     names = detected.joint_set.names
-    twins = [names.index(twin) if (twin := _twin(name)) in names else k for k, name in enumerate(names)]
+    twins = [
+        names.index(twin) if (twin := _twin(name)) in names else k for k, name in enumerate(names)
+    ]
     sure = detected.confidence >= _CONFIDENT
     off = np.zeros(changed.shape)
     for person in np.flatnonzero(changed.any(1)).tolist():
-        box, mask = people.boxes[person], people.masks[person]
+        box = people.boxes[person]
+        mask = people.masks[person]
         from_mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
         diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
         for column in np.flatnonzero(changed[person]).tolist():
-            at, pair = corrected.points[person, column], [column, twins[column]]
+            at = corrected.points[person, column]
+            pair = [column, twins[column]]
             x, y = np.rint(at).astype(int).clip(0, np.array(mask.shape[::-1]) - 1).tolist()
-            apart = np.linalg.norm(detected.points[person, pair] - at, axis=-1)[sure[person, pair]].min(initial=np.inf)
+            apart = np.linalg.norm(detected.points[person, pair] - at, axis=-1)[
+                sure[person, pair]
+            ].min(initial=np.inf)
             beyond = float(from_mask[y, x])
             is_elsewhere = beyond > _OUTSIDE * diagonal or apart > _LIMB * diagonal
             by_detector = apart if sure[person, column] and is_elsewhere else 0.0
-            off[person, column] = max(by_detector, beyond if beyond > _FAR_OUTSIDE * diagonal else 0.0)
+            off[person, column] = max(
+                by_detector, beyond if beyond > _FAR_OUTSIDE * diagonal else 0.0
+            )
     return off
 
 
 def _twin(name: str) -> str:
-    """Return the name of the same joint on the other side of the body, or of the joint itself if there is none."""
+    """Return the name of the same joint on the other side of the body, or of the joint itself if
+    there is none.
+    """
     side, _, joint = name.partition("_")
     return {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side, name)
 
 
 def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:
-    """Return a note on how many keypoints the user changed (N, J), and on the one that moved farthest, px of the
-    file."""
+    """Return a note on how many keypoints the user changed (N, J), and on the one that moved
+    farthest, px of the file.
+    """
     if not changed.any():
         return "the given keypoints are those of the detector: they change nothing"
     moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
-        f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} of person {person} "
-        f"lies {moved.max() * file_px:.0f} px from the detected one{', the others less' if changed.sum() > 1 else ''}"
+        f"given keypoints: {changed.sum()}; the "
+        f"{keypoint_in_words(after.joint_set.names[column])} of person {person} "
+        f"lies {moved.max() * file_px:.0f} px from the detected "
+        f"one{', the others less' if changed.sum() > 1 else ''}"
     )
 
 
-def _known_joints(given: GivenKeypoints, names: Sequence[str]) -> tuple[GivenKeypoints, tuple[str, ...]]:
-    """Return the keypoints of another program without joints that the detector lacks, and a note on them.
+def _known_joints(
+    given: GivenKeypoints, names: Sequence[str]
+) -> tuple[GivenKeypoints, tuple[str, ...]]:
+    """Return the keypoints of another program without joints that the detector lacks, and a note on
+    them.
 
     Names that the user typed in CSV are not left out; :func:`_column` refuses them.
     """
@@ -288,7 +366,10 @@ def _known_joints(given: GivenKeypoints, names: Sequence[str]) -> tuple[GivenKey
         points=given.points[known],
         confidence=None if given.confidence is None else given.confidence[known],
     )
-    return chosen, (f"left out {(~known).sum()} given keypoints of joints that the keypoint detector does not have",)
+    return chosen, (
+        f"left out {(~known).sum()} given keypoints of joints that the keypoint detector does not "
+        f"have",
+    )
 
 
 def _column(joint: str, names: Sequence[str]) -> int:
@@ -297,21 +378,24 @@ def _column(joint: str, names: Sequence[str]) -> int:
         if name in names:
             return names.index(name)
     raise InputError(
-        f"a given keypoint is named {joint!r}, which the keypoint detector does not have: use {', '.join(names)}"
+        f"a given keypoint is named {joint!r}, which the keypoint detector does not have: use "
+        f"{', '.join(names)}"
     )
 
 
 def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], tuple[str, ...]]:
     """Return number in the file -> person, and notes about annotations of nobody.
 
-    Annotations and people are matched one to one: most points of an annotation lie in the person's box, and of several
-    people the mask decides.
+    Annotations and people are matched one to one: most points of an annotation lie in the person's
+    box, and of several people the mask decides.
     """
-    count, numbers = len(people), sorted(set(given.person))
+    count = len(people)
+    numbers = sorted(set(given.person))
     if given.numbered:
         if wrong := [number for number in numbers if not 0 <= number < count]:
             raise InputError(
-                f"keypoints are given for person {wrong[0]}, and {count} people were found: number them from 0, as in "
+                f"keypoints are given for person {wrong[0]}, and {count} people were found: "
+                f"number them from 0, as in "
                 "people.csv"
             )
         return {number: number for number in numbers}, ()
@@ -325,19 +409,27 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
         columns, lines = np.rint(points).astype(int).clip(0, np.array([width, height]) - 1).T
         in_mask[row] = people.masks[:, lines, columns].mean(1)
     matched = assign(-(in_box + in_mask), in_box > 0.5)
-    rows = {numbers[row]: int(person) for row, person in zip(matched.predicted, matched.truth, strict=True)}
+    rows = {
+        numbers[row]: int(person)
+        for row, person in zip(matched.predicted, matched.truth, strict=True)
+    }
     if not rows:
         raise InputError(
-            f"the given keypoints are of none of the {count} people who were found: most points of an annotation lie "
+            f"the given keypoints are of none of the {count} people who were found: most points "
+            f"of an annotation lie "
             "in the box of its person; are they px of another picture?"
         )
     lost = [str(numbers[row]) for row in matched.false_alarms]
-    note = f"left out the given keypoints of annotation {', '.join(lost)} (counted from 0): no person was found there"
+    note = (
+        f"left out the given keypoints of annotation {', '.join(lost)} (counted from 0): no "
+        f"person was found there"
+    )
     return rows, (note,) if lost else ()
 
 
 def select_chosen(people: People, prompt: PeoplePrompt) -> People:
-    """Return the people whom the prompts hit, in the order of the prompts, with the given masks unchanged.
+    """Return the people whom the prompts hit, in the order of the prompts, with the given masks
+    unchanged.
 
     Args:
         people: all people whom the segmenter found, (N, H, W) masks.
@@ -346,17 +438,27 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     Raises:
         NoPersonError: no person is at a point or box, or two prompts select the same person.
     """
-    rows = [_required(person_at_point(people, p), prompt, i, people) for i, p in enumerate(prompt.points)]
-    rows += [_required(person_in_box(people, b), prompt, i, people) for i, b in enumerate(prompt.boxes, len(rows))]
+    rows = [
+        _required(person_at_point(people, p), prompt, i, people)
+        for i, p in enumerate(prompt.points)
+    ]
+    rows += [
+        _required(person_in_box(people, b), prompt, i, people)
+        for i, b in enumerate(prompt.boxes, len(rows))
+    ]
     for i, row in enumerate(rows):
         if row in rows[:i]:
-            first, second = prompt.describe(rows.index(row)), prompt.describe(i)
+            first = prompt.describe(rows.index(row))
+            second = prompt.describe(i)
             raise NoPersonError(
-                f"{first} and {second} hit the same person: give one prompt for each person, or a box or mask where "
+                f"{first} and {second} hit the same person: give one prompt for each person, or a "
+                f"box or mask where "
                 "people overlap"
             )
     chosen = people.masks[rows]
-    masks, scores, keypoints = chosen, people.scores[rows], _rows(people.keypoints, rows)
+    masks = chosen
+    scores = people.scores[rows]
+    keypoints = _rows(people.keypoints, rows)
     if prompt.masks is not None:
         matches = [_best_match(mask, people.masks) for mask in prompt.masks]
         masks = np.concatenate([chosen & ~prompt.masks.any(0), prompt.masks])
@@ -367,15 +469,26 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
             keypoints = None  # the keypoint detector finds those of all people
     hidden = np.flatnonzero(~masks.any((1, 2)))
     if len(hidden):
-        raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it")
+        raise NoPersonError(
+            f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it"
+        )
     floor = None if people.floor is None else people.floor & ~masks.any(0)
     boxes = boxes_from_masks(masks).astype(np.float32)
-    return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints, heads=None)
+    return replace(
+        people,
+        masks=masks,
+        boxes=boxes,
+        scores=scores,
+        floor=floor,
+        keypoints=keypoints,
+        heads=None,
+    )
 
 
 def person_at_point(people: People, point: tuple[float, float]) -> int | None:
-    """Return the person whose mask contains a pixel x, y; otherwise the one with the smallest box around it, or
-    None."""
+    """Return the person whose mask contains a pixel x, y; otherwise the one with the smallest box
+    around it, or None.
+    """
     x, y = point
     on_mask = np.flatnonzero(people.masks[:, round(y), round(x)])
     if len(on_mask):
@@ -387,7 +500,9 @@ def person_at_point(people: People, point: tuple[float, float]) -> int | None:
 
 
 def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
-    """Return the person whose box has the largest intersection over union with a box; None below ``_MIN_BOX_IOU``."""
+    """Return the person whose box has the largest intersection over union with a box; None below
+    ``_MIN_BOX_IOU``.
+    """
     if not len(people):
         return None
     overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
@@ -401,14 +516,17 @@ def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People)
         boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
         found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
         raise NoPersonError(
-            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x {height} px; {found}: "
+            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
+            f"{height} px; {found}: "
             "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
         )
     return row
 
 
 def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
-    """Return the row of the mask with the largest intersection over union; None below ``_MIN_MASK_IOU``."""
+    """Return the row of the mask with the largest intersection over union; None below
+    ``_MIN_MASK_IOU``.
+    """
     if not len(masks):
         return None
     overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))

@@ -40,20 +40,23 @@ def check_placed_people(
         Warnings of people of unknown stature who would be impossibly tall or small.
 
     Raises:
-        ConfigError: the photo contradicts a known stature, or most people of unknown stature would be impossibly tall
-            or small, by more than three standard errors.
+        ConfigError: the photo contradicts a known stature, or most people of unknown stature would
+            be impossibly tall or small, by more than three standard errors.
     """
     if placed.size_ratio is None:
         return []
     ratio, sizes, (least, most) = placed.size_ratio, _scene_sizes(known.geometry), STATURES_M
     statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
     shown_m = bodies.model.stature(bodies.betas) * ratio
-    impossible, surely, measured = [], [], 0
+    impossible = []
+    surely = []
+    measured = 0
     limit = CONTRADICTION if estimates.measured_scale is None else 0.0
     for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
-                f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the photo shows a person of "
+                f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the "
+                f"photo shows a person of "
                 f"{shown:.2f} m: correct one of them, or leave it out"
             )
         if math.isfinite(shown) and not math.isfinite(stature):
@@ -63,12 +66,15 @@ def check_placed_people(
             surely += [i] if excess > limit else []
     if 2 * len(surely) > measured:
         raise ConfigError(
-            f"the photo contradicts {sizes}: in a scene of that size it shows {', '.join(impossible)}; beside people "
-            f"of usual stature it shows {_scene_sizes(known.geometry, 1 / float(ratio[surely].median()))}. "
+            f"the photo contradicts {sizes}: in a scene of that size it shows "
+            f"{', '.join(impossible)}; beside people "
+            f"of usual stature it shows "
+            f"{_scene_sizes(known.geometry, 1 / float(ratio[surely].median()))}. "
             f"Correct the size, or leave it out{_unit_question(estimates)}"
         )
     return [
-        f"in a scene of the given size the photo shows {person}: check the size, and in the preview whether the floor "
+        f"in a scene of the given size the photo shows {person}: check the size, and in the "
+        f"preview whether the floor "
         "lies under the person's feet"
         for person in impossible
     ]
@@ -79,17 +85,26 @@ def _unit_question(estimates: Estimates) -> str:
     if estimates.measured_scale is None:
         return ""
     factor = estimates.measured_scale.factor
-    return f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)} Then give --depth-unit"
+    return (
+        f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)} Then "
+        f"give --depth-unit"
+    )
 
 
 def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
     """Name the camera height and the lengths on the scene, times a factor."""
     lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
-    height = [] if known.camera_height is None else [f"the camera height {known.camera_height * factor:.3g} m"]
+    height = (
+        []
+        if known.camera_height is None
+        else [f"the camera height {known.camera_height * factor:.3g} m"]
+    )
     depth = []
     if known.depth_sigma is not None:
         depth = ["the given depth" if factor == 1 else f"{factor:.3g} of the given depth"]
-    return " and ".join(depth + height + [f"the known length of {metres * factor:.3g} m" for metres in lengths])
+    return " and ".join(
+        depth + height + [f"the known length of {metres * factor:.3g} m" for metres in lengths]
+    )
 
 
 def compare_sizes(
@@ -101,7 +116,8 @@ def compare_sizes(
     *,
     is_sized: bool,
 ) -> tuple[list[str], Solution]:
-    """Compare the known sizes with the result; return warnings, and the solution with the comparison.
+    """Compare the known sizes with the result; return warnings, and the solution with the
+    comparison.
 
     Args:
         scene: before the factor ``result.scene_scale``.
@@ -118,23 +134,31 @@ def compare_sizes(
     for i, (size, own) in enumerate(zip(sizes, growth, strict=True)):
         if own and size and (size["stature_sigmas"] or 0) <= limit:  # else the check warns
             warnings.append(
-                f"person {i} stands off the floor with the given size: the photo shows {size['shown_stature_m']:.2f} "
-                f"m, and {size['given_stature_m']:.2f} m was given or is usual; several sizes go from left to right"
+                f"person {i} stands off the floor with the given size: the photo shows "
+                f"{size['shown_stature_m']:.2f} "
+                f"m, and {size['given_stature_m']:.2f} m was given or is usual; several sizes go "
+                f"from left to right"
             )
     people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
-    return warnings, replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
+    return warnings, replace(
+        solution, people=people, diagnostics={**solution.diagnostics, **measured}
+    )
 
 
 def _growth_to_floor(solution: Solution) -> FloatArray:
-    """Return the log factor (N,) by which people who stand off the floor must grow to stand on it; 0 for others."""
-    found, floor = np.zeros(len(solution.people)), solution.scene.floor
+    """Return the log factor (N,) by which people who stand off the floor must grow to stand on it;
+    0 for others.
+    """
+    found = np.zeros(len(solution.people))
+    floor = solution.scene.floor
     for i, report in enumerate(solution.people):
         height = report.get("sole_height_m")
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.
         if standing_legs(solution.joints[i]).all():
-            # A person grows about the camera; a height near the camera's would need an infinite factor.
+            # A person grows about the camera; a height near the camera's would need an infinite
+            # factor.
             found[i] = -math.log1p(-min(height / floor.offset, 0.9))
     return found
 
@@ -167,7 +191,8 @@ def contradictions(
     if known.camera_height is not None:
         if scene.floor is None:
             warnings.append(
-                f"the camera height {known.camera_height:g} m was not used: no plane was found for the floor; give a "
+                f"the camera height {known.camera_height:g} m was not used: no plane was found "
+                f"for the floor; give a "
                 "stature or a known length instead"
             )
         else:
@@ -176,17 +201,29 @@ def contradictions(
     for i in problem.known.unused:
         length = known.lengths[i]
         warnings.append(
-            f"the known length of {length.metres:g} m was not used: the scene has no depth at one of its pixels "
-            f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges and inside the photo"
+            f"the known length of {length.metres:g} m was not used: the scene has no depth at one "
+            f"of its pixels "
+            f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges "
+            f"and inside the photo"
         )
     distances = problem.known.distances
-    ends = distances.ends_on_bodies(result.vertices, vertex_normals(result.vertices, problem.model.faces), problem.K)
+    ends = distances.ends_on_bodies(
+        result.vertices, vertex_normals(result.vertices, problem.model.faces), problem.K
+    )
     extents = distances.measure(ends, result.vertices, result.scene_scale)
     for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
         length = known.lengths[index]
-        sizes.append((f"the length from {_pixels(length.start)} to {_pixels(length.end)}", length.metres, extent))
+        sizes.append(
+            (
+                f"the length from {_pixels(length.start)} to {_pixels(length.end)}",
+                length.metres,
+                extent,
+            )
+        )
     apart = max((abs(math.log(max(value, 1e-9) / given)) for _, given, value in sizes), default=0.0)
-    each = ", ".join(f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes)
+    each = ", ".join(
+        f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes
+    )
     message = f"the given sizes contradict one another or the photo: in the result {each}"
     if apart > CONTRADICTION:
         raise ConfigError(f"{message}; correct the wrong one, or leave it out")
@@ -199,29 +236,41 @@ def contradictions(
 
 
 def _compare_statures(
-    given: KnownPeople, problem: JointProblem, result: JointResult, off_floor: FloatArray, *, is_sized: bool
+    given: KnownPeople,
+    problem: JointProblem,
+    result: JointResult,
+    off_floor: FloatArray,
+    *,
+    is_sized: bool,
 ) -> list[dict[str, float | None]]:
     """Compare each person's stature of the given age or size with what the photo shows.
 
-    The joint fit leaves some people above the floor: the photo shows these as large as bodies that stand on it.
+    The joint fit leaves some people above the floor: the photo shows these as large as bodies that
+    stand on it.
 
     Args:
         given: ages and statures of N people.
-        problem: of stage 3, whose bodies have the given statures, or the usual ones of the given ages.
+        problem: of stage 3, whose bodies have the given statures, or the usual ones of the given
+            ages.
         result: of stage 3.
         off_floor: (N,) log factor by which each body must grow to stand on the floor.
         is_sized: whether the camera's height or a length gave the scale.
 
     Returns:
-        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference of their logarithms
-        in standard deviations; empty for people without a known age or stature.
+        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference
+        of their logarithms in standard deviations; empty for people without a known age or stature.
     """
-    before, after = (problem.model.stature(betas).double().log().numpy() for betas in (problem.betas0, result.betas))
+    before, after = (
+        problem.model.stature(betas).double().log().numpy()
+        for betas in (problem.betas0, result.betas)
+    )
     after = after + off_floor
     stature, years = given.filled(len(before))
     sigma = stature_sigmas(stature, years)
     found: list[dict[str, float | None]] = [{} for _ in before]
-    for i in np.flatnonzero((np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)).tolist():
+    for i in np.flatnonzero(
+        (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
+    ).tolist():
         # A scene that the user's sizes have scaled does not grow with its people.
         alone = slice(i, i + 1)
         shown, spread = (

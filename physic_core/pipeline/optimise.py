@@ -1,4 +1,7 @@
-"""Run the engine on the backends' results: its four stages in order. OpenCV camera frame, metres."""
+"""Run the engine on the backends' results: its four stages in order.
+
+OpenCV camera frame, metres.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,16 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stage_runner import StageRunner
 
 
-def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
+def run_engine(
+    estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner
+) -> Solution:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
-    Without people, the scene is the result. The pipeline uses the CPU, since nearest-point search and ray casts run
-    there.
+    Without people, the scene is the result. The pipeline uses the CPU, since nearest-point search
+    and ray casts run there.
     """
-    # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
+    # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ
+    # between CPUs.
     model = model.double
     with stages.time_engine("scene"):
         given = engine_input(estimates, model)
@@ -43,7 +49,9 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     if not len(estimates.people):
         return scene_alone(estimates, scene, model, scale_sigma)
     with stages.time_engine("placement"):
-        where = PlacementInput(scene, given.photo, given.bodies, given.detections, known, given.stance)
+        where = PlacementInput(
+            scene, given.photo, given.bodies, given.detections, known, given.stance
+        )
         placed = solve_placement(where, settings.placement)
         if known is not None:
             from physic_core.pipeline.known_sizes import check_placed_people
@@ -56,13 +64,19 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
-        touch = solve_contact(contact_input(given, placed.scene, problem, result, settings.contact), settings.contact)
-        scene, problem = finalize_scene(placed.scene, problem, result, given.photo.people, settings.scene)
+        touch = solve_contact(
+            contact_input(given, placed.scene, problem, result, settings.contact), settings.contact
+        )
+        scene, problem = finalize_scene(
+            placed.scene, problem, result, given.photo.people, settings.scene
+        )
         solution = assemble_solution(estimates, scene, problem, placed, result, touch)
     if not estimates.known:
         return solution
     from physic_core.pipeline.known_sizes import compare_sizes
 
-    warnings, solution = compare_sizes(estimates, solution, scene, problem, result, is_sized=sized is not None)
+    warnings, solution = compare_sizes(
+        estimates, solution, scene, problem, result, is_sized=sized is not None
+    )
     stages.warn(*warnings)
     return solution

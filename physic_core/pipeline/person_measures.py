@@ -1,6 +1,7 @@
 """Measures of each person for the self-checks, from the final bodies, their contact and the photo.
 
-OpenCV camera frame, metres. Silhouettes are drawn at a reduced size, so that a body takes a fraction of a second.
+OpenCV camera frame, metres. Silhouettes are drawn at a reduced size, so that a body takes a
+fraction of a second.
 """
 
 from __future__ import annotations
@@ -38,15 +39,19 @@ _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat
 _FEWEST_PIXELS = 10  # with a depth, for a median
 
 
-def measure_people(problem: JointProblem, result: JointResult, found: ContactResult) -> list[dict[str, float | None]]:
-    """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite vertices.
+def measure_people(
+    problem: JointProblem, result: JointResult, found: ContactResult
+) -> list[dict[str, float | None]]:
+    """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite
+    vertices.
 
     Args:
         problem: of stage 3, with the final scene.
         result: of stage 3.
         found: contact of the same people.
     """
-    model, scale = problem.model, result.scene_scale
+    model = problem.model
+    scale = result.scene_scale
     outward = vertex_normals(result.vertices, model.faces)
     silhouettes = compare_silhouettes(
         result.vertices,
@@ -58,13 +63,20 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     )
     ratios = depth_ratios(problem, result)
     measured: list[dict[str, float | None]] = [{} for _ in ratios]
-    for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
+    for i, (body, normals, support) in enumerate(
+        zip(result.vertices, outward, found.supports, strict=True)
+    ):
         if support is None:
             continue
-        mask, heights = problem.masks[i], None
+        mask = problem.masks[i]
+        heights = None
         if problem.floor_normal is not None:
             heights = height_over_plane(body, problem.floor_normal, problem.floor_offset * scale)
-        seen = visible_share(body, normals, model.faces, model.outer, mask, problem.K) if bool(mask.any()) else None
+        seen = (
+            visible_share(body, normals, model.faces, model.outer, mask, problem.K)
+            if bool(mask.any())
+            else None
+        )
         measured[i] = {
             "assumed_support": float(bool(support.hidden)),
             "sits": float(found.parts[SEAT][i]) if found.parts else None,
@@ -78,17 +90,21 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     return measured
 
 
-def measure_given_keypoints(problem: JointProblem, result: JointResult, estimates: Estimates) -> list[dict[str, Any]]:
+def measure_given_keypoints(
+    problem: JointProblem, result: JointResult, estimates: Estimates
+) -> list[dict[str, Any]]:
     """Measure how far the keypoints that the user gave lie from those of the bodies.
 
     Returns:
-        Per person "given_keypoints_px": name of a given keypoint -> distance, px; and "stature_px", that of the
-        standing person at the same depth. An empty mapping for people of whom none is given.
+        Per person "given_keypoints_px": name of a given keypoint -> distance, px; and "stature_px",
+        that of the standing person at the same depth. An empty mapping for people of whom none is
+        given.
     """
     given = estimates.given_keypoints
     if given is None:
         return [{} for _ in range(len(problem))]
-    given, names = given[:, estimates.keypoints.joint_set.fitted], problem.skeleton.names
+    given = given[:, estimates.keypoints.joint_set.fitted]
+    names = problem.skeleton.names
     regressor = problem.model.regressor(problem.skeleton)
     points = regressor(result.joints, result.vertices[:, regressor.vertex_ids])
     off = torch.linalg.vector_norm(project(points, problem.K) - problem.keypoints, dim=-1)
@@ -107,16 +123,22 @@ def measure_given_keypoints(problem: JointProblem, result: JointResult, estimate
 def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
     """Return the probability that a person sits; 0 if a seat was found.
 
-    None if the method estimates none, or if no pixel shows buttocks and thighs: the probability is a base rate then.
+    None if the method estimates none, or if no pixel shows buttocks and thighs: the probability is
+    a base rate then.
     """
     if not found.parts or bool(found.unseen[SEAT][person]):
         return None
-    on = (one for one in support.contacts if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden")
+    on = (
+        one
+        for one in support.contacts
+        if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden"
+    )
     return 0.0 if any(on) else float(found.parts[SEAT][person])
 
 
 def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
-    """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
+    """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex
+    touches.
 
     All vertices count, visible or not. None without a floor or a surface in reach.
 
@@ -133,7 +155,8 @@ def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
 def visible_share(
     vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
 ) -> float | None:
-    """Compute the share of the camera-facing surface inside the person's mask; None without such a surface.
+    """Compute the share of the camera-facing surface inside the person's mask; None without such a
+    surface.
 
     Parts outside the frame or occluded by people or objects are not visible.
 
@@ -147,7 +170,9 @@ def visible_share(
     """
     area = vertex_areas(vertices, faces) * _camera_facing(vertices, normals, outer)
     total = float(area.sum())
-    return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
+    return (
+        float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
+    )
 
 
 def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | None]:
@@ -155,9 +180,12 @@ def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | Non
     model = problem.model
     if problem.human_depth is None:
         return [None] * len(problem)
-    depth, outward = problem.human_depth * result.scene_scale, vertex_normals(result.vertices, model.faces)
+    depth = problem.human_depth * result.scene_scale
+    outward = vertex_normals(result.vertices, model.faces)
     return [
-        depth_ratio(body, normals, model.outer, mask, problem.K, depth) if bool(torch.isfinite(body).all()) else None
+        depth_ratio(body, normals, model.outer, mask, problem.K, depth)
+        if bool(torch.isfinite(body).all())
+        else None
         for body, normals, mask in zip(result.vertices, outward, problem.masks, strict=True)
     ]
 
@@ -165,7 +193,8 @@ def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | Non
 def depth_ratio(
     vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
 ) -> float | None:
-    """Compute the median ratio of a depth map to the body's depth at visible vertices; None with too few vertices.
+    """Compute the median ratio of a depth map to the body's depth at visible vertices; None with
+    too few vertices.
 
     Args:
         vertices: (V, 3) metres.
@@ -200,7 +229,8 @@ def compare_silhouettes(
     scene_depth: Tensor | None = None,
     photo_depth: Tensor | None = None,
 ) -> list[dict[str, float | None]]:
-    """Measure how the silhouettes of N bodies agree with their masks, and the depth of their lower ends.
+    """Measure how the silhouettes of N bodies agree with their masks, and the depth of their lower
+    ends.
 
     Args:
         vertices: (N, V, 3) metres.
@@ -211,10 +241,11 @@ def compare_silhouettes(
         photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown; or None.
 
     Returns:
-        Per person "mask_covered_share": share of the mask within the body's silhouette, dilated for clothes;
-        "body_in_mask_share": share of the silhouette within the mask, without pixels occluded by other people or
-        nearer objects, or outside the photo; "low_depth_ratio": median ratio of the photo's depth to the
-        body's over the lowest visible part of the silhouette. None where nothing can be measured.
+        Per person "mask_covered_share": share of the mask within the body's silhouette, dilated for
+        clothes; "body_in_mask_share": share of the silhouette within the mask, without pixels
+        occluded by other people or nearer objects, or outside the photo; "low_depth_ratio": median
+        ratio of the photo's depth to the body's over the lowest visible part of the silhouette.
+        None where nothing can be measured.
     """
     height, width = masks.shape[-2:]
     scale = min(1.0, _LONG_SIDE_PX / max(height, width))
@@ -225,21 +256,28 @@ def compare_silhouettes(
         K[row] *= factor
         K[row, 2] += (factor - 1) / 2
     scene, photo = (
-        None if depth is None else F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
+        None
+        if depth is None
+        else F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
         for depth in (scene_depth, photo_depth)
     )
     found = []
     for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
         depth = _depth_of_body(body, faces.cpu(), K, size)
-        silhouette, others = torch.isfinite(depth), masks.any(0) & ~mask
+        silhouette = torch.isfinite(depth)
+        others = masks.any(0) & ~mask
         side = math.sqrt(float(mask.sum()))
         seen = silhouette & ~others
         if scene is not None:
             seen = seen & ~(scene < depth - _IN_FRONT_M)
         found.append(
             {
-                "mask_covered_share": _share(mask & dilate_square(silhouette, max(1, round(_CLOTHES * side))), mask),
-                "body_in_mask_share": _share(seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()),
+                "mask_covered_share": _share(
+                    mask & dilate_square(silhouette, max(1, round(_CLOTHES * side))), mask
+                ),
+                "body_in_mask_share": _share(
+                    seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()
+                ),
                 "low_depth_ratio": None if photo is None else _low_depth_ratio(depth, mask, photo),
             }
         )

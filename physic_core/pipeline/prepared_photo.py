@@ -1,4 +1,5 @@
-"""Prepare a photo for the backends: camera, border, size, undistortion, and the user's data in px of the result.
+"""Prepare a photo for the backends: camera, border, size, undistortion, and the user's data in px
+of the result.
 
 A photo is undistorted once, after reading; the user's pixels are those of the file.
 """
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     Move = Callable[[FloatArray], FloatArray]
 
 _EDGE_POINTS = 9  # along each side of a box
-_SAME_CENTRE = 0.03  # relative difference of width and height of a picture by the principal point in its centre
+# relative difference of width and height of a picture by the principal point in its centre
+_SAME_CENTRE = 0.03
 _OTHER_SIZE = 0.1  # relative difference of its size from the photo's that no lens explains
 
 
@@ -54,7 +56,9 @@ class PreparedPhoto:
 def prepare_photo(
     photo: Photo, settings: PhotoSettings, people: PeoplePrompt | None, known: KnownSizes | None
 ) -> PreparedPhoto:
-    """Prepare a photo. A border is not looked for if the photo has lens distortion, or its depth is in a file.
+    """Prepare a photo.
+
+    A border is not looked for if the photo has lens distortion, or its depth is in a file.
 
     Args:
         photo: as read.
@@ -77,18 +81,27 @@ def prepare_photo(
     height, width = photo.image.shape[:2]
     if people is None and (settings.person or settings.box):
         people = PeoplePrompt(settings.person, settings.box)
-    prompt = None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
+    prompt = (
+        None
+        if people is None
+        else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
+    )
     given = check_lengths(settings.known_sizes(known), *file_size)
     sizes = given.resized(width / file_size[0], height / file_size[1])
     keypoints = None
     if settings.keypoints is not None:
         keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo.name)
     if keypoints is not None:
-        keypoints = keypoints.moved(lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5)
+        keypoints = keypoints.moved(
+            lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5
+        )
         keypoints = replace(keypoints, file_px=file_size[0] / width)
     if inside is not None:
-        corner, border = np.array([inside[1].start, inside[0].start]), Border(photo.image, inside)
-        moved = move_pixels(prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside])
+        corner = np.array([inside[1].start, inside[0].start])
+        border = Border(photo.image, inside)
+        moved = move_pixels(
+            prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside]
+        )
         keypoints = None if keypoints is None else keypoints.moved(lambda pixels: pixels - corner)
         return PreparedPhoto(cut_border(photo, inside), *moved, None, border, keypoints)
     if settings.distortion is None or photo.intrinsics is None:
@@ -99,7 +112,9 @@ def prepare_photo(
     if keypoints is not None:
         from physic_core.geometry.camera import undistort_pixels
 
-        keypoints = keypoints.moved(lambda pixels: undistort_pixels(pixels, camera, lens.distortion))
+        keypoints = keypoints.moved(
+            lambda pixels: undistort_pixels(pixels, camera, lens.distortion)
+        )
     return PreparedPhoto(*undistorted, lens, keypoints=keypoints)
 
 
@@ -111,21 +126,25 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
         _check_picture_of(settings.intrinsics, file_width, file_height)
         given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
     elif settings.focal_px is not None:
-        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN)
+        given = Intrinsics.from_focal(
+            settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN
+        )
     else:
         return photo
     return replace(photo, intrinsics=given.resized(width, height))
 
 
 def _check_picture_of(intrinsics: Sequence[float], width: int, height: int) -> None:
-    """Check that the principal point is not the centre of the same picture in another size, or turned.
+    """Check that the principal point is not the centre of the same picture in another size, or
+    turned.
 
     Raises:
         ConfigError: it is.
     """
     fx, fy, cx, cy = intrinsics
     for (w, h), turned in (((width, height), ""), ((height, width), ", turned")):
-        across, down = (cx + 0.5) * 2 / w, (cy + 0.5) * 2 / h
+        across = (cx + 0.5) * 2 / w
+        down = (cy + 0.5) * 2 / h
         if min(across, down) <= 0 or abs(across / down - 1) > _SAME_CENTRE:
             continue
         scale = (across + down) / 2
@@ -134,8 +153,10 @@ def _check_picture_of(intrinsics: Sequence[float], width: int, height: int) -> N
         right = (fy, fx, cy, cx) if turned else (fx, fy, cx, cy)
         here = ",".join(f"{value / scale:.0f}" for value in right)
         raise ConfigError(
-            f"the intrinsics are those of a picture of about {scale * w:.0f} x {scale * h:.0f} px{turned}, by their "
-            f"principal point ({cx:g}, {cy:g}), and the photo has {width} x {height} px: give those of the photo, "
+            f"the intrinsics are those of a picture of about {scale * w:.0f} x {scale * h:.0f} "
+            f"px{turned}, by their "
+            f"principal point ({cx:g}, {cy:g}), and the photo has {width} x {height} px: give "
+            f"those of the photo, "
             f"about {here}; for a crop with this principal point, pass Intrinsics in Python"
         )
 
@@ -161,7 +182,10 @@ def undistort(
     assert camera is not None
     check_distortion(camera, distortion)
     image = undistort_image(photo.image, camera, distortion)
-    note = "the image was undistorted; its pixels are not those of the file (Reconstruction.lens maps them back)"
+    note = (
+        "the image was undistorted; its pixels are not those of the file (Reconstruction.lens "
+        "maps them back)"
+    )
     photo = replace(photo, image=image, notes=(*photo.notes, note))
 
     def move(pixels: FloatArray) -> FloatArray:
@@ -172,7 +196,10 @@ def undistort(
 
 
 def move_pixels(
-    prompt: PeoplePrompt | None, known: KnownSizes, move: Move, move_mask: Callable[[BoolArray], BoolArray]
+    prompt: PeoplePrompt | None,
+    known: KnownSizes,
+    move: Move,
+    move_mask: Callable[[BoolArray], BoolArray],
 ) -> tuple[PeoplePrompt | None, KnownSizes]:
     """Return the user's pixels of an image in another one.
 
@@ -183,9 +210,13 @@ def move_pixels(
         move_mask: from a mask (H, W) to that of the other image.
     """
     if prompt is not None:
-        points = tuple((float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2)))
+        points = tuple(
+            (float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2))
+        )
         boxes = tuple(_box(box, move) for box in prompt.boxes)
-        masks = None if prompt.masks is None else np.stack([move_mask(mask) for mask in prompt.masks])
+        masks = (
+            None if prompt.masks is None else np.stack([move_mask(mask) for mask in prompt.masks])
+        )
         prompt = PeoplePrompt(points, boxes, masks)
     lengths = []
     for length in known.lengths:
@@ -196,10 +227,13 @@ def move_pixels(
 
 def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, float, float, float]:
     """Return the smallest box around the undistorted border of a box."""
-    x0, y0, x1, y1 = (v - 0.5 for v in box)  # edges of a box are half open, pixels have their centres at integers
-    x, y = np.linspace(x0, x1, _EDGE_POINTS), np.linspace(y0, y1, _EDGE_POINTS)
+    # edges of a box are half open, pixels have their centres at integers
+    x0, y0, x1, y1 = (v - 0.5 for v in box)
+    x = np.linspace(x0, x1, _EDGE_POINTS)
+    y = np.linspace(y0, y1, _EDGE_POINTS)
     border = np.concatenate(
-        [np.stack([x, 0 * x + edge], -1) for edge in (y0, y1)] + [np.stack([0 * y + edge, y], -1) for edge in (x0, x1)]
+        [np.stack([x, 0 * x + edge], -1) for edge in (y0, y1)]
+        + [np.stack([0 * y + edge, y], -1) for edge in (x0, x1)]
     )
     moved = move(border) + 0.5
     (left, top), (right, bottom) = moved.min(0).tolist(), moved.max(0).tolist()
@@ -218,11 +252,12 @@ def _mask(mask: BoolArray, lens: Lens) -> BoolArray:
 
 
 def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
-    """Validate the prompts for a photo of ``width`` x ``height`` px, and return them as tuples and a bool array.
+    """Validate the prompts for a photo of ``width`` x ``height`` px, and return them as tuples and
+    a bool array.
 
     Raises:
-        ConfigError: there is no prompt; a point or box lies outside the photo; masks are of another size, are empty or
-            overlap.
+        ConfigError: there is no prompt; a point or box lies outside the photo; masks are of another
+            size, are empty or overlap.
     """
     points = tuple(_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
     boxes = tuple(_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes)
@@ -230,27 +265,35 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
     if not len(checked):
         raise ConfigError(
-            "no person is chosen: give at least one point, box or mask, or omit the prompt for all people"
+            "no person is chosen: give at least one point, box or mask, or omit the prompt for "
+            "all people"
         )
     size = f"the upright photo of {width} x {height} px"
     numbers = np.array([value for place in (*points, *boxes) for value in place])
     if ((numbers >= 0) & (numbers <= 1)).all() and (numbers % 1).any():
-        raise ConfigError(f"the coordinates of people look like shares of the picture: give px of {size}")
+        raise ConfigError(
+            f"the coordinates of people look like shares of the picture: give px of {size}"
+        )
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
             raise ConfigError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")
     for i, (x0, y0, x1, y1) in enumerate(checked.boxes, len(points)):
         if not (x0 < x1 and y0 < y1):
-            raise ConfigError(f"{checked.describe(i)} is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+            raise ConfigError(
+                f"{checked.describe(i)} is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1"
+            )
         if not (x1 > 0 and y1 > 0 and x0 < width and y0 < height):
-            raise ConfigError(f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px")
+            raise ConfigError(
+                f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px"
+            )
     if masks is not None:
         _check_masks(masks, width, height)
     return checked
 
 
 def check_lengths(known: KnownSizes, width: int, height: int) -> KnownSizes:
-    """Return the known sizes if the pixels of all lengths are in the photo of ``width`` x ``height`` px.
+    """Return the known sizes if the pixels of all lengths are in the photo of ``width`` x
+    ``height`` px.
 
     Raises:
         ConfigError: one lies outside.
@@ -259,16 +302,20 @@ def check_lengths(known: KnownSizes, width: int, height: int) -> KnownSizes:
         for x, y in (length.start, length.end):
             if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
                 raise ConfigError(
-                    f"the known length of {length.metres:g} m has an end at ({x:g}, {y:g}), outside the upright photo "
+                    f"the known length of {length.metres:g} m has an end at ({x:g}, {y:g}), "
+                    f"outside the upright photo "
                     f"of {width} x {height} px: give x, y in its px"
                 )
     return known
 
 
-def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[int, int]) -> PeoplePrompt:
+def resize_prompt(
+    prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[int, int]
+) -> PeoplePrompt:
     """Convert prompts for an image of ``size`` (width, height) to the same image at ``new_size``.
 
-    Points are pixel centres at integers. Edges of boxes are half open. Masks are sampled at the nearest pixel.
+    Points are pixel centres at integers. Edges of boxes are half open. Masks are sampled at the
+    nearest pixel.
 
     Raises:
         ConfigError: no pixel of a mask is left.
@@ -277,14 +324,21 @@ def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[i
         return prompt
     import cv2
 
-    sx, sy = new_size[0] / size[0], new_size[1] / size[1]
+    sx = new_size[0] / size[0]
+    sy = new_size[1] / size[1]
     masks = prompt.masks
     if masks is not None:
-        masks = np.stack([cv2.resize(m.astype(np.uint8), new_size, interpolation=cv2.INTER_NEAREST) > 0 for m in masks])
+        masks = np.stack(
+            [
+                cv2.resize(m.astype(np.uint8), new_size, interpolation=cv2.INTER_NEAREST) > 0
+                for m in masks
+            ]
+        )
         if not masks.any((1, 2)).all():
             lost = int((~masks.any((1, 2))).argmax()) + 1
             raise ConfigError(
-                f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or raise photo.max_side"
+                f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or "
+                f"raise photo.max_side"
             )
     return PeoplePrompt(
         tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
@@ -305,10 +359,13 @@ def _numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:
 
 def _check_masks(masks: Any, width: int, height: int) -> None:
     if masks.ndim != 3 or masks.dtype != bool:
-        raise ConfigError(f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them")
+        raise ConfigError(
+            f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them"
+        )
     if masks.shape[1:] != (height, width):
         raise ConfigError(
-            f"the masks have {masks.shape[2]} x {masks.shape[1]} px, but the upright photo has {width} x {height} "
+            f"the masks have {masks.shape[2]} x {masks.shape[1]} px, but the upright photo has "
+            f"{width} x {height} "
             f"px: give masks of the photo's size"
         )
     empty = [i + 1 for i in range(len(masks)) if not masks[i].any()]

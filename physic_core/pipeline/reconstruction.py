@@ -1,4 +1,6 @@
-"""Build the result of a photo from estimates, solution, checks, and the weights and repositories of the run."""
+"""Build the result of a photo from estimates, solution, checks, and the weights and repositories of
+the run.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,13 @@ import torch
 
 from physic_core.body.posture import photo_turned_deg
 from physic_core.interfaces import Repository
-from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
+from physic_core.pipeline.checks import (
+    failed_checks,
+    grade_person,
+    grade_photo,
+    unknown_checks,
+    warning_messages,
+)
 from physic_core.pipeline.floor_and_scale import scale_note
 from physic_core.types import Person, Reconstruction
 from physic_core.types.results import main_people
@@ -52,7 +60,9 @@ def build_reconstruction(
                 joints=solution.joints[i],
                 contact=solution.contact[i],
                 distance=solution.distance[i],
-                contact_probability=None if solution.contact_probability is None else solution.contact_probability[i],
+                contact_probability=None
+                if solution.contact_probability is None
+                else solution.contact_probability[i],
                 contact_partner=solution.contact_partner[i],
                 contacts=solution.contacts[i],
                 support=solution.supports[i],
@@ -61,8 +71,12 @@ def build_reconstruction(
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
                 stature=statures[i] if math.isfinite(statures[i]) else None,
-                stature_sigma=solution.people[i]["size_sigma"] if math.isfinite(statures[i]) else None,
-                age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
+                stature_sigma=solution.people[i]["size_sigma"]
+                if math.isfinite(statures[i])
+                else None,
+                age=None
+                if estimates.ages is None or math.isnan(estimates.ages[i])
+                else float(estimates.ages[i]),
             )
         )
     stages.warn(*warning_messages(checks))
@@ -70,7 +84,9 @@ def build_reconstruction(
         bodies = sum(support is not None for support in solution.supports)
         stages.note(scale_note(solution.contacts, bodies, solution.scene.floor))
     if degrees := photo_turned_deg(solution.joints, solution.scene.floor):
-        stages.note(f"the people do not stand upright in the picture: is it turned by {degrees} degrees?")
+        stages.note(
+            f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
+        )
     return Reconstruction(
         image=estimates.image,
         intrinsics=solution.intrinsics,
@@ -91,11 +107,14 @@ def build_reconstruction(
     )
 
 
-def describe_sources(plan: ResolvedPipeline, files: Mapping[str, FileUse]) -> tuple[dict[str, Any], tuple[str, ...]]:
+def describe_sources(
+    plan: ResolvedPipeline, files: Mapping[str, FileUse]
+) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the entries "weights" and "repositories" of the diagnostics, and warnings.
 
-    A repository's state is "tested" or "locked" if it is at the commit with which the backend was tested, or that of
-    the lock file, "differs" if it is at another one, and "unpinned" if there is no such commit.
+    A repository's state is "tested" or "locked" if it is at the commit with which the backend was
+    tested, or that of the lock file, "differs" if it is at another one, and "unpinned" if there is
+    no such commit.
 
     Args:
         plan: the backends of the run.
@@ -108,7 +127,11 @@ def describe_sources(plan: ResolvedPipeline, files: Mapping[str, FileUse]) -> tu
                 if isinstance(one, Repository) and one.found:
                     repositories[one.url] = {"commit": one.found, "state": _state(one)}
     entries = {"weights": dict(sorted(files.items())), "repositories": repositories}
-    others = [f"weights {name} are not those of {lock_file_path()}" for name, use in files.items() if _differs(use)]
+    others = [
+        f"weights {name} are not those of {lock_file_path()}"
+        for name, use in files.items()
+        if _differs(use)
+    ]
     others += [
         f"the checkout of {url} is at {use['commit'][:7]}, not at the commit that was pinned"
         for url, use in repositories.items()

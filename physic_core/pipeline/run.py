@@ -1,6 +1,7 @@
 """Reconstruct people, scene and contact from photos.
 
-The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``checks.run_checks`` of this package.
+The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``checks.run_checks`` of
+this package.
 """
 
 from __future__ import annotations
@@ -16,9 +17,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.cache.digests import CodeDigester  # imported before any backend: it detects later edits of their code
+# imported before any backend: it detects later edits of their code
+from physic_core.cache.digests import CodeDigester
 from physic_core.configuration.model import as_config
-from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
+from physic_core.configuration.resolve import (
+    ResolvedPipeline,
+    require_available,
+    resolve,
+    resolve_one,
+)
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.prepared_photo import prepare_photo
@@ -42,13 +49,16 @@ if TYPE_CHECKING:
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
 _EXTRA_STAGES = 7
-"""Number of stages without a backend of their own: second point map, two for the floor, four of the engine."""
+"""Number of stages without a backend of their own: second point map, two for the floor, four of the
+engine.
+"""
 _MAX_READING_BYTES = 2_000_000_000
 """More than any photo needs: files just below the limits of their formats took up to 1.27 GB."""
 
 
 class Pipeline:
-    """The backends and settings of a configuration; the backends are loaded once and used for many photos.
+    """The backends and settings of a configuration; the backends are loaded once and used for many
+    photos.
 
     ::
 
@@ -56,18 +66,21 @@ class Pipeline:
             for path in paths:
                 result = pipeline(path)
 
-    Files and device are checked at construction. Each backend is loaded at its first call, or all by :meth:`warm_up`,
-    and closed at the end of the ``with`` block. With ``[run] low_memory``, each backend is closed right after its last
-    use for a photo instead, and the next photo loads it again.
+    Files and device are checked at construction. Each backend is loaded at its first call, or all
+    by :meth:`warm_up`, and closed at the end of the ``with`` block. With ``[run] low_memory``, each
+    backend is closed right after its last use for a photo instead, and the next photo loads it
+    again.
 
-    A pipeline is not thread-safe, since backends are not: use one per thread or process. A call from a second thread
-    during a call raises PhysicError.
+    A pipeline is not thread-safe, since backends are not: use one per thread or process. A call
+    from a second thread during a call raises PhysicError.
 
     Args:
-        config: a Config, the name of a preset, the path of a TOML file, or its tables, of which "extends" may name a
-            preset or a file; preset "embedded" if None. Or a ResolvedPipeline, whose backends are used as they are.
-        backends: by interface, instances or classes of backends that replace those of the config, such as
-            ``{"metric_depth": MyDepth()}``. A class gets its default options. Results of instances are not cached.
+        config: a Config, the name of a preset, the path of a TOML file, or its tables, of which
+            "extends" may name a preset or a file; preset "embedded" if None. Or a ResolvedPipeline,
+            whose backends are used as they are.
+        backends: by interface, instances or classes of backends that replace those of the config,
+            such as ``{"metric_depth": MyDepth()}``. A class gets its default options. Results of
+            instances are not cached.
 
     Raises:
         ConfigError: the configuration is invalid.
@@ -84,7 +97,9 @@ class Pipeline:
     ) -> None:
         if isinstance(config, ResolvedPipeline):
             if backends:
-                raise ConfigError("backends cannot be replaced in a ResolvedPipeline: pass them to resolve()")
+                raise ConfigError(
+                    "backends cannot be replaced in a ResolvedPipeline: pass them to resolve()"
+                )
             self._plan = config
         else:
             self._plan = resolve(as_config(config), backends)
@@ -100,14 +115,17 @@ class Pipeline:
         return self._plan.config
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{name}={who.provenance.backend}" for name, who in self._plan.backends.items())
+        names = ", ".join(
+            f"{name}={who.provenance.backend}" for name, who in self._plan.backends.items()
+        )
         return f"Pipeline({names}{', closed' if self._closed else ''})"
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        with nullcontext() if kind is None else suppress(PhysicError):  # an error in the block is reported, not hidden
+        # an error in the block is reported, not hidden
+        with nullcontext() if kind is None else suppress(PhysicError):
             self.close()
 
     def __call__(
@@ -125,16 +143,18 @@ class Pipeline:
         """Reconstruct people, scene and contact from one photo.
 
         Args:
-            photo: path of a file, bytes of a file, PIL image, or upright array (H, W, 3) of uint8 RGB. EXIF data may
-                give camera and orientation.
-            intrinsics: the camera of the upright photo, px. It counts as known unless its ``trust`` is "guessed";
-                ``[photo]`` of the config replaces it.
-            people: the people to reconstruct, px of the upright photo; ``[photo]`` of the config if None, where no
-                choice means all people.
-            known: sizes that are known, in px of the upright photo; ``[photo]`` of the config replaces each of them.
+            photo: path of a file, bytes of a file, PIL image, or upright array (H, W, 3) of uint8
+                RGB. EXIF data may give camera and orientation.
+            intrinsics: the camera of the upright photo, px. It counts as known unless its ``trust``
+                is "guessed"; ``[photo]`` of the config replaces it.
+            people: the people to reconstruct, px of the upright photo; ``[photo]`` of the config if
+                None, where no choice means all people.
+            known: sizes that are known, in px of the upright photo; ``[photo]`` of the config
+                replaces each of them.
             views: what other cameras show of the same people, in their order, at the same moment.
             complete: adds data from other photos of the moment to the estimates of the backends.
-            settings: of the table ``[photo]``, for this photo only, such as ``{"focal_px": 900.0}``.
+            settings: of the table ``[photo]``, for this photo only, such as ``{"focal_px":
+                900.0}``.
             progress: called when each stage begins.
 
         Returns:
@@ -142,15 +162,19 @@ class Pipeline:
 
         Raises:
             InputError: the photo cannot be used.
-            ConfigError: ``settings``, intrinsics, chosen people or known sizes are invalid, or the photo contradicts a
-                known size.
-            NoPersonError: one of ``people`` was not found, or the photo shows no person and the config requires people.
+            ConfigError: ``settings``, intrinsics, chosen people or known sizes are invalid, or the
+                photo contradicts a known size.
+            NoPersonError: one of ``people`` was not found, or the photo shows no person and the
+                config requires people.
             BackendError: a required backend failed, or returned an invalid result.
         """
-        return self._run(photo, _Given(intrinsics, people, known, tuple(views), complete), settings, progress)
+        return self._run(
+            photo, _Given(intrinsics, people, known, tuple(views), complete), settings, progress
+        )
 
     def warm_up(self) -> None:
-        """Load all backends and the body model now; with ``[run] low_memory``, load and close one after another.
+        """Load all backends and the body model now; with ``[run] low_memory``, load and close one
+        after another.
 
         Raises:
             BackendError: a backend cannot be loaded.
@@ -165,7 +189,9 @@ class Pipeline:
                     self._loaded.close(resolved)
 
     def close(self) -> None:
-        """Close all loaded backends; the pipeline cannot be used afterwards. A second call does nothing.
+        """Close all loaded backends; the pipeline cannot be used afterwards.
+
+        A second call does nothing.
 
         Raises:
             BackendError: a backend cannot be closed; all others are closed.
@@ -194,28 +220,39 @@ class Pipeline:
         *,
         close: bool = False,
     ) -> Reconstruction:
-        """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
-        camera, plan, path = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
+        """Reconstruct a photo; with ``close``, close each backend after its last use, which frees
+        its memory.
+        """
+        camera = given.camera()
+        plan = self._plan_with(settings)
+        path = photo_path_for_messages(source)
         with self._exclusive(), _naming(path):
             with limited_memory(self.config.run.device):
                 photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
-                camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
+                # the file was reduced while it was read
+                camera = camera.resized(*photo.image.shape[1::-1])
             if camera is not None:
                 photo = replace(photo, intrinsics=camera)
             photo = replace(photo, name=Path(path).name)
             stages = self._stages(progress, close=close)
             try:
-                found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)
+                found = _reconstruct(
+                    photo, plan, given, stages, close=close or plan.config.run.low_memory
+                )
             finally:
                 for name, resolved in plan.backends.items():
                     if resolved is not self._plan.backends[name]:
                         self._loaded.close(resolved)
             width, height = photo.file_size or photo.image.shape[1::-1]
-            return replace(found, photo=photo.digest, photo_name=photo.name, file_size=(width, height))
+            return replace(
+                found, photo=photo.digest, photo_name=photo.name, file_size=(width, height)
+            )
 
     def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
-        """Return the plan with other values in the table ``[photo]``, and backends that read its files."""
+        """Return the plan with other values in the table ``[photo]``, and backends that read its
+        files.
+        """
         if not settings:
             return self._plan
         config = self._plan.config.with_photo(settings)
@@ -226,7 +263,8 @@ class Pipeline:
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
-        run, cache = self.config.run, None
+        run = self.config.run
+        cache = None
         if run.cache:
             from physic_core.cache.results import ResultCache
 
@@ -252,7 +290,8 @@ def reconstruct(
     known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Reconstruct people, scene and contact from one photo; for several photos, :class:`Pipeline` loads backends once.
+    """Reconstruct people, scene and contact from one photo; for several photos, :class:`Pipeline`
+    loads backends once.
 
     Args:
         photo: as in :meth:`Pipeline.__call__`.
@@ -267,11 +306,13 @@ def reconstruct(
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
-        PhysicError: as in :class:`Pipeline` and :meth:`Pipeline.__call__`. If files of backends are missing, nothing
-            was computed.
+        PhysicError: as in :class:`Pipeline` and :meth:`Pipeline.__call__`. If files of backends are
+            missing, nothing was computed.
     """
     with Pipeline(config, backends=backends) as pipeline:
-        return pipeline._run(photo, _Given(intrinsics, people, known), progress=progress, close=True)
+        return pipeline._run(
+            photo, _Given(intrinsics, people, known), progress=progress, close=True
+        )
 
 
 @contextmanager
@@ -299,7 +340,8 @@ class _Given:
         """Return the given camera; it counts as known unless it is a guess."""
         if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
             raise ConfigError(
-                f"intrinsics must be physic_core.types.Intrinsics, got {type(self.intrinsics).__name__}: "
+                f"intrinsics must be physic_core.types.Intrinsics, got "
+                f"{type(self.intrinsics).__name__}: "
                 "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
             )
         if self.intrinsics is not None and not self.intrinsics.guessed:
@@ -341,7 +383,8 @@ def _reconstruct(
                 stages.close()
             else:
                 stages.trim_cache()
-            release_memory()  # so that a worker's networks and engine do not hold theirs at one time
+            # so that a worker's networks and engine do not hold theirs at one time
+            release_memory()
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import build_reconstruction, describe_sources
@@ -359,7 +402,8 @@ def _reconstruct(
 
 
 def _import_engine() -> None:
-    with suppress(ImportError, OSError):  # as of a torch that is damaged: the import that needs it raises the error
+    # as of a torch that is damaged: the import that needs it raises the error
+    with suppress(ImportError, OSError):
         import_module("physic_core.pipeline.optimise")
 
 
@@ -367,8 +411,8 @@ def _import_engine() -> None:
 def limited_memory(device: str) -> Iterator[None]:
     """Inside the block, limit a Linux worker with networks on a CPU to 2 GB more memory.
 
-    Memory already in use does not count, since networks take from a few MB to many GB. CUDA reserves memory at any
-    time, and is not limited.
+    Memory already in use does not count, since networks take from a few MB to many GB. CUDA
+    reserves memory at any time, and is not limited.
 
     Args:
         device: of the networks.
@@ -380,7 +424,9 @@ def limited_memory(device: str) -> Iterator[None]:
 
     before = resource.getrlimit(resource.RLIMIT_DATA)
     held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-    limits = [limit for limit in (*before, held + _MAX_READING_BYTES) if limit != resource.RLIM_INFINITY]
+    limits = [
+        limit for limit in (*before, held + _MAX_READING_BYTES) if limit != resource.RLIM_INFINITY
+    ]
     resource.setrlimit(resource.RLIMIT_DATA, (min(limits), before[1]))
     try:
         yield

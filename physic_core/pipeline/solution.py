@@ -45,13 +45,15 @@ class Solution(ShortRepr):
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
-        contact_probability: (N, V) float16, of contact with anything; None if the preset estimates none.
-        contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
+        contact_probability: (N, V) float16, of contact with anything; None if the preset estimates
+            none.
+        contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in
+            contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part.
         supports: per person, their support; None without a finite body.
-        world_contact: per person, body part -> probability that it touches floor, scene or a hidden support; None
-            without a finite body, and if the preset estimates none.
+        world_contact: per person, body part -> probability that it touches floor, scene or a hidden
+            support; None without a finite body, and if the preset estimates none.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage; without people, only those of the scene.
@@ -93,11 +95,17 @@ def assemble_solution(
         result: of stage 3.
         touch: of stage 4.
     """
-    s, sigma = result.scene_scale, problem.scale_sigma
+    s = result.scene_scale
+    sigma = problem.scale_sigma
     stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(problem))
     sized = sigma if problem.views or placed.size_ratio is not None else None
-    if sized is not None and estimates.measured_scale is not None and not estimates.intrinsics.known:
-        sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)  # lengths across a measured depth
+    if (
+        sized is not None
+        and estimates.measured_scale is not None
+        and not estimates.intrinsics.known
+    ):
+        # lengths across a measured depth
+        sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)
     sizes = size_sigmas(stature, years, sized)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size, **given}
@@ -112,18 +120,25 @@ def assemble_solution(
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
         scene=_scene(scene, s, sigma, estimates),
-        parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
+        parameters=parameters_from_rotations(
+            result.rotations, result.betas, problem.expression0, result.transl
+        ),
         vertices=result.vertices.float().cpu().numpy(),
         joints=result.joints.float().cpu().numpy(),
         contact=touch.contact.cpu().numpy(),
         distance=touch.distance.float().cpu().numpy(),
-        contact_probability=None if touch.probability is None else touch.probability.cpu().numpy().astype(np.float16),
+        contact_probability=None
+        if touch.probability is None
+        else touch.probability.cpu().numpy().astype(np.float16),
         contact_partner=touch.partner.cpu().numpy(),
         partners=touch.partners,
         contacts=touch.contacts,
         supports=touch.supports,
         world_contact=tuple(
-            {name: round(float(values[i]), DECIMALS) for name, values in touch.parts.items()} or None if one else None
+            {name: round(float(values[i]), DECIMALS) for name, values in touch.parts.items()}
+            or None
+            if one
+            else None
             for i, one in enumerate(touch.supports)
         ),
         people=people,
@@ -141,8 +156,12 @@ def assemble_solution(
     )
 
 
-def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale_sigma: float | None) -> Solution:
-    """Return the solution of a photo without people: the scene of stage 1, and arrays for N = 0 people."""
+def scene_alone(
+    estimates: Estimates, scene: SceneState, model: BodyModel, scale_sigma: float | None
+) -> Solution:
+    """Return the solution of a photo without people: the scene of stage 1, and arrays for N = 0
+    people.
+    """
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
         scene=_scene(scene, 1.0, scale_sigma, estimates),
@@ -168,11 +187,17 @@ def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
     fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
     for camera in (estimates.intrinsics, estimates.depth.intrinsics):
         if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
-            return Intrinsics(fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma)
-    return Intrinsics(fx, fy, cx, cy, width, height, "point map and metric depth", CameraTrust.ESTIMATED)
+            return Intrinsics(
+                fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma
+            )
+    return Intrinsics(
+        fx, fy, cx, cy, width, height, "point map and metric depth", CameraTrust.ESTIMATED
+    )
 
 
-def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates) -> Scene:
+def _scene(
+    scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates
+) -> Scene:
     """Convert the scene of the engine, multiplied by the scale of stage 3."""
     floor = None
     if scene.floor is not None:

@@ -1,4 +1,6 @@
-"""Load backends once and keep them; run the stages of a reconstruction, check their results, measure times."""
+"""Load backends once and keep them; run the stages of a reconstruction, check their results,
+measure times.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,12 @@ from physic_core import errors
 from physic_core.adapters.devices import check_device
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
-from physic_core.discovery.error_text import describe_error, message_of, plugin_error, traceback_text
+from physic_core.discovery.error_text import (
+    describe_error,
+    message_of,
+    plugin_error,
+    traceback_text,
+)
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.process_state import describe_changes, kept_process_state
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
@@ -47,9 +54,10 @@ class StageRunner:
         total: number of stages.
         progress: called when each stage begins.
         cache: results of earlier runs; every backend is called if None.
-        low_memory: close each backend right after its last use, and collect garbage then: networks often have
-            reference cycles.
-        close_used: close each backend right after its last use; collecting garbage would take .1 s each time.
+        low_memory: close each backend right after its last use, and collect garbage then: networks
+            often have reference cycles.
+        close_used: close each backend right after its last use; collecting garbage would take .1 s
+            each time.
         loaded: backends that earlier photos have loaded, on the same device; none if None.
         records: the stages that have run so far.
         files: weight files of the backends that were called, by "set/file".
@@ -106,13 +114,18 @@ class StageRunner:
         Raises:
             InputError: the image of ``request`` is not a valid photo; the backend is not loaded.
             BackendError: the backend raised an error that is not a PhysicError of the core.
-            PhysicError: the backend refused the request; the backend chooses the class, the message names the backend.
+            PhysicError: the backend refused the request; the backend chooses the class, the message
+                names the backend.
             BackendOutputError: the backend returned an invalid result.
         """
         require_image(request.image)
         self._begin(name)
-        interface, title = interface_of(type(resolved.backend)), f"{resolved.title}, stage '{name}'"
-        start, loading, cached, failed = time.perf_counter(), 0.0, False, True
+        interface = interface_of(type(resolved.backend))
+        title = f"{resolved.title}, stage '{name}'"
+        start = time.perf_counter()
+        loading = 0.0
+        cached = False
+        failed = True
 
         find_faults = partial(contract_violations, interface, request=request)
         try:
@@ -124,21 +137,25 @@ class StageRunner:
                 self.files |= self._loaded.files_of(resolved)
                 start = time.perf_counter()
                 with wrap_plugin_errors(title, resolved, self.warn), network_results_in(self.cache):
-                    # A copy: the backend may write to its input, and later stages get the same arrays.
+                    # A copy: the backend may write to its input, and later stages get the same
+                    # arrays.
                     result = call(resolved.backend, copy.deepcopy(request))
                 if found := find_faults(result):
                     message = f"{title} returned what the interface does not allow:\n  "
                     raise BackendOutputError(message + "\n  ".join(found))
                 with wrap_plugin_errors(title, resolved):
                     result = canonicalize(result)  # the backend may write to its arrays later
-            seconds, failed = time.perf_counter() - start, False
+            seconds = time.perf_counter() - start
+            failed = False
             if key is not None and not cached:
                 assert self.cache is not None
                 self.cache.write(key, result)
         finally:
             if failed:
                 seconds = time.perf_counter() - start
-            self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
+            self.records.append(
+                StageRecord(name, seconds, loading, resolved.provenance, cached, failed)
+            )
             if (self.close_used or self.low_memory) and last:
                 self._close(resolved)
                 if self.low_memory:
@@ -169,7 +186,9 @@ class StageRunner:
             self.note(*self.cache.notes)
 
     def close(self) -> None:
-        """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
+        """Close all loaded backends and trim the cache; a backend that cannot be closed adds a
+        warning.
+        """
         self._close()
         self.trim_cache()
 
@@ -182,18 +201,24 @@ class StageRunner:
             self._warn_of(error, "the result is complete, but memory may be lost")
 
     def _warn_of(self, error: PhysicError, otherwise: str) -> None:
-        """Add a warning of an error, and print its traceback on stderr if ``PHYSIC_DEBUG`` is set."""
+        """Add a warning of an error, and print its traceback on stderr if ``PHYSIC_DEBUG`` is
+        set.
+        """
         self.warn(f"{' '.join(str(error).split())}; {otherwise}")
         if trace := traceback_text(error):
             sys.stderr.write(trace)
 
-    def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
+    def _cache_key(
+        self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]
+    ) -> CacheKey | None:
         if self.cache is None or not resolved.cacheable:
             return None
         with wrap_plugin_errors(title, resolved, self.warn):
             return self.cache.key(resolved.backend, resolved.provenance, self.device, inputs)
 
-    def _read_cache(self, key: CacheKey | None, find_faults: Callable[[object], list[str]]) -> object | None:
+    def _read_cache(
+        self, key: CacheKey | None, find_faults: Callable[[object], list[str]]
+    ) -> object | None:
         if self.cache is None or key is None:
             return None
         result = self.cache.read(key)
@@ -212,7 +237,12 @@ class LoadedBackends:
         self._ready: set[int] = set()
         self._uses: dict[int, dict[str, FileUse]] = {}
 
-    def load(self, resolved: ResolvedBackend, title: str = "", report: Callable[[str], None] = _LOG.warning) -> float:
+    def load(
+        self,
+        resolved: ResolvedBackend,
+        title: str = "",
+        report: Callable[[str], None] = _LOG.warning,
+    ) -> float:
         """Load a backend unless it is loaded, and return the seconds taken.
 
         A backend whose ``load`` failed earlier is closed and reloaded.
@@ -225,7 +255,8 @@ class LoadedBackends:
         Raises:
             PhysicError: the backend cannot be loaded.
         """
-        start, key = time.perf_counter(), id(resolved.backend)
+        start = time.perf_counter()
+        key = id(resolved.backend)
         if key not in self._ready:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
@@ -240,7 +271,9 @@ class LoadedBackends:
         """Return the weight files that a loaded backend read."""
         return self._uses.get(id(resolved.backend), {})
 
-    def close(self, *only: ResolvedBackend, report: Callable[[str], None] = _LOG.warning) -> list[PhysicError]:
+    def close(
+        self, *only: ResolvedBackend, report: Callable[[str], None] = _LOG.warning
+    ) -> list[PhysicError]:
         """Close these backends, or all; return the errors of those that cannot be closed.
 
         Args:
@@ -259,8 +292,11 @@ class LoadedBackends:
         return failed
 
 
-def load_backend(interface: str, name: str, /, *, device: str = "cpu", **options: object) -> Backend:
-    """Load a single backend, to call it directly: ``load_backend("inpainter", "telea")(image, mask)``.
+def load_backend(
+    interface: str, name: str, /, *, device: str = "cpu", **options: object
+) -> Backend:
+    """Load a single backend, to call it directly: ``load_backend("inpainter", "telea")(image,
+    mask)``.
 
     Its arguments are those of ``infer``. ``close`` releases its memory.
 
@@ -271,7 +307,8 @@ def load_backend(interface: str, name: str, /, *, device: str = "cpu", **options
         options: of the backend.
 
     Raises:
-        ConfigError: the interface, the name or the options are invalid; the message lists all errors.
+        ConfigError: the interface, the name or the options are invalid; the message lists all
+            errors.
         WeightsMissingError: files of the backend are missing.
         DeviceError: the device does not exist.
         BackendError: the backend cannot be imported, constructed or loaded.
@@ -284,30 +321,42 @@ def load_backend(interface: str, name: str, /, *, device: str = "cpu", **options
 
 @contextmanager
 def wrap_plugin_errors(
-    title: str, resolved: ResolvedBackend, report: Callable[[str], None] | None = None, *, loads: bool = False
+    title: str,
+    resolved: ResolvedBackend,
+    report: Callable[[str], None] | None = None,
+    *,
+    loads: bool = False,
 ) -> Iterator[None]:
-    """Run code of a backend: its exceptions become PhysicErrors, and the state of the process stays as it was.
+    """Run code of a backend: its exceptions become PhysicErrors, and the state of the process stays
+    as it was.
 
     Args:
         title: start of the messages of errors: names the backend, and the stage or what failed.
         resolved: the backend.
-        report: receives a sentence if the backend changed state of the process, which is restored. None for code that
-            only touches what the backend returned: no state is kept.
+        report: receives a sentence if the backend changed state of the process, which is restored.
+            None for code that only touches what the backend returned: no state is kept.
         loads: whether the backend is loaded: networks are built with random weights first.
 
     Raises:
-        PhysicError: of the class that the backend raised, or BackendError; its message starts with ``title``.
+        PhysicError: of the class that the backend raised, or BackendError; its message starts with
+            ``title``.
     """
     changes: list[Change] = []
     try:
-        with nullcontext(changes) if report is None else kept_process_state(loads=loads) as changes, plugin_code():
+        with (
+            nullcontext(changes) if report is None else kept_process_state(loads=loads) as changes,
+            plugin_code(),
+        ):
             yield
     except PhysicError as error:
         kind = type(error)
-        known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
+        # other classes may need other arguments
+        known = kind if kind.__module__ == errors.__name__ else BackendError
         raise known(f"{title}: {message_of(error)}") from error
     except Exception as cause:
-        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)
+        raise BackendError(
+            f"{title}: {describe_error(cause, type(resolved.backend))}"
+        ) from plugin_error(cause)
     finally:
         if report is not None and changes:
             report(f"{resolved.title} {describe_changes(changes)}")

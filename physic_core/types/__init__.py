@@ -1,21 +1,50 @@
 """Data types of backends, pipeline and engine: frozen dataclasses of NumPy arrays.
 
-One frame everywhere: the OpenCV camera's (x right, y down, z forward), in metres. One pixel convention: integer
-coordinates are pixel centres, so the centre of an image is ``((width - 1) / 2, (height - 1) / 2)``. N is people,
-J keypoints, V vertices, K shape components, H and W image rows and columns.
+One frame everywhere: the OpenCV camera's (x right, y down, z forward), in metres. One pixel
+convention: integer coordinates are pixel centres, so the centre of an image is ``((width - 1) / 2,
+(height - 1) / 2)``. N is people, J keypoints, V vertices, K shape components, H and W image rows
+and columns.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
+from physic_core.types.bodies import (
+    Bodies,
+    BodyParameters,
+    ContactProbability,
+    Hands,
+    Mesh,
+    RestMesh,
+)
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
-from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner, Support, SupportState
+from physic_core.types.contacts import (
+    NO_PARTNER,
+    PARTNER_KINDS,
+    BodyContact,
+    ContactPartner,
+    Support,
+    SupportState,
+)
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.people import SURFACE_NAMES, Keypoints, People, PeoplePrompt, SurfaceLabels, UnposedPerson
-from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
+from physic_core.types.people import (
+    SURFACE_NAMES,
+    Keypoints,
+    People,
+    PeoplePrompt,
+    SurfaceLabels,
+    UnposedPerson,
+)
+from physic_core.types.records import (
+    CheckResult,
+    CheckState,
+    Grade,
+    Provenance,
+    StageRecord,
+    summarize_checks,
+)
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 

@@ -1,4 +1,5 @@
-"""Shapes of arrays, and which have a row for each person, as metadata of fields; type aliases by dtype.
+"""Shapes of arrays, and which have a row for each person, as metadata of fields; type aliases by
+dtype.
 
 The aliases are for type checkers only: NumPy is not imported.
 """
@@ -26,16 +27,20 @@ PER_PERSON: Mapping[str, bool] = MappingProxyType({"per_person": True})
 
 
 def shape(*sizes: str | int) -> dict[str, tuple[str | int, ...]]:
-    """Return the metadata of a field whose array has this shape; one letter stands for one size in all fields."""
+    """Return the metadata of a field whose array has this shape; one letter stands for one size in
+    all fields.
+    """
     return {"shape": sizes}
 
 
 def select_people(record: _Record, rows: Any) -> _Record:
-    """Return a copy of a dataclass with the rows of some people in its fields of metadata :data:`PER_PERSON`.
+    """Return a copy of a dataclass with the rows of some people in its fields of metadata
+    :data:`PER_PERSON`.
 
     Args:
         record: an instance of a dataclass with rows for N people.
-        rows: (N,) bool mask, or indices (n,), of the library of the record's arrays. A mask of all returns the record.
+        rows: (N,) bool mask, or indices (n,), of the library of the record's arrays. A mask of all
+            returns the record.
     """
     if str(rows.dtype).endswith("bool") and bool(rows.all()):
         return record
@@ -43,5 +48,7 @@ def select_people(record: _Record, rows: Any) -> _Record:
     for field in fields(record):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
         value = getattr(record, field.name)
         if value is not None and field.metadata.get("per_person"):
-            changed[field.name] = value[rows] if hasattr(value, "__getitem__") else select_people(value, rows)
+            changed[field.name] = (
+                value[rows] if hasattr(value, "__getitem__") else select_people(value, rows)
+            )
     return replace(record, **changed)  # type: ignore[type-var]

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BodyParameters(ShortRepr):
-    """Parameters of N bodies with SMPL-X names: rotation vectors in SMPL-X joint order, flat hand mean, no hand PCA.
+    """Parameters of N bodies with SMPL-X names: rotation vectors in SMPL-X joint order, flat hand
+    mean, no hand PCA.
 
     Attributes:
         global_orient: (N, 3) rotation about the pelvis joint.
@@ -56,8 +57,9 @@ class Mesh(ShortRepr):
         name: of the topology ("smplx", "smpl", "mhr").
         vertices: (N, V, 3) metres, camera frame.
         faces: (F, 3) int, the same for all.
-        rest: (V, 3) metres, a body of this topology in the T-pose (y up, facing +z, its left on +x), of any shape, or
-            None. It gives the correspondence between the vertices of this topology and those of another.
+        rest: (V, 3) metres, a body of this topology in the T-pose (y up, facing +z, its left on
+            +x), of any shape, or None. It gives the correspondence between the vertices of this
+            topology and those of another.
     """
 
     name: str
@@ -85,22 +87,26 @@ class RestMesh(ShortRepr):
 class Bodies(ShortRepr):
     """Result of a BodyEstimator: parameters of N bodies, optionally joints and meshes.
 
-    Bodies of another model than the configured one are converted to it from ``joints``, and from ``mesh`` if given.
-    Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero), which share
-    the T-pose, and of any other model with ``tpose_rotations``. It may leave rotations and shape zero, and must give
-    joints or a mesh.
+    Bodies of another model than the configured one are converted to it from ``joints``, and from
+    ``mesh`` if given. Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21
+    as SMPL's, hands zero), which share the T-pose, and of any other model with ``tpose_rotations``.
+    It may leave rotations and shape zero, and must give joints or a mesh.
 
     Attributes:
         parameters: of N bodies, body i of person i, metres, camera frame.
-        body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl", "mhr").
-        observed: (N, 55) bool, joints that the photo shows, or None if the backend does not report it.
-        joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN where unknown. None
-            if the parameters alone define them.
+        body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl",
+            "mhr").
+        observed: (N, 55) bool, joints that the photo shows, or None if the backend does not report
+            it.
+        joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN
+            where unknown. None if the parameters alone define them.
         mesh: the surfaces, or None.
-        rotation_sigma: (N, 22) radians, standard deviation of the angle of error of ``global_orient`` and of each
-            rotation in ``body_pose``; NaN where unknown. None if the backend does not state it. The smaller it is, the
-            less the engine bends what the photo shows of the body.
-        tpose_rotations: whether the rotations of a body of another model are those of SMPL-X's joints from its T-pose.
+        rotation_sigma: (N, 22) radians, standard deviation of the angle of error of
+            ``global_orient`` and of each rotation in ``body_pose``; NaN where unknown. None if the
+            backend does not state it. The smaller it is, the less the engine bends what the photo
+            shows of the body.
+        tpose_rotations: whether the rotations of a body of another model are those of SMPL-X's
+            joints from its T-pose.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -119,8 +125,9 @@ class Hands(ShortRepr):
     Attributes:
         rotvecs: (N, 2, 15, 3) radians, left then right, SMPL-X order, flat hand mean.
         confidence: (N, 2) in [0, 1]; 0 where no hand was found (its rotations are then ignored).
-        wrists: (N, 2, 3) radians, global rotation of each hand from the T-pose to the camera frame (not relative to the
-            forearm), left then right, or None. The forearm is then rotated to fit the hand.
+        wrists: (N, 2, 3) radians, global rotation of each hand from the T-pose to the camera frame
+            (not relative to the forearm), left then right, or None. The forearm is then rotated to
+            fit the hand.
     """
 
     rotvecs: FloatArray = field(metadata=PER_PERSON)
@@ -135,8 +142,8 @@ class ContactProbability(ShortRepr):
     Attributes:
         probability: (N, V) in [0, 1], how likely each vertex touches the scene.
         topology: name of the mesh that has the V vertices.
-        rest: that mesh in the T-pose. Required if it is not the bodies' own mesh, and used to transfer the
-            probabilities to it.
+        rest: that mesh in the T-pose. Required if it is not the bodies' own mesh, and used to
+            transfer the probabilities to it.
     """
 
     probability: FloatArray = field(metadata=PER_PERSON)

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval, MaxLen
 
-# Bounds are part of the field's type: config readers check values without a separate list of names. At both ends,
-# squares, quotients of two settings and their sums stay within float32.
+# Bounds are part of the field's type: config readers check values without a separate list of names.
+# At both ends, squares, quotients of two settings and their sums stay within float32.
 _LEAST = 1e-6
 Positive = Annotated[float, Interval(ge=_LEAST, le=1 / _LEAST)]
 PositiveOrInfinite = Annotated[float, Ge(_LEAST)]
@@ -20,5 +20,6 @@ Count = Annotated[int, Interval(ge=0, le=_MOST_STEPS)]
 PositiveCount = Annotated[int, Interval(ge=1, le=_MOST_STEPS)]
 PointCount = Annotated[int, Interval(ge=50, le=100_000)]
 FrozenGroups = Annotated[
-    tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)
+    tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...],
+    MaxLen(7),
 ]

@@ -35,12 +35,15 @@ class Intrinsics:
         cy: principal point along y, px.
         width: image width, px.
         height: image height, px.
-        source: origin of the numbers as text for people ("EXIF: 50 mm", "vanishing points"); no code depends on it.
+        source: origin of the numbers as text for people ("EXIF: 50 mm", "vanishing points"); no
+            code depends on it.
         trust: a :class:`CameraTrust` or its value. State it for a known or a guessed camera.
-        focal_sigma: standard deviation of the logarithm of the focal length, or None if it is not known.
+        focal_sigma: standard deviation of the logarithm of the focal length, or None if it is not
+            known.
 
     Raises:
-        ValueError: a focal length is not positive and finite, or ``trust`` is not one of the three values.
+        ValueError: a focal length is not positive and finite, or ``trust`` is not one of the three
+            values.
     """
 
     fx: float
@@ -56,7 +59,10 @@ class Intrinsics:
     def __post_init__(self) -> None:
         object.__setattr__(self, "trust", CameraTrust(self.trust))
         if not (0 < self.fx < math.inf and 0 < self.fy < math.inf):
-            raise ValueError(f"a focal length should be above 0 px, and finite (got fx {self.fx:g}, fy {self.fy:g})")
+            raise ValueError(
+                f"a focal length should be above 0 px, and finite (got fx {self.fx:g}, fy "
+                f"{self.fy:g})"
+            )
 
     @classmethod
     def from_focal(
@@ -68,7 +74,9 @@ class Intrinsics:
         trust: CameraTrust = CameraTrust.ESTIMATED,
     ) -> Intrinsics:
         """Create a camera with square pixels and the principal point in the image centre."""
-        return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source, trust)
+        return cls(
+            focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source, trust
+        )
 
     @property
     def known(self) -> bool:
@@ -89,7 +97,8 @@ class Intrinsics:
 
     def resized(self, width: int, height: int) -> Intrinsics:
         """Return the intrinsics for the same image resized to ``width`` x ``height`` px."""
-        sx, sy = width / self.width, height / self.height
+        sx = width / self.width
+        sy = height / self.height
         return replace(
             self,
             fx=self.fx * sx,
@@ -114,7 +123,8 @@ class Lens:
     distortion: tuple[float, float, float, float, float]
 
     def file_pixels(self, pixels: FloatArray, camera: Intrinsics) -> FloatArray:
-        """Return the pixels (..., 2) of the file that show the same as pixels of an undistorted image.
+        """Return the pixels (..., 2) of the file that show the same as pixels of an undistorted
+        image.
 
         Args:
             pixels: (..., 2) x, y.
@@ -123,7 +133,8 @@ class Lens:
         import numpy as np
 
         at = np.asarray(pixels, np.float64)
-        x, y = (at[..., 0] - camera.cx) / camera.fx, (at[..., 1] - camera.cy) / camera.fy
+        x = (at[..., 0] - camera.cx) / camera.fx
+        y = (at[..., 1] - camera.cy) / camera.fy
         k1, k2, p1, p2, k3 = self.distortion
         square = x * x + y * y
         radial = 1 + square * (k1 + square * (k2 + square * k3))

@@ -8,16 +8,19 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
-"""Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the own body; a support
-that the reconstructed scene does not have, such as a seat behind the person or a thin bar; a small object in hands or
-on a lap, which is not part of the scene."""
+"""Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
+own body; a support that the reconstructed scene does not have, such as a seat behind the person or
+a thin bar; a small object in hands or on a lap, which is not part of the scene.
+"""
 
 NO_PARTNER = -1
 """Entry of ``Person.contact_partner`` for a vertex that is not in contact."""
 
 
 def part_words(part: str) -> str:
-    """Return the name of a body part for readers: "left hand"; "buttocks" for the part "seat", unlike a seat."""
+    """Return the name of a body part for readers: "left hand"; "buttocks" for the part "seat",
+    unlike a seat.
+    """
     return "buttocks" if part == "seat" else part.replace("_", " ")
 
 
@@ -27,9 +30,10 @@ class ContactPartner:
 
     Attributes:
         kind: one of :data:`PARTNER_KINDS`.
-        surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`; "" if no class is known.
-        id: of the connected surface, for kind "scene", or of the object, for kind "object"; the same for all people who
-            touch it. None otherwise.
+        surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`; "" if no class is
+            known.
+        id: of the connected surface, for kind "scene", or of the object, for kind "object"; the
+            same for all people who touch it. None otherwise.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
     """
@@ -42,7 +46,9 @@ class ContactPartner:
 
     @property
     def title(self) -> str:
-        """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head", "hidden seat"."""
+        """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head",
+        "hidden seat".
+        """
         part = part_words(self.part) or "body"
         if self.kind == "person":
             return f"{part} of person {self.person}"
@@ -56,10 +62,15 @@ class ContactPartner:
 
 
 def partner_titles(partners: Iterable[ContactPartner]) -> dict[ContactPartner, str]:
-    """Return the name for readers of each partner: its title, with its id where another has this title ("seat 3")."""
+    """Return the name for readers of each partner: its title, with its id where another has this
+    title ("seat 3").
+    """
     distinct = dict.fromkeys(partners)
     count = Counter(one.title for one in distinct)
-    return {one: one.title if one.id is None or count[one.title] == 1 else f"{one.title} {one.id}" for one in distinct}
+    return {
+        one: one.title if one.id is None or count[one.title] == 1 else f"{one.title} {one.id}"
+        for one in distinct
+    }
 
 
 @dataclass(frozen=True)
@@ -69,12 +80,13 @@ class BodyContact:
     Attributes:
         part: body part: "head", "torso", "back", "seat", or a limb, such as "left_hand".
         partner: what it touches.
-        probability: that this part touches this partner, in [0, 1]; None if the preset estimates none.
+        probability: that this part touches this partner, in [0, 1]; None if the preset estimates
+            none.
         vertices: number of vertices in contact.
-        dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9 quantile over the
-            vertices in contact, metres. None where nothing gives way.
-        assumed: whether no pixel shows the part. The probability is then how often such parts touch something, and what
-            this part touches is a guess.
+        dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9
+            quantile over the vertices in contact, metres. None where nothing gives way.
+        assumed: whether no pixel shows the part. The probability is then how often such parts touch
+            something, and what this part touches is a guess.
     """
 
     part: str
@@ -98,13 +110,16 @@ class BodyContact:
         return self.text(self.partner.title)
 
 
-def contacts_text(contacts: Collection[BodyContact], *, likely: bool = True, assumed: bool | None = None) -> str:
+def contacts_text(
+    contacts: Collection[BodyContact], *, likely: bool = True, assumed: bool | None = None
+) -> str:
     """Return some contacts of a person as one text, "left foot: floor, 0.97; ...".
 
     Args:
         contacts: all of the person, by which surfaces of one class are told apart.
         likely: whether the likely ones are wanted, or the others.
-        assumed: whether those of parts that no pixel shows are wanted, or the others; None for both.
+        assumed: whether those of parts that no pixel shows are wanted, or the others; None for
+            both.
     """
     titles = partner_titles(one.partner for one in contacts)
     chosen = (one for one in contacts if one.likely == likely and assumed in (None, one.assumed))
@@ -131,11 +146,14 @@ class SupportState(StrEnum):
     """The hands hold something above the centre of mass."""
 
     ASSUMED = "assumed"
-    """The same with a support that the photo does not show: contacts of limbs without a visible pixel, or a hidden
-    support, which the body needs and the reconstructed scene does not have."""
+    """The same with a support that the photo does not show: contacts of limbs without a visible
+    pixel, or a hidden support, which the body needs and the reconstructed scene does not have.
+    """
 
     AIRBORNE = "airborne"
-    """The person is in the air: the photo shows both feet over the ground, and nothing else is touched."""
+    """The person is in the air: the photo shows both feet over the ground, and nothing else is
+    touched.
+    """
 
     UNBALANCED = "unbalanced"
     """No support balances the body: the person moves, or the pose is wrong."""
@@ -148,8 +166,8 @@ class Support:
     Attributes:
         state: a :class:`SupportState` or its value.
         contacts: the contacts that carry, hidden ones included, most probable first.
-        outside_m: horizontal distance of the centre of mass from the convex hull of these contacts, metres; negative
-            inside. None without such contacts.
+        outside_m: horizontal distance of the centre of mass from the convex hull of these contacts,
+            metres; negative inside. None without such contacts.
         centre_of_mass: x, y, z in the camera frame, metres, of a body of uniform density.
     """
 
@@ -163,19 +181,29 @@ class Support:
 
     @property
     def hidden(self) -> tuple[str, ...]:
-        """Names of the hidden supports: "hidden seat", "hidden handhold", "hidden support under the feet", ..."""
-        return tuple(dict.fromkeys(_hidden(one) for one in self.contacts if one.partner.kind == "hidden"))
+        """Names of the hidden supports: "hidden seat", "hidden handhold", "hidden support under the
+        feet", ...
+        """
+        return tuple(
+            dict.fromkeys(_hidden(one) for one in self.contacts if one.partner.kind == "hidden")
+        )
 
     def __str__(self) -> str:
         largest = sorted(self.contacts, key=lambda one: -one.vertices)
         titles = partner_titles(one.partner for one in self.contacts)
-        on = {one.part: titles[one.partner] for one in reversed(largest) if one.partner.kind != "hidden"}
+        on = {
+            one.part: titles[one.partner]
+            for one in reversed(largest)
+            if one.partner.kind != "hidden"
+        }
         seen = [
             f"{part_words(part)} on {on[part]}"
             for part in dict.fromkeys(one.part for one in self.contacts)
             if part in on
         ]
-        unseen = [f"a {name.removeprefix('hidden ')} that the scene does not show" for name in self.hidden]
+        unseen = [
+            f"a {name.removeprefix('hidden ')} that the scene does not show" for name in self.hidden
+        ]
         return ": ".join(filter(None, (self.state.value, ", ".join([*seen, *unseen]))))
 
 

@@ -25,7 +25,8 @@ class Plane(ShortRepr):
 
     Attributes:
         normal: (3,) unit vector that points up, out of the floor, to the camera's side.
-        offset: height of the camera above the plane, in the units of the points (metres once scaled).
+        offset: height of the camera above the plane, in the units of the points (metres once
+            scaled).
     """
 
     normal: FloatArray = field(metadata=shape(3))
@@ -42,10 +43,11 @@ class Pointmap(ShortRepr):
         unknown: unknown transformation from these points to metric ones.
         intrinsics: the camera of the points, or None if the backend does not know it.
         notes: plain sentences for the user ("focal length is a default").
-        shift_sigma: standard deviation of the unknown shift of 1 / z, in 1 / unit of the points; None if not estimated.
-        people_farther: mean and standard deviation of log(depth of people / depth of the floor that they stand on) in
-            maps of the backend, which are 0 and small for a perfect map. None if not known: then nothing is concluded
-            from this ratio.
+        shift_sigma: standard deviation of the unknown shift of 1 / z, in 1 / unit of the points;
+            None if not estimated.
+        people_farther: mean and standard deviation of log(depth of people / depth of the floor that
+            they stand on) in maps of the backend, which are 0 and small for a perfect map. None if
+            not known: then nothing is concluded from this ratio.
         warnings: reasons why the map may be wrong, as sentences for the user.
     """
 
@@ -65,9 +67,9 @@ class DepthMap(ShortRepr):
 
     Attributes:
         depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
-        intrinsics: the camera that the backend estimated or knows, or None. It is used unchanged if its ``trust``
-            is "known" and that of the point map is not. Two estimated cameras are averaged, and depths are rescaled
-            with the focal length.
+        intrinsics: the camera that the backend estimated or knows, or None. It is used unchanged if
+            its ``trust`` is "known" and that of the point map is not. Two estimated cameras are
+            averaged, and depths are rescaled with the focal length.
         scale_sigma: standard deviation of log(scale) that the backend estimates, or None.
         notes: plain sentences for the user ("scale from the soles of 2 people").
     """
@@ -97,7 +99,8 @@ class SceneScale(ShortRepr):
 
 @dataclass(frozen=True)
 class Hints(ShortRepr):
-    """Known facts about the photo when a backend is called, all optional; a backend may ignore them.
+    """Known facts about the photo when a backend is called, all optional; a backend may ignore
+    them.
 
     Attributes:
         intrinsics: camera, if the user, the file or an earlier backend gave it.
@@ -107,9 +110,10 @@ class Hints(ShortRepr):
         scene: relative point map of the inpainted photo.
         original: relative point map of the original photo, aligned to ``scene`` outside the people.
         floor: floor plane in the units of ``scene``.
-        scale: of ``scene``, by everything of known size that the photo shows; for a metric depth that reads it.
-        bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are given if that model
-            is a file of the user's, which no backend can load.
+        scale: of ``scene``, by everything of known size that the photo shows; for a metric depth
+            that reads it.
+        bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are
+            given if that model is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
     """
 

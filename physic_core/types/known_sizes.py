@@ -1,4 +1,6 @@
-"""Sizes that the user knows: statures, ages, the camera's height, and lengths between two pixels."""
+"""Sizes that the user knows: statures, ages, the camera's height, and lengths between two
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -36,17 +38,17 @@ class KnownSizes:
     """Sizes that the user knows, in metres; they override the estimates.
 
     Attributes:
-        stature: standing heights: one for all people, or one per person, 0 where unknown; empty if none is known. The
-            order is that of the chosen people (points, boxes, masks), and without a choice from left to right in the
-            photo (by the centre of the box).
+        stature: standing heights: one for all people, or one per person, 0 where unknown; empty if
+            none is known. The order is that of the chosen people (points, boxes, masks), and
+            without a choice from left to right in the photo (by the centre of the box).
         camera_height: of the camera over the floor; None if unknown.
         lengths: distances between pixels.
-        age: years, as ``stature``: one for all people, or one per person, 0 where unknown. A child of known age and
-            unknown stature has the usual stature of that age.
+        age: years, as ``stature``: one for all people, or one per person, 0 where unknown. A child
+            of known age and unknown stature has the usual stature of that age.
 
     Raises:
-        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, an age is not 0 to 120 years, or a
-            length has no extent in px.
+        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, an age is not 0 to
+            120 years, or a length has no extent in px.
     """
 
     stature: tuple[float, ...] = ()
@@ -58,32 +60,56 @@ class KnownSizes:
         least, most = _STATURES_M
         for height in self.stature:
             if height != 0 and not least <= height <= most:
-                hint = f"; {height:g} cm are {height / 100:g} metres" if least <= height / 100 <= most else ""
+                hint = (
+                    f"; {height:g} cm are {height / 100:g} metres"
+                    if least <= height / 100 <= most
+                    else ""
+                )
                 raise ValueError(
-                    f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g}{hint})"
+                    f"a stature should be {least} to {most} metres, or 0 where unknown (got "
+                    f"{height:g}{hint})"
                 )
         for years in self.age:
             if not 0 <= years <= _OLDEST:
-                raise ValueError(f"an age should be 0 to {_OLDEST:g} years, 0 where unknown (got {years:g})")
+                raise ValueError(
+                    f"an age should be 0 to {_OLDEST:g} years, 0 where unknown (got {years:g})"
+                )
         least, most = _LENGTHS_M
         if self.camera_height is not None and not least <= self.camera_height <= most:
-            raise ValueError(f"the camera height should be {least} to {most} metres (got {self.camera_height:g})")
+            raise ValueError(
+                f"the camera height should be {least} to {most} metres (got {self.camera_height:g})"
+            )
         for length in self.lengths:
             if not least <= length.metres <= most:
-                raise ValueError(f"a known length should be {least} to {most} metres (got {length.metres:g})")
-            if not all(map(math.isfinite, (*length.start, *length.end))) or math.dist(length.start, length.end) < 1:
-                raise ValueError(f"a known length needs two different pixels (got {length.start} and {length.end})")
+                raise ValueError(
+                    f"a known length should be {least} to {most} metres (got {length.metres:g})"
+                )
+            if (
+                not all(map(math.isfinite, (*length.start, *length.end)))
+                or math.dist(length.start, length.end) < 1
+            ):
+                raise ValueError(
+                    f"a known length needs two different pixels (got {length.start} and "
+                    f"{length.end})"
+                )
 
     def __bool__(self) -> bool:
-        return bool(any(self.stature) or any(self.age) or self.camera_height is not None or self.lengths)
+        return bool(
+            any(self.stature) or any(self.age) or self.camera_height is not None or self.lengths
+        )
 
     def resized(self, factor_x: float, factor_y: float) -> KnownSizes:
-        """Return the sizes for the same image resized by these factors; pixel centres are at integers."""
+        """Return the sizes for the same image resized by these factors; pixel centres are at
+        integers.
+        """
 
         def pixel(at: tuple[float, float]) -> tuple[float, float]:
             return (at[0] + 0.5) * factor_x - 0.5, (at[1] + 0.5) * factor_y - 0.5
 
-        lengths = tuple(replace(length, start=pixel(length.start), end=pixel(length.end)) for length in self.lengths)
+        lengths = tuple(
+            replace(length, start=pixel(length.start), end=pixel(length.end))
+            for length in self.lengths
+        )
         return replace(self, lengths=lengths)
 
 
@@ -108,4 +134,7 @@ class KnownPeople(ShortRepr):
         import numpy as np
 
         unknown = np.full(count, np.nan)
-        return unknown if self.stature is None else self.stature, unknown if self.years is None else self.years
+        return (
+            unknown if self.stature is None else self.stature,
+            unknown if self.years is None else self.years,
+        )

@@ -1,4 +1,6 @@
-"""People in the image: masks, boxes, keypoints and labels of surfaces; and those whom the user chose."""
+"""People in the image: masks, boxes, keypoints and labels of surfaces; and those whom the user
+chose.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,17 @@ class Keypoints(ShortRepr):
     Attributes:
         points: (N, J, 2) float px.
         confidence: (N, J) float in [0, 1]. 0 means not seen; the point is then ignored.
-        skeleton: meaning of the J points: the name of a standard skeleton ("coco17", "coco23" with feet, "blazepose33",
-            "halpe26", "coco_wholebody133": see :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the
-            detector's own.
-        world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
-            origin between the hips: what single-person pose networks call world landmarks. NaN for a keypoint that the
-            user corrected.
-        sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the detector states none.
-        depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the detector states
-            none. If it does, x and y of ``world`` are the points in metres, without further information.
+        skeleton: meaning of the J points: the name of a standard skeleton ("coco17", "coco23" with
+            feet, "blazepose33", "halpe26", "coco_wholebody133": see
+            :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the detector's own.
+        world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x
+            right, y down, z away), origin between the hips: what single-person pose networks call
+            world landmarks. NaN for a keypoint that the user corrected.
+        sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the
+            detector states none.
+        depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the
+            detector states none. If it does, x and y of ``world`` are the points in metres, without
+            further information.
     """
 
     points: FloatArray = field(metadata=PER_PERSON)
@@ -53,7 +57,9 @@ class Keypoints(ShortRepr):
         """Return the keypoints of these columns, in this order."""
         chosen = list(columns)
         names = ("points", "confidence", "world", "sigma", "depth_sigma")
-        given = {name: value[:, chosen] for name in names if (value := getattr(self, name)) is not None}
+        given = {
+            name: value[:, chosen] for name in names if (value := getattr(self, name)) is not None
+        }
         return Keypoints(skeleton=self.joint_set.take(chosen), **given)
 
 
@@ -74,25 +80,28 @@ class UnposedPerson(ShortRepr):
 
 @dataclass(frozen=True)
 class People(ShortRepr):
-    """Result of a Segmenter: masks, boxes and scores of N people; arrays of length N = 0, never None, without people.
+    """Result of a Segmenter: masks, boxes and scores of N people; arrays of length N = 0, never
+    None, without people.
 
     Attributes:
         masks: (N, H, W) bool, visible pixels of each person. Masks of two people do not overlap.
-        boxes: (N, 4) float px, x0 y0 x1 y1, half open like a slice: ``mask[y0:y1, x0:x1]`` holds the person.
+        boxes: (N, 4) float px, x0 y0 x1 y1, half open like a slice: ``mask[y0:y1, x0:x1]`` holds
+            the person.
         scores: (N,) float in [0, 1].
-        floor: (H, W) bool, pixels of the ground that people stand on, or None if the backend does not segment it.
+        floor: (H, W) bool, pixels of the ground that people stand on, or None if the backend does
+            not segment it.
         keypoints: joints that the person detector found along with the boxes, or None.
         surfaces: semantic labels of the pixels, or None if the backend does not segment them.
         unposed: person-like boxes that are not among the N people, for the report of the result.
-        unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the scene as those of people
-            are. Or None.
-        objects: (K, H, W) bool, visible pixels of each thing that one person can carry: a ball, a cup, a bag, a laptop.
-            Objects in hands and on laps are removed from the scene as people are. Or None if the backend does not look
-            for objects.
-        floor_candidates: (H, W) bool each, other masks that may be the ground, such as several beside the feet. The
-            pipeline weighs them.
-        heads: (N,) int, number of heads that the detector sees in each mask; two people may then be one. Or None if the
-            backend does not count them.
+        unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the
+            scene as those of people are. Or None.
+        objects: (K, H, W) bool, visible pixels of each thing that one person can carry: a ball, a
+            cup, a bag, a laptop. Objects in hands and on laps are removed from the scene as people
+            are. Or None if the backend does not look for objects.
+        floor_candidates: (H, W) bool each, other masks that may be the ground, such as several
+            beside the feet. The pipeline weighs them.
+        heads: (N,) int, number of heads that the detector sees in each mask; two people may then be
+            one. Or None if the backend does not count them.
         notes: plain sentences for the user ("left out what looks like a person ...").
     """
 
@@ -133,10 +142,13 @@ SURFACE_NAMES = (
     "object",
     "person",
 )
-"""Vocabulary of :class:`SurfaceLabels`. "floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand.
-"wall" includes doors, curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or
-stool. "cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass. "object" is
-anything without another name."""
+"""Vocabulary of :class:`SurfaceLabels`.
+
+"floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand. "wall" includes doors,
+curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or stool.
+"cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass.
+"object" is anything without another name.
+"""
 
 
 @dataclass(frozen=True)
@@ -145,7 +157,8 @@ class SurfaceLabels(ShortRepr):
 
     Attributes:
         labels: (H, W) uint8, index into ``names``.
-        names: of the labels, each one of :data:`SURFACE_NAMES`. Names that the backend never uses may be omitted.
+        names: of the labels, each one of :data:`SURFACE_NAMES`. Names that the backend never uses
+            may be omitted.
     """
 
     labels: UInt8Array
@@ -161,7 +174,10 @@ class SurfaceLabels(ShortRepr):
 
         unknown = [name for name in names if name not in SURFACE_NAMES]
         if unknown:
-            raise ValueError(f"no surface is named {', '.join(map(repr, unknown))}: use {', '.join(SURFACE_NAMES)}")
+            raise ValueError(
+                f"no surface is named {', '.join(map(repr, unknown))}: use "
+                f"{', '.join(SURFACE_NAMES)}"
+            )
         chosen = np.array([name in names for name in self.names], bool)
         return np.asarray(chosen[self.labels])
 
@@ -186,7 +202,9 @@ class PeoplePrompt(ShortRepr):
         return len(self.points) + len(self.boxes) + (0 if self.masks is None else len(self.masks))
 
     def describe(self, index: int) -> str:
-        """Return the number and the px of a prompt as text for messages, such as "point 1 (310, 42)"."""
+        """Return the number and the px of a prompt as text for messages, such as "point 1 (310,
+        42)".
+        """
         if index < len(self.points):
             return f"point {index + 1} ({', '.join(f'{v:.0f}' for v in self.points[index])})"
         index -= len(self.points)

@@ -1,4 +1,6 @@
-"""Records of a run: backends, stages with their times, results of self-checks, and files of exports."""
+"""Records of a run: backends, stages with their times, results of self-checks, and files of
+exports.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ class StageRecord:
         seconds: without loading weights.
         load_seconds: time to load weights.
         provenance: the backend, or None for a stage of the engine.
-        cached: whether the result was read from the cache; the backend was then neither loaded nor called.
+        cached: whether the result was read from the cache; the backend was then neither loaded nor
+            called.
         failed: whether the backend failed; an optional backend's failure does not end the run.
     """
 
@@ -50,7 +53,13 @@ class StageRecord:
 
 
 _YES = "1: yes"
-_UNITS = {"share": (100, " %", 0), "log": (100, " %", 0), "m": (1, " m", 2), "deg": (1, "°", 0), "count": (1, "", 0)}
+_UNITS = {
+    "share": (100, " %", 0),
+    "log": (100, " %", 0),
+    "m": (1, " m", 2),
+    "deg": (1, "°", 0),
+    "count": (1, "", 0),
+}
 """Factor, symbol and digits after the point of each unit of checks."""
 
 
@@ -68,7 +77,9 @@ class CheckState(StrEnum):
 
 
 class Grade(StrEnum):
-    """Reliability of a result by its self-checks; docs/checks.md states how often each grade is right."""
+    """Reliability of a result by its self-checks; docs/checks.md states how often each grade is
+    right.
+    """
 
     GOOD = "good"
     """All checks that the grade needs were measured and are ok."""
@@ -82,7 +93,8 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of one self-check of a reconstruction; :mod:`physic_core.pipeline.checks` lists all checks.
+    """Result of one self-check of a reconstruction; :mod:`physic_core.pipeline.checks` lists all
+    checks.
 
     Attributes:
         name: of the check; stable, so that results can be filtered by it.
@@ -91,11 +103,12 @@ class CheckResult:
         threshold: the bound on ``value``.
         direction: whether ``value`` must be "at most" or "at least" the threshold.
         unit: of value and threshold.
-        message: what is wrong and what to do if the check failed; the reason if nothing was measured; else the check
-            as text.
+        message: what is wrong and what to do if the check failed; the reason if nothing was
+            measured; else the check as text.
         person: index into ``Reconstruction.people``, or None if the check is about the photo.
         label: the name that readers see; "" if ``title`` is the name in words.
-        share_of: what a value of unit "share" is a share of: "the box diagonal"; "" if the label says it.
+        share_of: what a value of unit "share" is a share of: "the box diagonal"; "" if the label
+            says it.
     """
 
     name: str
@@ -113,7 +126,9 @@ class CheckResult:
         object.__setattr__(self, "state", CheckState(self.state))
 
     def __str__(self) -> str:
-        """Return label, value and bound: "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)"."""
+        """Return label, value and bound: "Limbs off their keypoints: 3.3 % of the box diagonal
+        (limit 3.5 %)".
+        """
         bound = "" if self.value is None else f" ({self.bound_text})"
         return f"{self.title}: {self.value_text}{bound}"
 
@@ -124,13 +139,16 @@ class CheckResult:
 
     @property
     def value_text(self) -> str:
-        """The value with its unit: "3.3 % of the box diagonal", "0.04 m", "yes"; or "not measured"."""
+        """The value with its unit: "3.3 % of the box diagonal", "0.04 m", "yes"; or "not
+        measured".
+        """
         if self.value is None:
             return "not measured"
         if self.unit == _YES:
             return "yes" if self.value >= 1 else "no"
         factor, symbol, digits = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
-        value, bound = factor * self.value, factor * self.threshold
+        value = factor * self.value
+        bound = factor * self.threshold
         digits += factor == 100 and abs(value) < 10
         # A failed value does not look like its bound.
         while value != bound and round(value, digits) == round(bound, digits) and digits < 4:
@@ -145,7 +163,10 @@ class CheckResult:
         if self.unit == _YES:
             return "must be yes"
         factor, symbol, _ = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
-        return f"{'limit' if self.direction == 'at most' else 'at least'} {factor * self.threshold:.4g}{symbol}"
+        return (
+            f"{'limit' if self.direction == 'at most' else 'at least'} "
+            f"{factor * self.threshold:.4g}{symbol}"
+        )
 
     @property
     def ok(self) -> bool:
@@ -159,12 +180,20 @@ class CheckResult:
 
 
 def summarize_checks(checks: Sequence[CheckResult]) -> str:
-    """Return how many checks failed, were not measured, and are ok: "2 failed, 3 not measured, 24 ok"."""
+    """Return how many checks failed, were not measured, and are ok: "2 failed, 3 not measured, 24
+    ok".
+    """
     if not checks:
         return "no checks were run"
     count = Counter(check.state for check in checks)
-    words = ((CheckState.FAILED, "failed"), (CheckState.UNKNOWN, "not measured"), (CheckState.OK, "ok"))
-    return ", ".join(f"{count[state]} {word}" for state, word in words if count[state] or state is CheckState.OK)
+    words = (
+        (CheckState.FAILED, "failed"),
+        (CheckState.UNKNOWN, "not measured"),
+        (CheckState.OK, "ok"),
+    )
+    return ", ".join(
+        f"{count[state]} {word}" for state, word in words if count[state] or state is CheckState.OK
+    )
 
 
 @dataclass(frozen=True)

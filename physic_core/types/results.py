@@ -1,7 +1,8 @@
-"""Result of a run: scene, people and contacts; its row in a table of photos, and those of its people.
+"""Result of a run: scene, people and contacts; its row in a table of photos, and those of its
+people.
 
-The row of a person says how far to trust the body, where it is, how tall it is, and what it touches. The main people
-count for the grade of a photo.
+The row of a person says how far to trust the body, where it is, how tall it is, and what it
+touches. The main people count for the grade of a photo.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ class Scene(ShortRepr):
 class Person(ShortRepr):
     """Body, contacts and detections of one person, metres, camera frame.
 
-    If the body estimator failed for a person, parameters, vertices and joints are NaN and no vertex is in contact.
+    If the body estimator failed for a person, parameters, vertices and joints are NaN and no vertex
+    is in contact.
 
     Attributes:
         box: (4,) px, x0 y0 x1 y1.
@@ -79,27 +81,29 @@ class Person(ShortRepr):
         vertices: (V, 3) float32.
         joints: (55, 3) float32.
         contact: (V,) bool.
-        distance: (V,) float32, signed distance to the floor, or to the scene before inpainted points were moved out of
-            people: negative inside, inf beyond the search radius.
-        contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
-            over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``. None if the preset estimates
-            none.
-        contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``, :data:`NO_PARTNER` for vertices
-            that are not in contact. None if the contacts were not assigned to partners.
+        distance: (V,) float32, signed distance to the floor, or to the scene before inpainted
+            points were moved out of people: negative inside, inf beyond the search radius.
+        contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact``
+            is this probability over ``[engine.contact] threshold``, or that of skin over
+            ``skin_threshold``. None if the preset estimates none.
+        contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``,
+            :data:`NO_PARTNER` for vertices that are not in contact. None if the contacts were not
+            assigned to partners.
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
-        world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene, or a support that the
-            photo does not show. Own body, other people and held objects do not count. Parts that ``contacts`` does not
-            list are included; "seat" is the buttocks and both thighs. None without a body, and if the preset estimates
-            none.
+        world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene,
+            or a support that the photo does not show. Own body, other people and held objects do
+            not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
+            and both thighs. None without a body, and if the preset estimates none.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None without grades.
         age: years, as given; None where unknown.
         stature: standing height of the body from soles to crown, metres; None without a body.
-        stature_sigma: standard deviation of log(stature), which includes children among people of unknown age; None
-            without a body.
-        faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
+        stature_sigma: standard deviation of log(stature), which includes children among people of
+            unknown age; None without a body.
+        faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
+            the person.
     """
 
     box: FloatArray = field(metadata=shape(4))
@@ -126,10 +130,11 @@ class Person(ShortRepr):
     stature_sigma: float | None = None
 
     def mesh(self) -> Any:
-        """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
+        """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z
+        forward).
 
-        Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m, and "contact_probability" (V,)
-        and "contact_partner" (V,) if the result has them.
+        Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m, and
+        "contact_probability" (V,) and "contact_partner" (V,) if the result has them.
 
         Raises:
             InputError: the person has no body, or is not part of a ``Reconstruction``.
@@ -138,13 +143,22 @@ class Person(ShortRepr):
         import trimesh
 
         if self.faces is None:
-            raise InputError("this person has no faces: take it from the people of a Reconstruction")
+            raise InputError(
+                "this person has no faces: take it from the people of a Reconstruction"
+            )
         if not np.isfinite(self.vertices).all():
-            raise InputError("this person has no body: the body estimator returned no finite values for them")
+            raise InputError(
+                "this person has no body: the body estimator returned no finite values for them"
+            )
         attributes = {"contact": self.contact, "distance": self.distance}
-        optional = {"contact_probability": self.contact_probability, "contact_partner": self.contact_partner}
+        optional = {
+            "contact_probability": self.contact_probability,
+            "contact_partner": self.contact_partner,
+        }
         attributes |= {name: values for name, values in optional.items() if values is not None}
-        return trimesh.Trimesh(self.vertices, self.faces, vertex_attributes=attributes, process=False)
+        return trimesh.Trimesh(
+            self.vertices, self.faces, vertex_attributes=attributes, process=False
+        )
 
 
 @dataclass(frozen=True)
@@ -154,25 +168,28 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: best detection score first, or in the order of the user's choice; empty for a scene alone.
+        people: best detection score first, or in the order of the user's choice; empty for a scene
+            alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
         stages: in order.
         diagnostics: numbers reported by the engine, by stage.
-        warnings: messages of failed ``checks`` of the photo, and of those that left a person without a position or a
-            body.
+        warnings: messages of failed ``checks`` of the photo, and of those that left a person
+            without a position or a body.
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
-        grade: how far the result can be trusted: the worst of the grades of its main people, who are at least half as
-            large in the photo as the largest one, and of the photo's own checks. None without grades.
+        grade: how far the result can be trusted: the worst of the grades of its main people, who
+            are at least half as large in the photo as the largest one, and of the photo's own
+            checks. None without grades.
         photo: digest of the photo file, or of the pixels of a photo without a file.
         photo_name: name of the photo file, without its folder; empty for a photo without a file.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
-        contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
+        contact_partners: everything that people touch; ``Person.contact_partner`` has indices into
+            it.
         file_size: width and height of the upright photo file, px; None if unknown.
     """
 
@@ -203,44 +220,63 @@ class Reconstruction(ShortRepr):
 
     @property
     def distance_sigma(self) -> float | None:
-        """Standard deviation of the logarithm of all distances in the scene, by the stated errors of scale and focal
-        length; None if the scale has none."""
+        """Standard deviation of the logarithm of all distances in the scene, by the stated errors
+        of scale and focal length; None if the scale has none.
+        """
         sigma = self.scene.scale_sigma
-        return None if sigma is None else math.hypot(sigma, 0.0 if self.scene.measured else self._focal_sigma)
+        return (
+            None
+            if sigma is None
+            else math.hypot(sigma, 0.0 if self.scene.measured else self._focal_sigma)
+        )
 
     @property
     def distance_sigmas(self) -> tuple[float | None, ...]:
-        """The same for each person's distance from the camera, by the larger error of scale and stature, or that of a
-        measured depth; None where no error is stated."""
+        """The same for each person's distance from the camera, by the larger error of scale and
+        stature, or that of a measured depth; None where no error is stated.
+        """
         if self.scene.measured:
             return tuple(self._sigma_by_measured_depth(person) for person in self.people)
         own = (person.stature_sigma for person in self.people)
-        known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)
-        return tuple(math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known)
+        known = (
+            [sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own
+        )
+        return tuple(
+            math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known
+        )
 
     def file_pixels(self, pixels: FloatArray) -> FloatArray:
-        """Return the pixels (..., 2) of the upright photo file that show the same as pixels of ``image``."""
+        """Return the pixels (..., 2) of the upright photo file that show the same as pixels of
+        ``image``.
+        """
         import numpy as np
 
         if self.lens is not None:
             return self.lens.file_pixels(pixels, self.intrinsics)
         size = self.image.shape[1::-1]
-        return (np.asarray(pixels, np.float64) + 0.5) * np.divide(self.file_size or size, size) - 0.5
+        return (np.asarray(pixels, np.float64) + 0.5) * np.divide(
+            self.file_size or size, size
+        ) - 0.5
 
     @property
     def _focal_sigma(self) -> float:
         return 0.0 if self.intrinsics.known else self.intrinsics.focal_sigma or 0.0
 
     def _sigma_by_measured_depth(self, person: Person) -> float | None:
-        """Return the error of a distance by a measured depth; its part across z depends on the focal length."""
-        distance, sigma = pelvis_distance_m(person), self.scene.scale_sigma
+        """Return the error of a distance by a measured depth; its part across z depends on the
+        focal length.
+        """
+        distance = pelvis_distance_m(person)
+        sigma = self.scene.scale_sigma
         if distance is None or sigma is None:
             return sigma
         across = 1 - (float(person.joints[0, 2]) / distance) ** 2
         return math.hypot(sigma, self._focal_sigma * across)
 
     def __repr__(self) -> str:
-        people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
+        people = len(self.people)
+        warnings = len(self.warnings)
+        sigma = self.scene.scale_sigma
         parts = (
             "1 person" if people == 1 else f"{people} people",
             *([f"{len(self.unposed)} without a body"] if self.unposed else []),
@@ -252,28 +288,34 @@ class Reconstruction(ShortRepr):
         return f"Reconstruction({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
-        """Return the preview as an HTML image, which notebooks show; rendering it takes about a second."""
+        """Return the preview as an HTML image, which notebooks show; rendering it takes about a
+        second.
+        """
         import base64
 
         picture = base64.b64encode(_public_function("preview_png")(self)).decode()
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
-        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, metres, camera frame."""
+        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, metres, camera
+        frame.
+        """
         import trimesh
 
         valid = self.scene.valid
         return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
 
     def summary(self) -> dict[str, float | int | str | None]:
-        """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.
+        """Return a flat dictionary, as one row of a table: the grade and numbers, None where not
+        measured.
 
-        Keys: grade, people (bodies: those with a finite body), failed_checks, unknown_checks, warnings,
-        nearest_person_m and farthest_person_m (of the pelvis from the camera), distance_sigma, scene_scale,
-        scale_sigma, floor_found, scene_valid_share, contacts (likely pairs of a body part and what it touches, of all
-        people), ``contacts_with_KIND`` (of these, those with floor, scene, person, self, hidden or object),
-        vertices_in_contact, focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
-        each self-check, the worst value of all people.
+        Keys: grade, people (bodies: those with a finite body), failed_checks, unknown_checks,
+        warnings, nearest_person_m and farthest_person_m (of the pelvis from the camera),
+        distance_sigma, scene_scale, scale_sigma, floor_found, scene_valid_share, contacts (likely
+        pairs of a body part and what it touches, of all people), ``contacts_with_KIND`` (of these,
+        those with floor, scene, person, self, hidden or object), vertices_in_contact, focal_px,
+        focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for each
+        self-check, the worst value of all people.
         """
         values = {name: value(self) for name, value in _SUMMARY.items()}
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
@@ -282,13 +324,16 @@ class Reconstruction(ShortRepr):
         return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
 
     def save(self, folder: str, save: str = "pictures", *, overwrite: bool = False) -> None:
-        """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and ``preview.png`` to a folder.
+        """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and
+        ``preview.png`` to a folder.
 
         Args:
-            folder: created if it does not exist. An earlier result of the same photo in it is replaced.
-            save: "pictures"; "numbers" for the first two files alone; "people" without photo and scene in the arrays.
-            overwrite: whether to replace the result of another photo. Edited files of a result are kept beside the new
-                ones, and files that no run wrote are never replaced.
+            folder: created if it does not exist. An earlier result of the same photo in it is
+                replaced.
+            save: "pictures"; "numbers" for the first two files alone; "people" without photo and
+                scene in the arrays.
+            overwrite: whether to replace the result of another photo. Edited files of a result are
+                kept beside the new ones, and files that no run wrote are never replaced.
 
         Raises:
             ConfigError: ``save`` is not valid.
@@ -297,7 +342,8 @@ class Reconstruction(ShortRepr):
         _public_function("save_reconstruction")(self, folder, save, overwrite=overwrite)
 
     def report(self, path: str, title: str = "") -> None:
-        """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser without a network.
+        """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser
+        without a network.
 
         Args:
             path: of the HTML file; an earlier page of PhySIC is replaced.
@@ -328,28 +374,36 @@ class Reconstruction(ShortRepr):
         return page
 
     def to_pandas(self) -> Any:
-        """Return the rows of ``people.csv``, see :func:`person_rows`, as a ``pandas.DataFrame``; pandas is yours."""
+        """Return the rows of ``people.csv``, see :func:`person_rows`, as a ``pandas.DataFrame``;
+        pandas is yours.
+        """
         import pandas
 
         return pandas.DataFrame(person_rows(self), columns=list(_ROW))
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
-        """Write a file of another program's format: a skinned GLB, or a format of an installed plugin.
+        """Write a file of another program's format: a skinned GLB, or a format of an installed
+        plugin.
 
         Args:
             path: of the file, or a folder, which then needs ``format``.
             format: "glb", "amass", ...; None for that of the suffix.
-            options: ``person`` (index or indices), ``up`` ("y", "z", "camera"), ``scene``, ``body_model`` (SMPL-X file
-                of yours) and ``overwrite``, as in :func:`physic_core.export_reconstruction`, and options of the format.
+            options: ``person`` (index or indices), ``up`` ("y", "z", "camera"), ``scene``,
+                ``body_model`` (SMPL-X file of yours) and ``overwrite``, as in
+                :func:`physic_core.export_reconstruction`, and options of the format.
 
         Returns:
-            ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was omitted.
+            ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was
+            omitted.
 
         Raises:
-            InputError: the format is unknown, the result does not have what it needs, or a library is missing.
+            InputError: the format is unknown, the result does not have what it needs, or a library
+                is missing.
             OutputError: a file exists already, or cannot be written.
         """
-        exported: Exported = _public_function("export_reconstruction")(self, path, format, **options)
+        exported: Exported = _public_function("export_reconstruction")(
+            self, path, format, **options
+        )
         return exported
 
     @classmethod
@@ -365,11 +419,15 @@ class Reconstruction(ShortRepr):
 
 def _distances_m(result: Reconstruction) -> list[float]:
     """Return the distance of each person with a body."""
-    return [distance for person in result.people if (distance := pelvis_distance_m(person)) is not None]
+    return [
+        distance for person in result.people if (distance := pelvis_distance_m(person)) is not None
+    ]
 
 
 def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
-    """Return how many pairs of a body part and a partner of these kinds probably touch; None without partners."""
+    """Return how many pairs of a body part and a partner of these kinds probably touch; None
+    without partners.
+    """
     if any(person.contact_partner is None for person in result.people):
         return None
     likely = [contact for person in result.people for contact in person.contacts if contact.likely]
@@ -392,7 +450,9 @@ _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "scene_valid_share": lambda result: float(result.scene.valid.mean()),
     "contacts": _touched,
     **{f"contacts_with_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
-    "vertices_in_contact": lambda result: sum(int(person.contact.sum()) for person in result.people),
+    "vertices_in_contact": lambda result: sum(
+        int(person.contact.sum()) for person in result.people
+    ),
     "focal_px": lambda result: result.intrinsics.fy,
     "focal_known": lambda result: int(result.intrinsics.known),
     "width_px": lambda result: result.intrinsics.width,
@@ -415,14 +475,18 @@ def _worst(checks: list[CheckResult]) -> float | None:
 def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
 
-    Keys: person (index into the people of the result), main (True if the grade of the photo counts this person), grade,
-    why (the checks that failed, with their values; if none, and the grade is not good, those not measured), distance_m
-    (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and stature_sigma_m (standard
-    deviations), contacts (body parts that are likely, one half or more, to touch something, each with what it touches
-    and its probability) and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance
+    Keys: person (index into the people of the result), main (True if the grade of the photo counts
+    this person), grade, why (the checks that failed, with their values; if none, and the grade is
+    not good, those not measured), distance_m (of the pelvis from the camera), stature_m (standing
+    height), distance_sigma_m and stature_sigma_m (standard deviations), contacts (body parts that
+    are likely, one half or more, to touch something, each with what it touches and its probability)
+    and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance
     and stature are None without a body.
     """
-    return [{name: value(result, index) for name, value in _ROW.items()} for index in range(len(result.people))]
+    return [
+        {name: value(result, index) for name, value in _ROW.items()}
+        for index in range(len(result.people))
+    ]
 
 
 def _why(result: Reconstruction, index: int) -> str:
@@ -440,13 +504,16 @@ def pelvis_distance_m(person: Person) -> float | None:
 
 
 def distance_m(point: Sequence[float] | None) -> float | None:
-    """Return the distance of a point x, y, z from the camera, metres; None for None and for a point that is not
-    finite."""
+    """Return the distance of a point x, y, z from the camera, metres; None for None and for a point
+    that is not finite.
+    """
     return math.hypot(*point) if point is not None and all(map(math.isfinite, point)) else None
 
 
 def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
-    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
+    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is
+    not known.
+    """
     return None if metres is None or log_sigma is None else metres * log_sigma
 
 
@@ -479,7 +546,8 @@ _MAIN_SHARE = 0.5
 
 
 def main_people(boxes: Sequence[FloatArray] | FloatArray) -> tuple[int, ...]:
-    """Return the indices of the main people: those at least half as large in the photo as the largest one.
+    """Return the indices of the main people: those at least half as large in the photo as the
+    largest one.
 
     The size is the longer side of the box: people who lie are as large as people who stand.
 
@@ -505,6 +573,8 @@ def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
 
 
 def _public_function(name: str) -> Callable[..., Any]:
-    """Return a function of the package by its public name, so that this module imports no writer and no reader."""
+    """Return a function of the package by its public name, so that this module imports no writer
+    and no reader.
+    """
     function: Callable[..., Any] = getattr(import_module(__name__.partition(".")[0]), name)
     return function

@@ -12,7 +12,9 @@ _MAX_TEXT_LENGTH = 60
 
 
 class ShortRepr:
-    """Base class of dataclasses with arrays; their ``repr`` prints dtype and shape of each array."""
+    """Base class of dataclasses with arrays; their ``repr`` prints dtype and shape of each
+    array.
+    """
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
@@ -21,7 +23,8 @@ class ShortRepr:
 
 
 def _repr(self: Any) -> str:
-    return f"{type(self).__name__}({', '.join(f'{f.name}={_format(getattr(self, f.name))}' for f in fields(self))})"
+    shown = ", ".join(f"{f.name}={_format(getattr(self, f.name))}" for f in fields(self))
+    return f"{type(self).__name__}({shown})"
 
 
 def _format(value: Any) -> str:

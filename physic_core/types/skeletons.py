@@ -21,16 +21,18 @@ class Skeleton(ShortRepr):
 
     Attributes:
         name: for messages and results ("coco17").
-        names: J names in the detector's order. Joints of SMPL-X ("left_knee") and picked surface points ("nose",
-            "left_heel") lie on the body by their name: see ``physic_core.body.landmarks.BODY_POINTS``.
-        on_body: point -> {point of the body: share of the distance from the point itself to it}. A point with a name
-            of its own needs shares that sum to 1; ``{}``
-            means that the body model does not have the point: it is not fitted.
-        weights: point -> factor on its confidence in the reprojection error; 1 where it is not given.
+        names: J names in the detector's order. Joints of SMPL-X ("left_knee") and picked surface
+            points ("nose", "left_heel") lie on the body by their name: see
+            ``physic_core.body.landmarks.BODY_POINTS``.
+        on_body: point -> {point of the body: share of the distance from the point itself to it}. A
+            point with a name of its own needs shares that sum to 1; ``{}`` means that the body
+            model does not have the point: it is not fitted.
+        weights: point -> factor on its confidence in the reprojection error; 1 where it is not
+            given.
 
     Raises:
-        ValueError: a name comes twice, a mapping names a point that is not in ``names``, or a number is not finite or
-            negative.
+        ValueError: a name comes twice, a mapping names a point that is not in ``names``, or a
+            number is not finite or negative.
     """
 
     name: str
@@ -40,14 +42,21 @@ class Skeleton(ShortRepr):
 
     def __post_init__(self) -> None:
         if twice := sorted({name for name in self.names if self.names.count(name) > 1}):
-            raise ValueError(f"the skeleton {self.name!r} names {', '.join(twice)} twice: give each point its own name")
+            raise ValueError(
+                f"the skeleton {self.name!r} names {', '.join(twice)} twice: give each point its "
+                f"own name"
+            )
         if strange := sorted({*self.on_body, *self.weights} - set(self.names)):
-            raise ValueError(f"the skeleton {self.name!r} has no point {', '.join(strange)}: add it to names")
+            raise ValueError(
+                f"the skeleton {self.name!r} has no point {', '.join(strange)}: add it to names"
+            )
         shares = [share for blend in self.on_body.values() for share in blend.values()]
         if not all(math.isfinite(number) for number in shares) or not all(
             math.isfinite(weight) and weight >= 0 for weight in self.weights.values()
         ):
-            raise ValueError(f"the skeleton {self.name!r} needs finite shares, and finite weights of at least 0")
+            raise ValueError(
+                f"the skeleton {self.name!r} needs finite shares, and finite weights of at least 0"
+            )
 
     def __hash__(self) -> int:
         return hash((self.name, self.names))
@@ -90,13 +99,26 @@ _COCO17 = (
     *_left_and_right("eye", "ear", suffix="_surface"),
     *_left_and_right("shoulder", "elbow", "wrist", "hip", "knee", "ankle"),
 )
-_COCO23 = (*_COCO17, *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel")))
+_COCO23 = (
+    *_COCO17,
+    *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel")),
+)
 _BLAZEPOSE33 = (
     "nose",
     *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
     *_left_and_right("ear", "mouth_corner", suffix="_surface"),
     *_left_and_right(
-        "shoulder", "elbow", "wrist", "pinky1", "index1", "thumb2", "hip", "knee", "ankle", "heel", "foot_tip"
+        "shoulder",
+        "elbow",
+        "wrist",
+        "pinky1",
+        "index1",
+        "thumb2",
+        "hip",
+        "knee",
+        "ankle",
+        "heel",
+        "foot_tip",
     ),
 )
 _FACE_POINTS = {
@@ -107,7 +129,9 @@ _FACE_POINTS = {
     48: "right_mouth_corner_surface",
     54: "left_mouth_corner_surface",
 }
-"""Those of 300-W's 68 face points that exist on the body model: not contour, brows, nose and lips."""
+"""Those of 300-W's 68 face points that exist on the body model: not contour, brows, nose and
+lips.
+"""
 
 
 def _standard(name: str, names: Sequence[str], not_on_body: Sequence[str] = ()) -> Skeleton:
@@ -116,15 +140,20 @@ def _standard(name: str, names: Sequence[str], not_on_body: Sequence[str] = ()) 
 
 def _wholebody133() -> Skeleton:
     face = tuple(_FACE_POINTS.get(i, f"face_point_{i}") for i in range(68))
-    roots = _left_and_right("hand_root")  # each wrist is marked twice, as the arm's end and as the hand's root
-    hands = tuple(name for side, root in zip(SIDES, roots, strict=True) for name in (root, *_hand(side)[1:]))
+    # each wrist is marked twice, as the arm's end and as the hand's root
+    roots = _left_and_right("hand_root")
+    hands = tuple(
+        name for side, root in zip(SIDES, roots, strict=True) for name in (root, *_hand(side)[1:])
+    )
     absent = [name for name in face if name.startswith("face_point")]
     return _standard("coco_wholebody133", (*_COCO23, *face, *hands), (*absent, *roots))
 
 
 def _halpe26() -> Skeleton:
     own = ("head_top", "neck_base", "hips_middle")
-    return _standard("halpe26", (*_COCO17, *own, *_left_and_right("big_toe", "small_toe", "heel")), own)
+    return _standard(
+        "halpe26", (*_COCO17, *own, *_left_and_right("big_toe", "small_toe", "heel")), own
+    )
 
 
 SKELETONS: Mapping[str, Skeleton] = {
@@ -135,18 +164,26 @@ SKELETONS: Mapping[str, Skeleton] = {
         _standard("blazepose33", _BLAZEPOSE33),
         _standard("openpose_hand21_left", _hand("left")),
         _standard("openpose_hand21_right", _hand("right")),
-        _standard("wholebody69", (*_COCO23, *_FACE_POINTS.values(), *_hand("left")[1:], *_hand("right")[1:])),
+        _standard(
+            "wholebody69",
+            (*_COCO23, *_FACE_POINTS.values(), *_hand("left")[1:], *_hand("right")[1:]),
+        ),
         _wholebody133(),
         _halpe26(),
     )
 }
-"""Standard skeletons by name, without calibration to a network. "coco23" is COCO-17 with the six foot points of
-COCO-WholeBody; "wholebody69" are the points of COCO-WholeBody that exist on the body model. A hand is the wrist, then
-thumb, index, middle, ring and pinky, each from base to tip: the order of OpenPose and of MediaPipe."""
+"""Standard skeletons by name, without calibration to a network.
+
+"coco23" is COCO-17 with the six foot points of COCO-WholeBody; "wholebody69" are the points of
+COCO-WholeBody that exist on the body model. A hand is the wrist, then thumb, index, middle, ring
+and pinky, each from base to tip: the order of OpenPose and of MediaPipe.
+"""
 
 
 def is_finger(name: str) -> bool:
-    """Return whether a point is a joint or the tip of a finger, by its name ("left_index1", "right_thumb_tip")."""
+    """Return whether a point is a joint or the tip of a finger, by its name ("left_index1",
+    "right_thumb_tip").
+    """
     finger = name.removeprefix("left_").removeprefix("right_")
     return finger.startswith(_FINGERS) and (finger[-1].isdigit() or finger.endswith("_tip"))
 

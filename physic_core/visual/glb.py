@@ -1,9 +1,9 @@
 """GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
-The scene is textured with the photo without people, and unlit, since a photo contains its own light. So is the
-backdrop, a part of a sphere that shows what is farther. So are people; what no photo shows of them is guessed, and
-darker. Variants of their material (KHR_materials_variants) are plain, and show contact, which is an attribute of their
-vertices too.
+The scene is textured with the photo without people, and unlit, since a photo contains its own
+light. So is the backdrop, a part of a sphere that shows what is farther. So are people; what no
+photo shows of them is guessed, and darker. Variants of their material (KHR_materials_variants) are
+plain, and show contact, which is an attribute of their vertices too.
 """
 
 from __future__ import annotations
@@ -34,7 +34,12 @@ from physic_core.visual.palette import (
 from physic_core.visual.rig import Rig, bound_in_pose, rigs
 from physic_core.visual.supports import SLAB_FACES, assumed_supports
 from physic_core.visual.surface import BACKDROP, SceneMesh, scene_meshes, scene_reach, unit_normals
-from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
+from physic_core.visual.textures.dressed import (
+    GUESSED,
+    dressed_bodies,
+    dressed_images,
+    image_of_vertices,
+)
 from physic_core.visual.textures.photo import encode_image
 from physic_core.visual.textures.shoes import with_shoes
 
@@ -52,12 +57,15 @@ SKINS = ("photo", "neutral", "contact")
 """Variants of the material of a person."""
 
 _CONTACT_TEXELS = 256
-"""Texels along a side of the picture of contact; one is 7 mm of skin, and vertices are 1 to 2 cm apart."""
+"""Texels along a side of the picture of contact; one is 7 mm of skin, and vertices are 1 to 2 cm
+apart.
+"""
 
 _PART_VERTICES = 60_000
 """Vertices of a part of the scene: with the next row of pixels, their indices are of 16 bits."""
 
-_FLOOR_OPACITY, _ASSUMED_OPACITY = 0.35, 0.6
+_FLOOR_OPACITY = 0.35
+_ASSUMED_OPACITY = 0.6
 
 
 @dataclass(frozen=True)
@@ -90,7 +98,8 @@ class _Background:
         backdrop: what is farther, see :func:`mesh_backdrop`, in the camera frame.
         jpeg: the photo without people.
         size: width and height of this picture, px.
-        floor: vertices and faces of what is drawn of it, see :func:`drawn_floor`; None without a floor.
+        floor: vertices and faces of what is drawn of it, see :func:`drawn_floor`; None without a
+            floor.
     """
 
     surface: SceneMesh
@@ -101,14 +110,20 @@ class _Background:
 
 
 def combined_glb(result: Reconstruction) -> bytes:
-    """Return the content of ``combined.glb``: the file that :func:`export_glb` writes, also without a body model.
+    """Return the content of ``combined.glb``: the file that :func:`export_glb` writes, also without
+    a body model.
 
-    Bodies of SMPL-X files have no skeleton here, and ``extras`` of the scene states why: their skinning weights are the
-    user's, and not copied unasked.
+    Bodies of SMPL-X files have no skeleton here, and ``extras`` of the scene states why: their
+    skinning weights are the user's, and not copied unasked.
     """
-    posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
-    request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
-    skins, reason = dict[int, Rig](), ""
+    posed = tuple(
+        index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all()
+    )
+    request = ExportRequest(
+        result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb"
+    )
+    skins = dict[int, Rig]()
+    reason = ""
     if result.body_model == "embedded":
         try:
             skins = _posed_rigs(request)
@@ -116,13 +131,17 @@ def combined_glb(result: Reconstruction) -> bytes:
             reason = str(error)
     else:
         reason = "it is in a file of yours; `physic export --to glb` writes it"
-    return build_glb(request, textured_scene(result, request.frame), skins, add_dressed, reason).content()
+    return build_glb(
+        request, textured_scene(result, request.frame), skins, add_dressed, reason
+    ).content()
 
 
 def export_glb(request: ExportRequest) -> ExportedFiles:
-    """Return a GLB file; its people are skinned meshes with the names and the order of the SMPL-X joints.
+    """Return a GLB file; its people are skinned meshes with the names and the order of the SMPL-X
+    joints.
 
-    The meshes are bound in the pose of the photo: readers without skinning show people at their place.
+    The meshes are bound in the pose of the photo: readers without skinning show people at their
+    place.
 
     Raises:
         InputError: the skeleton of the bodies is not known.
@@ -137,7 +156,9 @@ def _posed_rigs(request: ExportRequest) -> dict[int, Rig]:
     """Return person -> rig whose bind pose is that of the photo."""
     skins = {}
     for index, rig in rigs(request):
-        vertices = transform_points(request.frame.from_camera, request.result.people[index].vertices)
+        vertices = transform_points(
+            request.frame.from_camera, request.result.people[index].vertices
+        )
         skins[index] = bound_in_pose(rig, vertices)
     return skins
 
@@ -148,22 +169,31 @@ def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ..
     for index, rig in skins.items():
         lost = float(1 - skin_influences(rig.weights)[1].sum(1).min())
         if lost > _WEIGHT_LOSS:
-            notes.append(f"person {index}: skinning weights beyond eight joints are skipped (at most {lost:.3f})")
+            notes.append(
+                f"person {index}: skinning weights beyond eight joints are skipped (at most "
+                f"{lost:.3f})"
+            )
     camera = request.result.intrinsics
     offset = math.dist(((camera.width - 1) / 2, (camera.height - 1) / 2), (camera.cx, camera.cy))
     if offset > 1.0:
         notes.append(
-            f"the principal point is {offset:.0f} px from the image centre, which a glTF camera cannot state: "
+            f"the principal point is {offset:.0f} px from the image centre, which a glTF camera "
+            f"cannot state: "
             "a render of the camera is shifted by that"
         )
     return tuple(notes)
 
 
-def body_material(name: str, rgb: tuple[int, int, int] | None = None, texture: int | None = None) -> dict[str, Any]:
+def body_material(
+    name: str, rgb: tuple[int, int, int] | None = None, texture: int | None = None
+) -> dict[str, Any]:
     """Return a matte material with an sRGB colour or the index of a texture."""
     surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
     if rgb is not None:
-        surface["baseColorFactor"] = [*linear_from_srgb(np.array(rgb, np.uint8)).round(4).tolist(), 1.0]
+        surface["baseColorFactor"] = [
+            *linear_from_srgb(np.array(rgb, np.uint8)).round(4).tolist(),
+            1.0,
+        ]
     if texture is not None:
         surface["baseColorTexture"] = {"index": texture}
     return {"name": name, "pbrMetallicRoughness": surface}
@@ -178,7 +208,8 @@ def photo_appearance(
     shown: float,
     skin: str = SKINS[0],
 ) -> Appearance:
-    """Add the textures of a person, and return its materials as variants, and the texture coordinates.
+    """Add the textures of a person, and return its materials as variants, and the texture
+    coordinates.
 
     Args:
         glb: the file.
@@ -190,10 +221,20 @@ def photo_appearance(
         skin: the variant of :data:`SKINS` that is shown by programs that do not know variants.
     """
     own = body_material(name, texture=glb.texture(photo, "image/jpeg", name))
-    own |= {"extensions": {"KHR_materials_unlit": {}}, "extras": {"share_from_photo": round(shown, 4)}}
+    own |= {
+        "extensions": {"KHR_materials_unlit": {}},
+        "extras": {"share_from_photo": round(shown, 4)},
+    }
     picture = glb.texture(*contact, f"{name}_contact")
-    materials = (own, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
-    mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
+    materials = (
+        own,
+        body_material("body", BODY_RGB),
+        body_material(f"{name}_contact", texture=picture),
+    )
+    mappings = [
+        {"material": glb.material(one), "variants": [number]}
+        for number, one in enumerate(materials)
+    ]
     uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
     return Appearance(
         materials[SKINS.index(skin)],
@@ -205,13 +246,19 @@ def photo_appearance(
 
 
 def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearance:
-    """Return a body in the photo's colours and guessed ones; without a texture, vertices have colours."""
-    dressed, name, person = dressed_bodies(request.result), f"person_{index}", request.result.people[index]
+    """Return a body in the photo's colours and guessed ones; without a texture, vertices have
+    colours.
+    """
+    dressed = dressed_bodies(request.result)
+    name = f"person_{index}"
+    person = request.result.people[index]
     if dressed.mesh is not None:
         touched = painted_contact(person, request.result.contact_partners)
         contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
-        return photo_appearance(glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index])
+        return photo_appearance(
+            glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index]
+        )
     linear = np.ones((len(person.vertices), 4))
     linear[:, :3] = linear_from_srgb(dressed.colors[index])
     colors = glb.accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
@@ -235,7 +282,9 @@ def build_glb(
         look: called with the file, to which it can add textures, and the person.
         reason: why others get no skeleton.
     """
-    glb, result, frame = GlbBuilder(generator="PhySIC"), request.result, request.frame
+    glb = GlbBuilder(generator="PhySIC")
+    result = request.result
+    frame = request.frame
     nodes: list[int] = []
     if background is not None:
         nodes += _add_scene(glb, background, request)
@@ -264,11 +313,16 @@ def build_glb(
         extras["no_skeleton"] = reason
     glb.tree["scenes"] = [{"name": "physic", "nodes": nodes, "extras": extras}]
     glb.tree["scene"] = 0
-    if any("KHR_materials_unlit" in material.get("extensions", ()) for material in glb.tree.get("materials", ())):
+    if any(
+        "KHR_materials_unlit" in material.get("extensions", ())
+        for material in glb.tree.get("materials", ())
+    ):
         _use(glb, "KHR_materials_unlit")
     if any("extensions" in mesh["primitives"][0] for mesh in glb.tree.get("meshes", ())):
         _use(glb, "KHR_materials_variants")
-        glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": skin} for skin in SKINS]}}
+        glb.tree["extensions"] = {
+            "KHR_materials_variants": {"variants": [{"name": skin} for skin in SKINS]}
+        }
     return glb
 
 
@@ -276,10 +330,14 @@ def _use(glb: GlbBuilder, extension: str) -> None:
     glb.tree["extensionsUsed"] = sorted({*glb.tree.get("extensionsUsed", ()), extension})
 
 
-def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Return joints and weights (V, 4) or (V, 8) of each vertex: the largest, normalised if little was lost.
+def skin_influences(
+    weights: NDArray[np.floating[Any]],
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return joints and weights (V, 4) or (V, 8) of each vertex: the largest, normalised if little
+    was lost.
 
-    Eight are used if more than 0.001 of a vertex lies beyond four. A joint of weight 0 is 0, as glTF demands.
+    Eight are used if more than 0.001 of a vertex lies beyond four. A joint of weight 0 is 0, as
+    glTF demands.
     """
     order = np.argsort(-weights, axis=1, kind="stable")
     ranked = np.take_along_axis(weights, order, 1)
@@ -289,11 +347,21 @@ def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint
     return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Appearance) -> list[int]:
-    """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
-    name, person, result = f"person_{index}", request.result.people[index], request.result
+def _add_person(
+    glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Appearance
+) -> list[int]:
+    """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the
+    nodes at the top.
+    """
+    name = f"person_{index}"
+    person = request.result.people[index]
+    result = request.result
     faces = np.asarray(result.faces, np.int64)
-    vertices = transform_points(request.frame.from_camera, person.vertices) if rig is None else rig.vertices
+    vertices = (
+        transform_points(request.frame.from_camera, person.vertices)
+        if rig is None
+        else rig.vertices
+    )
     normals = unit_normals(vertices, faces)
     own = slice(None) if look.vertex is None else look.vertex
     attributes = {
@@ -303,7 +371,8 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
         **{key: glb.accessor(values, ARRAY) for key, values in look.attributes.items()},
         **look.accessors,
     }
-    tops, skin = list[int](), dict[str, int]()
+    tops = list[int]()
+    skin = dict[str, int]()
     if rig is not None:
         top, joints = add_joints(glb, f"{name}_skeleton", rig)
         tops.append(top)
@@ -315,10 +384,14 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
             columns = slice(4 * group, 4 * group + 4)
             attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)
             attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[own, columns], ARRAY)
-    tops.append(_add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin))
+    tops.append(
+        _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)
+    )
     if toes := dressed_bodies(result).shoes.get(index, ()):
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
-        moves, turns = (glb.sparse(step[own].astype(np.float32)) for step in (shod - vertices, turned - normals))
+        moves, turns = (
+            glb.sparse(step[own].astype(np.float32)) for step in (shod - vertices, turned - normals)
+        )
         mesh = glb.tree["meshes"][-1]
         mesh["primitives"][0]["targets"] = [{"POSITION": moves, "NORMAL": turns}]
         mesh |= {"weights": [1.0], "extras": {"targetNames": ["shoes"]}}
@@ -326,7 +399,9 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
 
 
 def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
-    """Add the joints of a rig in its pose, and return the index of the node above them, and theirs."""
+    """Add the joints of a rig in its pose, and return the index of the node above them, and
+    theirs.
+    """
     quaternions = Rotation.from_matrix(rig.rotations).as_quat()
     first = len(glb.tree.get("nodes", ()))
     for joint, joint_name in enumerate(rig.names):
@@ -339,8 +414,11 @@ def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
         if children:
             node["children"] = children
         glb.add("nodes", node)
-    # A node of its own above each skeleton: Blender makes one armature of skeletons with a common parent.
-    return glb.add("nodes", {"name": name, "children": [first]}), list(range(first, first + len(rig.names)))
+    # A node of its own above each skeleton: Blender makes one armature of skeletons with a common
+    # parent.
+    return glb.add("nodes", {"name": name, "children": [first]}), list(
+        range(first, first + len(rig.names))
+    )
 
 
 def _add_mesh(
@@ -352,25 +430,38 @@ def _add_mesh(
     **node: int,
 ) -> int:
     """Add a mesh of faces (F, 3) with the material of a look, and return the index of its node."""
-    mesh = glb.add("meshes", {"name": name, "primitives": [_primitive(glb, attributes, faces, look)]})
+    mesh = glb.add(
+        "meshes", {"name": name, "primitives": [_primitive(glb, attributes, faces, look)]}
+    )
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
 def _primitive(
     glb: GlbBuilder, attributes: dict[str, int], faces: NDArray[np.integer[Any]], look: Appearance
 ) -> dict[str, Any]:
-    indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
-    return {"attributes": attributes, "indices": indices, "material": glb.material(look.material), **look.primitive}
+    indices = glb.accessor(
+        faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES
+    )
+    return {
+        "attributes": attributes,
+        "indices": indices,
+        "material": glb.material(look.material),
+        **look.primitive,
+    }
 
 
 def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
     """Return mesh and texture of the scene, and its floor in a frame."""
     surface, backdrop = scene_meshes(result)
-    return _Background(surface, backdrop, *_power_of_two(result.scene.colors), drawn_floor(result, frame, surface))
+    return _Background(
+        surface, backdrop, *_power_of_two(result.scene.colors), drawn_floor(result, frame, surface)
+    )
 
 
 def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
-    """Add the textured meshes of scene and backdrop, and return the indices of their nodes; none of an empty mesh."""
+    """Add the textured meshes of scene and backdrop, and return the indices of their nodes; none of
+    an empty mesh.
+    """
     meshes = {"scene": background.surface, "backdrop": background.backdrop}
     if not any(len(mesh.faces) for mesh in meshes.values()):
         return []
@@ -384,7 +475,8 @@ def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest)
             places = ((mesh.pixels + 0.5) / background.size).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is background.surface})
-            primitives, first = [], mesh.faces.min(1)
+            primitives = []
+            first = mesh.faces.min(1)
             for start in range(0, len(vertices), _PART_VERTICES):
                 faces = mesh.faces[(start <= first) & (first < start + _PART_VERTICES)]
                 if len(faces):
@@ -416,7 +508,11 @@ def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest)
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
     }
-    return [_add_mesh(glb, "floor", attributes, faces, Appearance(_glass("floor", FLOOR_RGB, _FLOOR_OPACITY)))]
+    return [
+        _add_mesh(
+            glb, "floor", attributes, faces, Appearance(_glass("floor", FLOOR_RGB, _FLOOR_OPACITY))
+        )
+    ]
 
 
 def _glass(name: str, rgb: tuple[int, int, int], opacity: float) -> dict[str, Any]:
@@ -427,11 +523,16 @@ def _glass(name: str, rgb: tuple[int, int, int], opacity: float) -> dict[str, An
 
 
 def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
-    """Add the supports that are assumed for the people of a request, and return the indices of their nodes."""
-    look, nodes = Appearance(_glass("assumed", CONTACT_PALETTE["hidden support"], _ASSUMED_OPACITY)), []
+    """Add the supports that are assumed for the people of a request, and return the indices of
+    their nodes.
+    """
+    look = Appearance(_glass("assumed", CONTACT_PALETTE["hidden support"], _ASSUMED_OPACITY))
+    nodes = []
     for one in assumed_supports(request.result):
         if one.person in request.people:
-            corners = transform_points(request.frame.from_camera, one.vertices)[SLAB_FACES].reshape(-1, 3)
+            corners = transform_points(request.frame.from_camera, one.vertices)[SLAB_FACES].reshape(
+                -1, 3
+            )
             triangles = np.arange(len(corners)).reshape(-1, 3)
             attributes = {
                 "POSITION": glb.accessor(corners.astype(np.float32), ARRAY, bounds=True),
@@ -444,13 +545,22 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
 
 def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
     """Add the camera of the photo at a pose (4, 4), and return the index of its node."""
-    height, width = camera.height / camera.fy, camera.width / camera.fx
-    perspective = {"yfov": 2 * math.atan(height / 2), "aspectRatio": width / height, "znear": 0.05, "zfar": 1000.0}
+    height = camera.height / camera.fy
+    width = camera.width / camera.fx
+    perspective = {
+        "yfov": 2 * math.atan(height / 2),
+        "aspectRatio": width / height,
+        "znear": 0.05,
+        "zfar": 1000.0,
+    }
     entry = {
         "name": "photo",
         "type": "perspective",
         "perspective": perspective,
-        "extras": {"intrinsics_px": camera.matrix.tolist(), "size_px": [camera.width, camera.height]},
+        "extras": {
+            "intrinsics_px": camera.matrix.tolist(),
+            "size_px": [camera.width, camera.height],
+        },
     }
     quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
     node = {
@@ -463,10 +573,13 @@ def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) 
 
 
 def _power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
-    """Return a JPEG of an image, padded at the right and the bottom to powers of two, and its width and height.
+    """Return a JPEG of an image, padded at the right and the bottom to powers of two, and its width
+    and height.
 
     Old engines cannot make mipmaps of other sizes.
     """
     height, width = (1 << (side - 1).bit_length() for side in image.shape[:2])
-    padded = np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)), mode="edge")
+    padded = np.pad(
+        image, ((0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)), mode="edge"
+    )
     return encode_image(padded, "JPEG"), (width, height)

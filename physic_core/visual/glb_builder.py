@@ -11,7 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-ARRAY, INDICES = 34962, 34963
+ARRAY = 34962
+INDICES = 34963
 """Targets of buffer views: vertex attributes and indices."""
 
 _COMPONENTS = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
@@ -53,16 +54,28 @@ class GlbBuilder:
         return materials.index(entry) if entry in materials else self.add("materials", entry)
 
     def texture(self, content: bytes, mime: str, name: str) -> int:
-        """Append a picture that is not repeated at its edges, and return the index of its texture."""
-        source = self.add("images", {"bufferView": self.view(content), "mimeType": mime, "name": name})
+        """Append a picture that is not repeated at its edges, and return the index of its
+        texture.
+        """
+        source = self.add(
+            "images", {"bufferView": self.view(content), "mimeType": mime, "name": name}
+        )
         if "samplers" not in self.tree:
-            self.add("samplers", {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071})
+            self.add(
+                "samplers", {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}
+            )
         return self.add("textures", {"source": source, "sampler": 0})
 
     def accessor(
-        self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
+        self,
+        values: NDArray[Any],
+        target: int | None = None,
+        *,
+        bounds: bool = False,
+        normalized: bool = False,
     ) -> int:
-        """Append an array (N, ...) of float32 or unsigned integers, and return the index of its accessor.
+        """Append an array (N, ...) of float32 or unsigned integers, and return the index of its
+        accessor.
 
         Equal arrays, such as the faces of several people, are written once.
 
@@ -81,7 +94,10 @@ class GlbBuilder:
         if normalized:
             entry["normalized"] = True
         if bounds:
-            entry |= {"min": np.atleast_1d(values.min(0)).tolist(), "max": np.atleast_1d(values.max(0)).tolist()}
+            entry |= {
+                "min": np.atleast_1d(values.min(0)).tolist(),
+                "max": np.atleast_1d(values.max(0)).tolist(),
+            }
         key = f"{entry}{target}", values.tobytes()
         if key not in self._accessors:
             entry["bufferView"] = self.view(key[1], target)
@@ -89,10 +105,13 @@ class GlbBuilder:
         return self._accessors[key]
 
     def sparse(self, values: NDArray[np.float32]) -> int:
-        """Append an array (N, 3) of which most rows are zero, and return the index of its accessor, with bounds."""
+        """Append an array (N, 3) of which most rows are zero, and return the index of its accessor,
+        with bounds.
+        """
         rows = np.flatnonzero(values.any(1))
         kind = np.uint16 if len(values) < 65535 else np.uint32
-        places, content = rows.astype(kind), values[rows]
+        places = rows.astype(kind)
+        content = values[rows]
         entry = {
             "componentType": _COMPONENTS["float32"],
             "count": len(values),
@@ -101,7 +120,10 @@ class GlbBuilder:
             "max": values.max(0).tolist(),
             "sparse": {
                 "count": len(rows),
-                "indices": {"bufferView": self.view(places.tobytes()), "componentType": _COMPONENTS[places.dtype.name]},
+                "indices": {
+                    "bufferView": self.view(places.tobytes()),
+                    "componentType": _COMPONENTS[places.dtype.name],
+                },
                 "values": {"bufferView": self.view(content.tobytes())},
             },
         }

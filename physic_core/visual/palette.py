@@ -1,7 +1,7 @@
 """The colours of every picture, page and export: bodies, people, and contact by what is touched.
 
-Readers with any of the three kinds of colour blindness can tell the colours of contact apart, and from a body without
-contact: they differ by 0.13 at least in OKLab.
+Readers with any of the three kinds of colour blindness can tell the colours of contact apart, and
+from a body without contact: they differ by 0.13 at least in OKLab.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ _PERSON_RGB: tuple[_Rgb, ...] = (
     (198, 128, 96),
 )
 _TINT = 0.2  # share of a person's colour in their body where contact is shown on it
-_LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}  # the others are labels themselves
+# the others are labels themselves
+_LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}
 
 
 def person_color(index: int) -> _Rgb:
@@ -66,9 +67,12 @@ def person_color(index: int) -> _Rgb:
 
 
 def person_tint(index: int) -> _Rgb:
-    """Return the sRGB colour of a person's body where contact is shown on it: grey with a touch of their colour."""
+    """Return the sRGB colour of a person's body where contact is shown on it: grey with a touch of
+    their colour.
+    """
     red, green, blue = (
-        round(_TINT * own + (1 - _TINT) * grey) for own, grey in zip(person_color(index), BODY_RGB, strict=True)
+        round(_TINT * own + (1 - _TINT) * grey)
+        for own, grey in zip(person_color(index), BODY_RGB, strict=True)
     )
     return red, green, blue
 
@@ -85,8 +89,11 @@ def contact_color(partner: ContactPartner) -> _Rgb:
     return CONTACT_PALETTE[contact_label(partner)]
 
 
-def contact_colors(person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB) -> UInt8Array:
-    """Return the sRGB colours (V, 3) of a body by partner; of CONTACT_RGB in a result without partners.
+def contact_colors(
+    person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB
+) -> UInt8Array:
+    """Return the sRGB colours (V, 3) of a body by partner; of CONTACT_RGB in a result without
+    partners.
 
     Args:
         person: with V vertices.
@@ -96,12 +103,15 @@ def contact_colors(person: Person, partners: Sequence[ContactPartner], body: _Rg
     if person.contact_partner is None:
         return np.where(person.contact[:, None], CONTACT_RGB, body).astype(np.uint8)
     table = np.array([*map(contact_color, partners), body], np.uint8)
-    colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]  # -1, no partner, is the last row
+    # -1, no partner, is the last row
+    colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]
     return colors
 
 
 def contact_strength(person: Person) -> NDArray[np.float64]:
-    """Return how strongly contact is painted (V,): 1 where it is likely or has no probability, at most 0.25 below."""
+    """Return how strongly contact is painted (V,): 1 where it is likely or has no probability, at
+    most 0.25 below.
+    """
     touching = np.asarray(person.contact, np.float64)
     if person.contact_probability is None:
         return touching
@@ -110,20 +120,29 @@ def contact_strength(person: Person) -> NDArray[np.float64]:
 
 
 def painted_contact(person: Person, partners: Sequence[ContactPartner]) -> UInt8Array:
-    """Return the colours (V, 3) of :func:`contact_colors`, faint where contact is less likely than not."""
-    colors, strength = contact_colors(person, partners), contact_strength(person)[:, None]
-    painted: UInt8Array = np.round(strength * colors + (1 - strength) * np.array(BODY_RGB)).astype(np.uint8)
+    """Return the colours (V, 3) of :func:`contact_colors`, faint where contact is less likely than
+    not.
+    """
+    colors = contact_colors(person, partners)
+    strength = contact_strength(person)[:, None]
+    painted: UInt8Array = np.round(strength * colors + (1 - strength) * np.array(BODY_RGB)).astype(
+        np.uint8
+    )
     return painted
 
 
 def has_faint_contact(result: Reconstruction) -> bool:
-    """Whether a body of a result has contact that is painted faint, which a legend says by :data:`FAINT`."""
+    """Whether a body of a result has contact that is painted faint, which a legend says by
+    :data:`FAINT`.
+    """
     strengths = (contact_strength(person) for person in result.people)
     return any(bool(((strength > 0) & (strength < 1)).any()) for strength in strengths)
 
 
 def contact_legend(result: Reconstruction) -> dict[str, _Rgb]:
-    """Return label -> sRGB colour of the contact that the bodies of a result show, in the order of CONTACT_PALETTE."""
+    """Return label -> sRGB colour of the contact that the bodies of a result show, in the order of
+    CONTACT_PALETTE.
+    """
     shown: set[str] = set()
     for person in result.people:
         if person.contact_partner is not None:
@@ -131,7 +150,11 @@ def contact_legend(result: Reconstruction) -> dict[str, _Rgb]:
             shown.update(contact_label(result.contact_partners[i]) for i in touched if i >= 0)
         elif person.contact.any():
             shown.add("anything")
-    return {label: rgb for label, rgb in {**CONTACT_PALETTE, "anything": CONTACT_RGB}.items() if label in shown}
+    return {
+        label: rgb
+        for label, rgb in {**CONTACT_PALETTE, "anything": CONTACT_RGB}.items()
+        if label in shown
+    }
 
 
 def linear_from_srgb(colors: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -1,4 +1,5 @@
-"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB, and the table of people.
+"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB, and the table
+of people.
 
 The table has each person's contact, grade, distance, and the checks that the grade comes from.
 """
@@ -39,8 +40,11 @@ if TYPE_CHECKING:
     Line = tuple[str, tuple[int, int, int]]
 
 _OUTLINE_PX = 2
-_SPOT_PX = 5  # side of the squares that a body's triangles are drawn as, in pictures of twice the size
-_LARGE, _MOST_SPOTS = 95, 200_000  # percentile of the triangles' areas that a square covers, and most triangles
+# side of the squares that a body's triangles are drawn as, in pictures of twice the size
+_SPOT_PX = 5
+# percentile of the triangles' areas that a square covers, and most triangles
+_LARGE = 95
+_MOST_SPOTS = 200_000
 _STEP = 0.05  # difference of colour between two people, or a person and nobody, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
@@ -50,9 +54,12 @@ _FAR = 60.0  # metres where the colours end
 
 _LEFT_HIP, _RIGHT_HIP = joint_pair("hip")
 _LEFT_SHOULDER, _RIGHT_SHOULDER = joint_pair("shoulder")
-_PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
+_PELVIS = JOINT_INDEX["pelvis"]
+_NECK = JOINT_INDEX["neck"]
 # The font has none of these.
-_PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
+_PLAIN = str.maketrans(
+    {"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."}
+)
 
 UNKNOWN_RGB = (190, 190, 188)
 """sRGB colour of unknown depth."""
@@ -60,7 +67,9 @@ UNKNOWN_RGB = (190, 190, 188)
 MAX_PEOPLE = 16
 """Maximum number of people with a row."""
 
-INK_RGB, SOFT_RGB, ALERT_RGB = (32, 34, 38), (98, 102, 108), (178, 48, 34)
+INK_RGB = (32, 34, 38)
+SOFT_RGB = (98, 102, 108)
+ALERT_RGB = (178, 48, 34)
 _GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BAD: ALERT_RGB}
 _RULE_RGB = (206, 206, 202)
 
@@ -73,14 +82,18 @@ def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
     return np.asarray(cv2.resize(image, (width, height), interpolation=way), np.uint8)
 
 
-def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
+def overlay_panel(
+    reconstruction: Reconstruction, geometry: PreviewGeometry, width: int, height: int
+) -> UInt8Array:
     """Draw the bodies over the photo; nearer ones hide farther ones."""
     photo = photo_panel(reconstruction.image, width, height)
     return bodies_over(photo, View.perspective(reconstruction.intrinsics, width, height), geometry)
 
 
 def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UInt8Array:
-    """Draw the dressed bodies, each in an outline, over a photo (H, W, 3) as a view of the same size shows them."""
+    """Draw the dressed bodies, each in an outline, over a photo (H, W, 3) as a view of the same
+    size shows them.
+    """
     import cv2
 
     if geometry.people is None:
@@ -103,13 +116,17 @@ def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
     depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
     if not depth.size:
         return 1.0, 10.0
-    near, far = (float(value) for value in np.percentile(depth[:: max(1, depth.size // 100_000)], [1, 99]))
+    near, far = (
+        float(value) for value in np.percentile(depth[:: max(1, depth.size // 100_000)], [1, 99])
+    )
     near = max(near, 0.05)
     return near, max(min(far, _FAR), near * 1.1)
 
 
 def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt8Array:
-    """Draw the depth of the scene without people, with outlines of people in white and unknown depth in grey."""
+    """Draw the depth of the scene without people, with outlines of people in white and unknown
+    depth in grey.
+    """
     import cv2
 
     def shrunk(array: NDArray[Any]) -> NDArray[Any]:
@@ -117,17 +134,23 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
 
     scene = reconstruction.scene
     near, far = depth_range(reconstruction)
-    depth = shrunk(np.nan_to_num(scene.points[..., 2], nan=far, posinf=far, neginf=near).astype(np.float32))
+    depth = shrunk(
+        np.nan_to_num(scene.points[..., 2], nan=far, posinf=far, neginf=near).astype(np.float32)
+    )
     picture = colored_depth(depth, near, far)
     picture[shrunk(scene.valid.astype(np.uint8)) == 0] = UNKNOWN_RGB
     for person in reconstruction.people:
-        outline, _ = cv2.findContours(shrunk(person.mask.astype(np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        outline, _ = cv2.findContours(
+            shrunk(person.mask.astype(np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
         cv2.drawContours(picture, outline, -1, (255, 255, 255), 1, cv2.LINE_AA)
     return picture
 
 
 def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
-    """Convert a depth map (H, W) in metres to turbo colours of its logarithm, near red, far blue."""
+    """Convert a depth map (H, W) in metres to turbo colours of its logarithm, near red, far
+    blue.
+    """
     import cv2
 
     share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
@@ -135,8 +158,11 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
     return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
 
 
-def render_contact_views(reconstruction: Reconstruction, index: int, width: int, height: int) -> UInt8Array:
-    """Draw one person as in ``CONTACT_VIEWS``, side by side, with contact in the colour of what is touched.
+def render_contact_views(
+    reconstruction: Reconstruction, index: int, width: int, height: int
+) -> UInt8Array:
+    """Draw one person as in ``CONTACT_VIEWS``, side by side, with contact in the colour of what is
+    touched.
 
     The view from below is enlarged by up to 1.5 times.
     """
@@ -144,15 +170,18 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
 
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
-    vertices, joints = transform_points(matrix, person.vertices), transform_points(matrix, person.joints)
+    vertices = transform_points(matrix, person.vertices)
+    joints = transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
     if not np.isfinite(vertices).all():
         return picture_bytes(picture)
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
-    boxes, fits = [], []
+    boxes = []
+    fits = []
     for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):
         axes = np.stack([right, top, np.cross(right, top)])
-        low, high = (vertices @ axes.T).min(0), (vertices @ axes.T).max(0)
+        low = (vertices @ axes.T).min(0)
+        high = (vertices @ axes.T).max(0)
         boxes.append((axes, axes.T @ ((low + high) / 2)))
         fits.append(min(room / (high[0] - low[0] + 0.1), height / (high[1] - low[1] + 0.1)))
     upright = min(fits[:2])
@@ -161,7 +190,10 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     paint = painted_contact(person, reconstruction.contact_partners) / 255.0
     corners = np.concatenate([vertices, paint], 1)[reconstruction.faces]
     normals, doubled = _normals(corners)
-    while np.percentile(doubled, _LARGE) > (_SPOT_PX / 2 / upright) ** 2 and len(corners) < _MOST_SPOTS:
+    while (
+        np.percentile(doubled, _LARGE) > (_SPOT_PX / 2 / upright) ** 2
+        and len(corners) < _MOST_SPOTS
+    ):
         beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
         outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
         corners = np.concatenate([*outer, beside])
@@ -171,14 +203,21 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
         size = int(end - left), height
         view = View.orthographic(axes, middle, 2 * scale, (2 * size[0], 2 * size[1]))
         front = normals @ axes[2] > 0
-        layer = render_points(view, middles[front], shade(normals[front], view.axes, colors[front]), _SPOT_PX // 2)
-        color, alpha = (cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in (layer.color, layer.alpha))
+        layer = render_points(
+            view, middles[front], shade(normals[front], view.axes, colors[front]), _SPOT_PX // 2
+        )
+        color, alpha = (
+            cv2.resize(one, size, interpolation=cv2.INTER_AREA)
+            for one in (layer.color, layer.alpha)
+        )
         picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
     return picture_bytes(picture)
 
 
 def _normals(corners: Array) -> tuple[Array, Array]:
-    """Return unit normals (F, 3) and doubled areas (F,) of triangles, of which the first of (F, 3, n) are positions."""
+    """Return unit normals (F, 3) and doubled areas (F,) of triangles, of which the first of (F, 3,
+    n) are positions.
+    """
     a, b, c = corners[..., :3].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     doubled = np.linalg.norm(normals, axis=1)
@@ -195,7 +234,9 @@ def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
     # The front of a person lying on the back points up: draw their head at the top of the image.
     top = _unit(top if np.linalg.norm(top) > 0.5 else spine - (spine @ front) * front, up)
     level = front - (front @ up) * up
-    level = _unit(level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0]))
+    level = _unit(
+        level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0])
+    )
     return [(np.cross(top, front), top), (np.cross(front, top), top), (np.cross(level, -up), level)]
 
 
@@ -211,14 +252,20 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def draw_text(
-    pen: ImageDraw.ImageDraw, spot: tuple[float, float], text: str, size: int, color: tuple[int, int, int] = INK_RGB
+    pen: ImageDraw.ImageDraw,
+    spot: tuple[float, float],
+    text: str,
+    size: int,
+    color: tuple[int, int, int] = INK_RGB,
 ) -> None:
     """Draw one line of text with its upper left corner at a spot, px."""
     pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color)
 
 
 def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
-    """Break a text at ``between`` into as few lines as possible, each at most ``width`` px unless one word is wider."""
+    """Break a text at ``between`` into as few lines as possible, each at most ``width`` px unless
+    one word is wider.
+    """
     lines: list[str] = []
     for word in text.translate(_PLAIN).split(between):
         longer = f"{lines[-1]}{between}{word}" if lines else word
@@ -229,8 +276,15 @@ def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
     return lines
 
 
-_TEXT, _LINE, _HEAD, _PAD = 15, 21, 26, 10  # px: size of the text, height of a line, of the head, space in a row
-_NUMBER, _GRADE, _DISTANCE = 40, 96, 128  # widths of columns, px
+# px: size of the text, height of a line, of the head, space in a row
+_TEXT = 15
+_LINE = 21
+_HEAD = 26
+_PAD = 10
+# widths of columns, px
+_NUMBER = 40
+_GRADE = 96
+_DISTANCE = 128
 
 
 def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
@@ -268,20 +322,31 @@ def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
                 draw_text(pen, (x, top + 8 + _LINE * number), text, _TEXT, color)
         top += height
     if left_out:
-        draw_text(pen, (0, top), f"{left_out} more people: see report.html or reconstruction.json", _TEXT, SOFT_RGB)
+        draw_text(
+            pen,
+            (0, top),
+            f"{left_out} more people: see report.html or reconstruction.json",
+            _TEXT,
+            SOFT_RGB,
+        )
     return table
 
 
 def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
     """Draw a person's number on a disc in their colour."""
-    pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
+    pen.ellipse(
+        (x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2
+    )
     pen.text((x, y), str(index), font=font(14), fill=(20, 20, 20), anchor="mm")
 
 
-def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: float) -> list[list[Line]]:
+def _cells(
+    reconstruction: Reconstruction, index: int, touch_px: float, why_px: float
+) -> list[list[Line]]:
     """Return the lines of grade, distance, contact and reasons, each with its colour."""
     person = reconstruction.people[index]
-    distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigmas[index]
+    distance = float(np.linalg.norm(person.joints[0]))
+    sigma = reconstruction.distance_sigmas[index]
     likely, assumed = (contacts_text(person.contacts, assumed=one) for one in (False, True))
     possible = contacts_text(person.contacts, likely=False)
     touches: list[Line] = []
@@ -301,9 +366,14 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
         why.append((f"not measured: {unknown}", SOFT_RGB))
     return [
         [(person.grade or "none", INK_RGB if person.grade is None else _GRADE_RGB[person.grade])],
-        _wrapped([(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)], _DISTANCE - 16),
+        _wrapped(
+            [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
+            _DISTANCE - 16,
+        ),
         _wrapped(touches, touch_px),
-        _wrapped(why or [("all checks are ok" if checks else "no checks were run", SOFT_RGB)], why_px),
+        _wrapped(
+            why or [("all checks are ok" if checks else "no checks were run", SOFT_RGB)], why_px
+        ),
     ]
 
 

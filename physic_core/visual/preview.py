@@ -20,7 +20,13 @@ from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
 from physic_core.types.results import metres_text
-from physic_core.visual.palette import CONTACT_PALETTE, FAINT, FLOOR_RGB, contact_legend, has_faint_contact
+from physic_core.visual.palette import (
+    CONTACT_PALETTE,
+    FAINT,
+    FLOOR_RGB,
+    contact_legend,
+    has_faint_contact,
+)
 from physic_core.visual.panels import (
     ALERT_RGB,
     INK_RGB,
@@ -51,7 +57,8 @@ from physic_core.visual.views import (
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
 
-_BOX_RGB, _LABEL_RGB = (255, 214, 64), (32, 34, 38)
+_BOX_RGB = (255, 214, 64)
+_LABEL_RGB = (32, 34, 38)
 _DASH_PX = 7
 _FONT_PX = 12
 
@@ -69,9 +76,16 @@ def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
 
 
 def draw_unposed(
-    pen: ImageDraw.ImageDraw, reconstruction: Reconstruction, x: float, y: float, width: float, height: float
+    pen: ImageDraw.ImageDraw,
+    reconstruction: Reconstruction,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
 ) -> None:
-    """Draw the boxes of people without a body on a panel that shows the image at x, y, width, height px."""
+    """Draw the boxes of people without a body on a panel that shows the image at x, y, width,
+    height px.
+    """
     rows, columns = reconstruction.image.shape[:2]
     font = ImageFont.load_default(_FONT_PX)
     for box, reason in unposed_boxes(reconstruction):
@@ -84,7 +98,9 @@ def draw_unposed(
             pen.text((x0 + 3, y1 - 3), reason, font=font, fill=_BOX_RGB, anchor="ls")
 
 
-def _draw_dashed(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
+def _draw_dashed(
+    pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], rgb: tuple[int, int, int]
+) -> None:
     """Draw a closed outline through corners, px, in dashes."""
     for start, end in zip(corners, [*corners[1:], corners[0]], strict=True):
         count = max(1, round(math.dist(start, end) / _DASH_PX))
@@ -96,12 +112,17 @@ def _draw_dashed(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]
 _WIDTH = 1280
 """Width of the preview, px."""
 
-_MARGIN, _GAP, _TITLE = 24, 18, 30
-_TALLEST, _ROW = 540, 320  # most px of a picture in height, and px of the views below
+_MARGIN = 24
+_GAP = 18
+_TITLE = 30
+# most px of a picture in height, and px of the views below
+_TALLEST = 540
+_ROW = 320
 _CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _SHOWN_MESSAGES = 6
 _NAME = 17  # height of a name in a view, px
-_HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
+_HEAD = JOINT_INDEX["head"]
+_NECK = JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
 
 
@@ -117,14 +138,17 @@ class _Frame:
 
 def preview_png(reconstruction: Reconstruction) -> bytes:
     """Render the preview of a reconstruction and encode it as PNG."""
-    buffer, note = io.BytesIO(), PngInfo()
+    buffer = io.BytesIO()
+    note = PngInfo()
     note.add_text("Comment", MARK)
     preview_image(reconstruction).save(buffer, "PNG", compress_level=1, pnginfo=note)
     return buffer.getvalue()
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay, depth, three views and a table of people in one image, 1280 px wide."""
+    """Render photo, overlay, depth, three views and a table of people in one image, 1280 px
+    wide.
+    """
     import cv2
 
     height, width = reconstruction.image.shape[:2]
@@ -146,13 +170,19 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
         draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
     photo, mesh, depth, aside, side, above = frames
     _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
-    _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
+    _draw_panel(
+        page,
+        mesh,
+        "People over the photo",
+        overlay_panel(reconstruction, geometry, mesh.width, mesh.height),
+    )
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
     _name_people(pen, mesh, reconstruction)
     depths = depth_panel(reconstruction, depth.width, depth.height)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
-    if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():  # a pixel is not seen
+    # a pixel is not seen
+    if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
         at = depth.x + 6, depth.y + depth.height - 6
         pen.text(
             at,
@@ -168,10 +198,16 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
     if geometry.crowns:
-        pen.text((aside.x + aside.width, aside.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs")
+        pen.text(
+            (aside.x + aside.width, aside.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs"
+        )
     if table is not None:
         draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
-        _contact_legend(pen, (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6), reconstruction)
+        _contact_legend(
+            pen,
+            (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6),
+            reconstruction,
+        )
         page.paste(table, (_MARGIN, below + _TITLE))
     for row, (text, color) in enumerate(lines):
         draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
@@ -179,14 +215,21 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
 
 
 def summary_line(reconstruction: Reconstruction) -> str:
-    """Return one line of text with grade, size, focal length, scale, floor, time and checks of a reconstruction."""
-    camera, scene = reconstruction.intrinsics, reconstruction.scene
+    """Return one line of text with grade, size, focal length, scale, floor, time and checks of a
+    reconstruction.
+    """
+    camera = reconstruction.intrinsics
+    scene = reconstruction.scene
     facts = [
         f"grade: {reconstruction.grade or 'none'}",
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         _errors(reconstruction),
-        *([f"changed by {100 * (scene.scale - 1):+z.1f} % in the joint fit"] if reconstruction.people else []),
+        *(
+            [f"changed by {100 * (scene.scale - 1):+z.1f} % in the joint fit"]
+            if reconstruction.people
+            else []
+        ),
     ]
     if scene.floor is None:
         facts.append("no floor found")
@@ -205,37 +248,55 @@ def summary_line(reconstruction: Reconstruction) -> str:
 
 
 def _errors(reconstruction: Reconstruction) -> str:
-    """Return the errors of lengths, and of distances from the camera, to which that of the focal length adds."""
-    scale, distance = reconstruction.scene.scale_sigma, reconstruction.distance_sigma
+    """Return the errors of lengths, and of distances from the camera, to which that of the focal
+    length adds.
+    """
+    scale = reconstruction.scene.scale_sigma
+    distance = reconstruction.distance_sigma
     if scale is None or distance is None:
         return "scale of unknown certainty"
-    beside = f" (with the error of the focal length, distances from the camera ±{100 * distance:.0f} %)"
+    beside = (
+        f" (with the error of the focal length, distances from the camera ±{100 * distance:.0f} %)"
+    )
     return f"scale ±{100 * scale:.0f} %{beside if distance > scale else ''}"
 
 
 def _title(reconstruction: Reconstruction) -> str:
-    people, unposed = len(reconstruction.people), len(reconstruction.unposed)
+    people = len(reconstruction.people)
+    unposed = len(reconstruction.unposed)
     found = {0: "No person: the scene alone", 1: "1 person"}.get(people, f"{people} people")
     return f"{found}, {unposed} without a body" if unposed else found
 
 
 def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
-    """Return the frames of photo, overlay and depth in a row below a row of px, and of three views below them."""
-    y, height = top + _TITLE, min(_TALLEST, round(_CELL / aspect))
-    width, low = max(round(height * aspect), 1), y + height + _GAP + _TITLE
+    """Return the frames of photo, overlay and depth in a row below a row of px, and of three views
+    below them.
+    """
+    y = top + _TITLE
+    height = min(_TALLEST, round(_CELL / aspect))
+    width = max(round(height * aspect), 1)
+    low = y + height + _GAP + _TITLE
     columns = [_MARGIN + i * (_CELL + _GAP) for i in range(3)]
-    return (*(_Frame(x, y, width, height) for x in columns), *(_Frame(x, low, _CELL, _ROW) for x in columns))
+    return (
+        *(_Frame(x, y, width, height) for x in columns),
+        *(_Frame(x, low, _CELL, _ROW) for x in columns),
+    )
 
 
 def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
     pen = ImageDraw.Draw(page)
     draw_text(pen, (frame.x, frame.y - 26), title, 18)
     page.paste(Image.fromarray(picture), (frame.x, frame.y))
-    pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
+    pen.rectangle(
+        (frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height),
+        outline=(206, 206, 202),
+    )
 
 
 def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
-    """Draw the number of each person of the photo above their head, or beside it at the top edge."""
+    """Draw the number of each person of the photo above their head, or beside it at the top
+    edge.
+    """
     camera = View.perspective(reconstruction.intrinsics, frame.width, frame.height)
     for index, person in enumerate(reconstruction.people):
         spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
@@ -245,8 +306,12 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
             continue
         if top < 12:
             aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
-            column, top = column + (aside if column + aside < frame.width - 12 else -aside), max(row - 6, 12)
-        x, y = (float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (top, frame.height)))
+            column = column + (aside if column + aside < frame.width - 12 else -aside)
+            top = max(row - 6, 12)
+        x, y = (
+            float(np.clip(value, 12, size - 12))
+            for value, size in ((column, frame.width), (top, frame.height))
+        )
         draw_person_number(pen, frame.x + x, frame.y + y, index)
 
 
@@ -255,7 +320,8 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     pen = ImageDraw.Draw(page)
     near, far = ends
     width = min(240, int(_CELL - font(18).getlength(_DEPTH_TITLE) - 60))
-    x, y = frame.x + _CELL - width - 20, frame.y - 13
+    x = frame.x + _CELL - width - 20
+    y = frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
     pen.text((x, y - 4), f"{near:.2g} m", font=font(13), fill=INK_RGB, anchor="lb")
@@ -267,14 +333,24 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     pen = ImageDraw.Draw(page, "RGBA")
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
         row = frame.y + plan.floor_row
-        pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
-        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=font(14), fill=FLOOR_RGB, anchor="ra")
+        pen.line(
+            (frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1
+        )
+        pen.text(
+            (frame.x + frame.width - 8, row + 3),
+            "floor",
+            font=font(14),
+            fill=FLOOR_RGB,
+            anchor="ra",
+        )
     if plan.camera is not None:
-        x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
+        x = frame.x + plan.camera[0]
+        y = frame.y + plan.camera[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
-    x, y = frame.x + 16, frame.y + 28
+    x = frame.x + 16
+    y = frame.y + 28
     end = x + length * plan.pixels_per_metre
     pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
     pen.line((x, y, end, y), fill=INK_RGB, width=3)
@@ -284,32 +360,43 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     _draw_assumed(page, frame, plan)
     for index, (column, row) in plan.crowns.items():
         x, y = (
-            float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (row - 16, frame.height))
+            float(np.clip(value, 12, size - 12))
+            for value, size in ((column, frame.width), (row - 16, frame.height))
         )
         draw_person_number(pen, frame.x + x, frame.y + y, index)
 
 
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
-    """Draw the outlines of the supports that the photo does not show in a view, with their names."""
+    """Draw the outlines of the supports that the photo does not show in a view, with their
+    names.
+    """
     import cv2
 
     taken: list[tuple[float, float, float]] = []  # left, right and top of names
     for name, corners in plan.assumed:
         layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
         outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
-        pen, rgb = ImageDraw.Draw(layer), CONTACT_PALETTE["hidden support"]
+        pen = ImageDraw.Draw(layer)
+        rgb = CONTACT_PALETTE["hidden support"]
         _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
         half = font(14).getlength(name) / 2
         x = float(np.clip(outline[:, 0].mean(), half, max(half, frame.width - half)))
         y = float(min(outline[:, 1].max() + 4, frame.height - _NAME))
-        while any(left < x + half and x - half < right and abs(y - top) < _NAME for left, right, top in taken):
+        while any(
+            left < x + half and x - half < right and abs(y - top) < _NAME
+            for left, right, top in taken
+        ):
             y -= _NAME
         taken.append((x - half, x + half, y))
-        pen.text((x, y), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB)
+        pen.text(
+            (x, y), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB
+        )
         page.paste(layer, (frame.x, frame.y))
 
 
-def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction) -> None:
+def _contact_legend(
+    pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction
+) -> None:
     """Draw name and colour of what people touch, in a line from a spot."""
     x, y = spot
     for name, color in contact_legend(reconstruction).items():
@@ -322,5 +409,12 @@ def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconst
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
     more = len(texts) - _SHOWN_MESSAGES
-    shown = [*texts[:_SHOWN_MESSAGES], *([f"{more} more in reconstruction.json"] if more > 0 else [])]
-    return [line for text in shown for line in wrap(f"{mark}{' '.join(text.split())}", 16, _WIDTH - 2 * _MARGIN)]
+    shown = [
+        *texts[:_SHOWN_MESSAGES],
+        *([f"{more} more in reconstruction.json"] if more > 0 else []),
+    ]
+    return [
+        line
+        for text in shown
+        for line in wrap(f"{mark}{' '.join(text.split())}", 16, _WIDTH - 2 * _MARGIN)
+    ]

@@ -25,7 +25,10 @@ _RAYS = 2  # along each side of a pixel that has an edge
 _EDGE = 0.06  # difference of colour or coverage between neighbouring pixels that is an edge, of 1
 
 LONGEST_BODY_EDGE_M = 2.0
-"""Longest edge of a body's triangle that is drawn. Those of plausible bodies are up to 6 cm long."""
+"""Longest edge of a body's triangle that is drawn.
+
+Those of plausible bodies are up to 6 cm long.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,8 @@ class View:
 
     Attributes:
         axes: (3, 3) unit vectors towards the right, down and ahead, as rows.
-        origin: (3,) metres, the pinhole, or a point of the plane in which parallel rays start; nearer geometry is not
-            seen.
+        origin: (3,) metres, the pinhole, or a point of the plane in which parallel rays start;
+            nearer geometry is not seen.
         focal: (2,) px; px per metre for parallel rays.
         centre: (2,) column and row of the ray that starts in ``origin``.
         size: width and height, px.
@@ -51,13 +54,18 @@ class View:
 
     @classmethod
     def perspective(cls, intrinsics: Intrinsics, width: int, height: int) -> View:
-        """Return the camera of a photo, at the origin of the OpenCV frame, with pictures of width x height px."""
+        """Return the camera of a photo, at the origin of the OpenCV frame, with pictures of width x
+        height px.
+        """
         camera = intrinsics.resized(width, height)
-        focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+        focal = np.array([camera.fx, camera.fy])
+        centre = np.array([camera.cx, camera.cy])
         return cls(np.eye(3), np.zeros(3), focal, centre, (width, height), False)
 
     @classmethod
-    def orthographic(cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0) -> View:
+    def orthographic(
+        cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0
+    ) -> View:
         """Return a view of parallel rays.
 
         Args:
@@ -72,8 +80,12 @@ class View:
         return cls(axes * [[1.0], [-1.0], [-1.0]], origin, np.full(2, scale), centre, size, True)
 
     def project(self, points: AnyFloat) -> AnyFloat:
-        """Project points (N, 3) to column and row in px, and distance from the origin along the view in metres."""
-        spots: AnyFloat = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(points.dtype)
+        """Project points (N, 3) to column and row in px, and distance from the origin along the
+        view in metres.
+        """
+        spots: AnyFloat = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(
+            points.dtype
+        )
         if not self.is_parallel:
             spots[:, :2] /= np.where(spots[:, 2:] > 1e-6, spots[:, 2:], np.nan)
         spots[:, :2] *= self.focal
@@ -86,7 +98,9 @@ class View:
         if self.is_parallel:
             return self.origin + beside, np.broadcast_to(self.axes[2], beside.shape)
         directions = beside + self.axes[2]
-        return np.zeros_like(directions) + self.origin, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+        return np.zeros_like(directions) + self.origin, directions / np.linalg.norm(
+            directions, axis=-1, keepdims=True
+        )
 
 
 @dataclass(frozen=True)
@@ -127,8 +141,8 @@ def prepare_meshes(
     Args:
         bodies: vertices of each body, (V, 3) metres.
         faces: (F, 3) of one body.
-        longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a degenerate backend,
-            of which each triangle may cover the image.
+        longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a
+            degenerate backend, of which each triangle may cover the image.
     """
     from physic_core.geometry.rays import RayCaster
 
@@ -136,7 +150,9 @@ def prepare_meshes(
         return None
     count = len(bodies[0])
     vertices = np.concatenate([np.asarray(body, np.float64) for body in bodies])
-    triangles = np.concatenate([np.asarray(faces, np.int64) + index * count for index in range(len(bodies))])
+    triangles = np.concatenate(
+        [np.asarray(faces, np.int64) + index * count for index in range(len(bodies))]
+    )
     if math.isfinite(longest_edge):
         corners = vertices[triangles]
         length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(1)
@@ -160,18 +176,24 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLay
     color = np.zeros((height, width, colors.shape[1] + 1), np.float32)
     distance = np.full((height, width), np.inf, np.float32)
     spots = viewer.project(shapes.vertices)[:, :2]
-    low, high = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf)), np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
+    low = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf))
+    high = np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
     x0, y0 = np.clip(np.floor(low) - 1, 0, viewer.size).astype(int).tolist()
     x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
     if x0 < x1 and y0 < y1:
-        columns, rows = np.meshgrid(np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64))
+        columns, rows = np.meshgrid(
+            np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64)
+        )
         coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows)
         near = np.ones((3, 3), np.uint8)
         steep = [cv2.dilate(one, near) - cv2.erode(one, near) > _EDGE for one in cv2.split(coarse)]
         edge = np.logical_or.reduce(steep)
         steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
-        beside, below = np.tile(steps, _RAYS), np.repeat(steps, _RAYS)
-        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below)
+        beside = np.tile(steps, _RAYS)
+        below = np.repeat(steps, _RAYS)
+        fine, deep = _cast_rays(
+            shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below
+        )
         coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
         color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
     return RenderedLayer(color[..., :-1], color[..., -1], distance)
@@ -180,7 +202,9 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLay
 def blend_over(
     layer: RenderedLayer, picture: NDArray[np.float32], opacity: float | NDArray[np.float32] = 1.0
 ) -> NDArray[np.float32]:
-    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1, with one opacity or one per pixel (H, W, 1)."""
+    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1, with one opacity or one per
+    pixel (H, W, 1).
+    """
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
@@ -189,8 +213,11 @@ def picture_bytes(picture: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
     return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)
 
 
-def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> RenderedLayer:
-    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top.
+def render_points(
+    viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1
+) -> RenderedLayer:
+    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest
+    on top.
 
     Of points at the same distance, the last is on top.
     """
@@ -201,7 +228,8 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
     with np.errstate(invalid="ignore"):
         inside = (column > -0.5) & (column < width) & (row > -0.5) & (row < height) & (distance > 0)
     order = np.flatnonzero(inside)
-    # The nearest come last; kernels of the CPU order equal distances differently unless the sort is stable.
+    # The nearest come last; kernels of the CPU order equal distances differently unless the sort is
+    # stable.
     order = order[np.argsort(-distance[order], kind="stable")]
     columns = np.minimum(np.round(column[order]), width - 1).astype(np.int64)
     rows = np.minimum(np.round(row[order]), height - 1).astype(np.int64)
@@ -209,7 +237,8 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
     rank[rows, columns] = np.arange(1, len(order) + 1)  # numpy keeps the last of several writes
     rank = cv2.dilate(rank, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8))
     drawn = rank > 0
-    color, depth = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
+    color = np.zeros((height, width, 3), np.float32)
+    depth = np.full((height, width), np.inf, np.float32)
     shown = order[rank[drawn].astype(np.int64) - 1]
     color[drawn], depth[drawn] = colors[shown], distance[shown]
     return RenderedLayer(color, drawn.astype(np.float32), depth)
@@ -218,17 +247,22 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
 def _cast_rays(
     shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance (...), inf there."""
+    """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance
+    (...), inf there.
+    """
     origins, directions = viewer.rays(columns.ravel(), rows.ravel())
     hits = shapes.caster.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
-    corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
+    corners = shapes.faces[hits.face[hit]]
+    weights = hits.corners[hit]
     base = np.einsum("nkc,nk->nc", colors[corners], weights)
     color = np.zeros((columns.size, colors.shape[1] + 1), np.float32)
     color[hit, :-1], color[hit, -1] = base, 1.0
     distance = np.full(columns.size, np.inf, np.float32)
     ahead = viewer.axes[2]
-    distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (directions[hit] @ ahead)
+    distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (
+        directions[hit] @ ahead
+    )
     return color.reshape(*columns.shape, -1), distance.reshape(columns.shape)
 
 

@@ -1,4 +1,6 @@
-"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (hook ``physic_pages``)."""
+"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (hook
+``physic_pages``).
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,11 @@ _DISTRIBUTION = "physic-viewer"
 
 
 def report_html(reconstruction: Reconstruction | InputError, title: str = "") -> str:
-    """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file, without a network.
+    """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file,
+    without a network.
 
-    The function of the plugin gets the arguments of this one, and returns HTML with :data:`PAGE_MARK` in its first 500
-    bytes.
+    The function of the plugin gets the arguments of this one, and returns HTML with
+    :data:`PAGE_MARK` in its first 500 bytes.
 
     Args:
         reconstruction: what to show, or the reason why it cannot be read.

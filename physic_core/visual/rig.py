@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _SAME_BODY_M = 1e-3
-"""Maximum distance of the posed vertices from those of the result, metres; a larger one is another body file."""
+"""Maximum distance of the posed vertices from those of the result, metres; a larger one is another
+body file.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,13 @@ class Rig:
     Attributes:
         names: 55 joint names in SMPL-X order.
         parents: index of each joint's parent, -1 for the pelvis.
-        vertices: (V, 3) metres, bind pose of the person's shape. Pose correctives of SMPL-X are included.
+        vertices: (V, 3) metres, bind pose of the person's shape. Pose correctives of SMPL-X are
+            included.
         faces: (F, 3).
         weights: (V, 55) skinning weights, rows sum to 1.
         inverse_bind: (55, 4, 4) B_j, from the bind pose to the joint.
-        rotations: (55, 3, 3) of each joint relative to its parent, identity = T-pose; the pelvis in the frame.
+        rotations: (55, 3, 3) of each joint relative to its parent, identity = T-pose; the pelvis in
+            the frame.
         offsets: (55, 3) metres from the parent, in the parent's axes; the pelvis in the frame.
     """
 
@@ -69,7 +73,9 @@ def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
         rig: of any bind pose.
         vertices: (V, 3) of its pose, in the frame.
     """
-    return replace(rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()).astype(np.float64))
+    return replace(
+        rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()).astype(np.float64)
+    )
 
 
 def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyModel:
@@ -89,15 +95,23 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
         raise InputError(f"no skeleton is known for bodies of the model '{result.body_model}'")
     named = (result.config.get("body_model") or {}).get("path") if file is None else file
     if not named or not Path(named).is_file():
-        lost = f"the file of the run, {named}, is not there" if named else "the result does not name it"
+        lost = (
+            f"the file of the run, {named}, is not there"
+            if named
+            else "the result does not name it"
+        )
         raise InputError(
-            f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: give its path "
+            f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: "
+            f"give its path "
             "(--body-model FILE, or body_model= in Python)"
         )
     from physic_core.body.files import load_smplx
 
     parameters = result.people[0].parameters
-    sizes = {"num_betas": parameters.betas.shape[1], "num_expression": parameters.expression.shape[1]}
+    sizes = {
+        "num_betas": parameters.betas.shape[1],
+        "num_expression": parameters.expression.shape[1],
+    }
     return load_smplx(named, **sizes).to(dtype=torch.float64)
 
 
@@ -117,17 +131,27 @@ def pose_rig(model: BodyModel, person: Person, frame: ExportFrame) -> Rig:
     give_file = "give the SMPL-X file that the result was made with (--body-model FILE)"
     if made.shape != person.vertices.shape:
         raise InputError(
-            f"the body model has {len(made)} vertices, a body of the result {len(person.vertices)}: {give_file}"
+            f"the body model has {len(made)} vertices, a body of the result "
+            f"{len(person.vertices)}: {give_file}"
         )
     apart = float(np.abs(made - person.vertices).max())
     rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
     if not apart < _SAME_BODY_M + 2 * rounding:
-        raise InputError(f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: {give_file}")
+        raise InputError(
+            f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
+            f"{give_file}"
+        )
     rest = model.kinematics.rest_joints(shape)[0].numpy()
     coefficients = model.skin.with_correctives(shape, rotations)
     directions = model.skin.directions[: coefficients.shape[1]]
-    vertices = (model.skin.template + torch.einsum("d,dcv->cv", coefficients[0], directions)).T.numpy()
-    bind = np.tile(np.eye(3), (55, 1, 1)) if model.kinematics.bind_rot is None else model.kinematics.bind_rot.numpy()
+    vertices = (
+        model.skin.template + torch.einsum("d,dcv->cv", coefficients[0], directions)
+    ).T.numpy()
+    bind = (
+        np.tile(np.eye(3), (55, 1, 1))
+        if model.kinematics.bind_rot is None
+        else model.kinematics.bind_rot.numpy()
+    )
     inverse = np.tile(np.eye(4), (55, 1, 1))
     inverse[:, :3, :3] = bind
     inverse[:, :3, 3] = -(bind @ rest[..., None])[..., 0]
@@ -139,7 +163,9 @@ def pose_rig(model: BodyModel, person: Person, frame: ExportFrame) -> Rig:
     local[0] = matrix[:3, :3] @ local[0]
     offsets[0] = matrix[:3, :3] @ (rest[0] + transl[0].numpy()) + matrix[:3, 3]
     weights = model.skin.weights.T.numpy()
-    return Rig(JOINT_NAMES, PARENTS, vertices, model.faces.numpy(), weights, inverse, local, offsets)
+    return Rig(
+        JOINT_NAMES, PARENTS, vertices, model.faces.numpy(), weights, inverse, local, offsets
+    )
 
 
 def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
@@ -148,4 +174,6 @@ def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
         return []
     model = body_of_result(request.result, request.body_file)
     with limited_threads():
-        return [(index, pose_rig(model, person, request.frame)) for index, person in request.chosen()]
+        return [
+            (index, pose_rig(model, person, request.frame)) for index, person in request.chosen()
+        ]

@@ -1,4 +1,6 @@
-"""What carries people and the photo does not show: a flat slab under each assumed seat, step or handhold."""
+"""What carries people and the photo does not show: a flat slab under each assumed seat, step or
+handhold.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,12 @@ SLAB_FACES: NDArray[np.int64] = np.array(
 )
 """Triangles (12, 3) of a slab, counter-clockwise from outside."""
 
-_THICK_M, _MARGIN_M = 0.03, 0.04  # of a slab, and how far it reaches beyond the skin on it
+# of a slab, and how far it reaches beyond the skin on it
+_THICK_M = 0.03
+_MARGIN_M = 0.04
 _LEAST = 3  # vertices
-_LEVEL = 0.5  # cosine between the skin's mean normal and the vertical from which the slab lies level
+# cosine between the skin's mean normal and the vertical from which the slab lies level
+_LEVEL = 0.5
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,8 @@ class AssumedSupport:
 
 def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
     """Return the assumed supports of the people of a result."""
-    found, up = list[AssumedSupport](), np.asarray(up_in_camera(result.scene.floor), np.float64)
+    found = list[AssumedSupport]()
+    up = np.asarray(up_in_camera(result.scene.floor), np.float64)
     for index, person in enumerate(result.people):
         if person.contact_partner is None or not np.isfinite(person.vertices).all():
             continue
@@ -54,12 +60,18 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
             on = np.asarray(person.contact_partner) == number
             if partner.kind == "hidden" and on.sum() >= _LEAST:
                 normals = vertex_normals(vertices, np.asarray(result.faces, np.int64))
-                found.append(AssumedSupport(index, _name(person, partner), _slab(vertices[on], normals[on], up)))
+                found.append(
+                    AssumedSupport(
+                        index, _name(person, partner), _slab(vertices[on], normals[on], up)
+                    )
+                )
     return found
 
 
 def _name(person: Person, partner: ContactPartner) -> str:
-    """Return "assumed seat", "assumed handhold", ...: what the support of the person says of this partner."""
+    """Return "assumed seat", "assumed handhold", ...: what the support of the person says of this
+    partner.
+    """
     names = person.support.hidden if person.support is not None else ()
     own = (name for name in names if (name == partner.title) or not partner.surface)
     return f"assumed {next(own, partner.title).removeprefix('hidden ')}"
@@ -79,7 +91,9 @@ def _slab(vertices: Array, normals: Array, up: Array) -> Array:
     first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     plane = np.stack([first / np.linalg.norm(first), np.cross(axis, first) / np.linalg.norm(first)])
     middle, size, angle = cv2.minAreaRect((vertices @ plane.T).astype(np.float32))
-    corners = cv2.boxPoints((middle, (size[0] + 2 * _MARGIN_M, size[1] + 2 * _MARGIN_M), angle)) @ plane
+    corners = (
+        cv2.boxPoints((middle, (size[0] + 2 * _MARGIN_M, size[1] + 2 * _MARGIN_M), angle)) @ plane
+    )
     # Around a bar, skin faces every way.
     side = int(facing @ axis > _LEVEL) - int(facing @ axis < -_LEVEL)
     low = np.median(vertices @ axis) + (side - 1) / 2 * _THICK_M

@@ -1,4 +1,6 @@
-"""Triangle meshes of a result: the scene from its point map, and a backdrop of what is farther; normals of vertices."""
+"""Triangle meshes of a result: the scene from its point map, and a backdrop of what is farther;
+normals of vertices.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,17 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction, Scene
 
 _MAX_VERTICES = 130_000
-"""Maximum number of vertices; its GLB then stays under 5 MB, at 32 bytes a vertex with two triangles."""
+"""Maximum number of vertices; its GLB then stays under 5 MB, at 32 bytes a vertex with two
+triangles.
+"""
 
 _MAX_DEPTH_RATIO = 1.06
 """Maximum depth ratio of neighbours on one surface; 1.03-1.1 works."""
 
 _MAX_SLANTED_DEPTH_RATIO = 1.2
-"""Maximum depth ratio of neighbours on a slanted surface (such as a distant floor), by their normals."""
+"""Maximum depth ratio of neighbours on a slanted surface (such as a distant floor), by their
+normals.
+"""
 
 _MIN_COMPONENT_SHARE = 0.002
 """Minimum size of a connected component, as a share of all vertices."""
@@ -40,7 +46,9 @@ _SHELL_CELLS = 160
 _LEAST_CELL_PX = 4
 
 _CRACK = 0.02
-"""Width of the cracks at edges in depth, which the backdrop does not fill, as a share of the photo's longer side."""
+"""Width of the cracks at edges in depth, which the backdrop does not fill, as a share of the
+photo's longer side.
+"""
 
 _ROUNDS = 30  # of smoothing of the backdrop's outline
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
@@ -49,8 +57,12 @@ _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 de
 _Made = TypeVar("_Made")
 
 
-def kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[[Reconstruction], _Made]:
-    """Keep what is made of the last result, for its preview, GLB and page; threads that draw them share it."""
+def kept_for_next_picture(
+    make: Callable[[Reconstruction], _Made],
+) -> Callable[[Reconstruction], _Made]:
+    """Keep what is made of the last result, for its preview, GLB and page; threads that draw them
+    share it.
+    """
     last: list[tuple[weakref.ref[Reconstruction], _Made]] = []
     making = Lock()
 
@@ -82,7 +94,8 @@ class SceneMesh:
 
 
 def scene_reach(reconstruction: Reconstruction) -> float:
-    """Return the distance from the camera at which the scene mesh ends and the backdrop lies, metres.
+    """Return the distance from the camera at which the scene mesh ends and the backdrop lies,
+    metres.
 
     It is three times the depth of the farthest person, at least 8 m.
     """
@@ -93,13 +106,16 @@ def scene_reach(reconstruction: Reconstruction) -> float:
 
 @kept_for_next_picture
 def scene_meshes(result: Reconstruction) -> tuple[SceneMesh, SceneMesh]:
-    """Return the scene mesh and the backdrop of a result, see :func:`mesh_scene` and :func:`mesh_backdrop`."""
+    """Return the scene mesh and the backdrop of a result, see :func:`mesh_scene` and
+    :func:`mesh_backdrop`.
+    """
     surface = mesh_scene(result.scene, scene_reach(result))
     return surface, mesh_backdrop(result, surface)
 
 
 def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) -> SceneMesh:
-    """Build a triangle mesh of every n-th pixel of a scene; faces join neighbours on the same surface.
+    """Build a triangle mesh of every n-th pixel of a scene; faces join neighbours on the same
+    surface.
 
     Args:
         scene: point map of (H, W) pixels.
@@ -108,7 +124,8 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     """
     height, width = scene.valid.shape
     stride = max(1, math.ceil(math.sqrt(height * width / max_vertices)))
-    rows, columns = np.arange(0, height, stride), np.arange(0, width, stride)
+    rows = np.arange(0, height, stride)
+    columns = np.arange(0, width, stride)
     grid = np.ix_(rows, columns)
     points = np.asarray(scene.points[grid], np.float32)
     normals = np.asarray(scene.normals[grid], np.float32)
@@ -119,7 +136,10 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     def joined(first: tuple[slice, slice], second: tuple[slice, slice]) -> NDArray[np.bool_]:
         return usable[first] & usable[second] & _on_same_surface(points, normals, first, second)
 
-    up, down, left, right = slice(None, -1), slice(1, None), slice(None, -1), slice(1, None)
+    up = slice(None, -1)
+    down = slice(1, None)
+    left = slice(None, -1)
+    right = slice(1, None)
     across = joined((slice(None), left), (slice(None), right))
     along = joined((up, slice(None)), (down, slice(None)))
     diagonal = joined((down, left), (up, right))
@@ -141,17 +161,21 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
 
 
 def is_near(points: NDArray[np.floating[Any]], limit: float) -> NDArray[np.bool_]:
-    """Return which points (..., 3) are finite, before the camera, and nearer to it than a limit in metres."""
+    """Return which points (..., 3) are finite, before the camera, and nearer to it than a limit in
+    metres.
+    """
     x, y, z = (points[..., axis] for axis in range(3))
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray((z > 0) & (x * x + y * y + z * z < limit * limit))
 
 
 def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
-    """Build a mesh of what is farther than the scene mesh or at no known distance: only its direction is known.
+    """Build a mesh of what is farther than the scene mesh or at no known distance: only its
+    direction is known.
 
-    It is a part of the sphere around the camera with the radius :func:`scene_reach`, faces the camera, and reaches a
-    little behind the edge of the scene mesh. It has no faces where the scene mesh fills the photo.
+    It is a part of the sphere around the camera with the radius :func:`scene_reach`, faces the
+    camera, and reaches a little behind the edge of the scene mesh. It has no faces where the scene
+    mesh fills the photo.
 
     Args:
         result: of the photo.
@@ -170,8 +194,14 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
     cell = max(_LEAST_CELL_PX, side / _SHELL_CELLS)
     cells = max(1, round(width / cell)), max(1, round(height / cell))
-    kept = cv2.resize(cv2.dilate(far, crack).astype(np.float32), cells, interpolation=cv2.INTER_AREA) > 0.5
-    columns, rows = (np.linspace(0, size - 1, count + 1) for size, count in zip((width, height), cells, strict=True))
+    kept = (
+        cv2.resize(cv2.dilate(far, crack).astype(np.float32), cells, interpolation=cv2.INTER_AREA)
+        > 0.5
+    )
+    columns, rows = (
+        np.linspace(0, size - 1, count + 1)
+        for size, count in zip((width, height), cells, strict=True)
+    )
     ids = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
     corners = ids[:-1, :-1][kept], ids[1:, :-1][kept], ids[:-1, 1:][kept], ids[1:, 1:][kept]
     a, b, c, d = corners
@@ -185,10 +215,16 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     return SceneMesh(vertices.astype(np.float32), np.searchsorted(used, faces), pixels)
 
 
-def _smooth_outline(spots: NDArray[np.float64], kept: NDArray[np.bool_], ids: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the corners (N, 2) of squares, px, with the stairs between kept and other squares made smooth."""
-    level, upright = kept[1:] != kept[:-1], kept[:, 1:] != kept[:, :-1]
-    inner, beside = ids[1:-1], ids[:, 1:-1]
+def _smooth_outline(
+    spots: NDArray[np.float64], kept: NDArray[np.bool_], ids: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the corners (N, 2) of squares, px, with the stairs between kept and other squares made
+    smooth.
+    """
+    level = kept[1:] != kept[:-1]
+    upright = kept[:, 1:] != kept[:, :-1]
+    inner = ids[1:-1]
+    beside = ids[:, 1:-1]
     ends = np.concatenate(
         [
             np.stack([inner[:, :-1][level], inner[:, 1:][level]], 1),
@@ -198,7 +234,11 @@ def _smooth_outline(spots: NDArray[np.float64], kept: NDArray[np.bool_], ids: ND
     count = np.bincount(ends.ravel(), minlength=len(spots))[:, None]
     for _ in range(_ROUNDS):
         total = np.stack(
-            [np.bincount(ends.ravel(), spots[ends[:, ::-1].ravel(), axis], len(spots)) for axis in (0, 1)], 1
+            [
+                np.bincount(ends.ravel(), spots[ends[:, ::-1].ravel(), axis], len(spots))
+                for axis in (0, 1)
+            ],
+            1,
         )
         spots = np.where(count > 1, 0.5 * spots + 0.5 * total / np.maximum(count, 1), spots)
     return spots
@@ -218,9 +258,12 @@ def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np
     return kept
 
 
-def _on_same_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any) -> NDArray[np.bool_]:
+def _on_same_surface(
+    points: NDArray[Any], normals: NDArray[Any], first: Any, second: Any
+) -> NDArray[np.bool_]:
     depth = points[..., 2]
-    near, far = np.minimum(depth[first], depth[second]), np.maximum(depth[first], depth[second])
+    near = np.minimum(depth[first], depth[second])
+    far = np.maximum(depth[first], depth[second])
     # By columns: sums over an axis of three take several times as long.
     x, y, z = (points[second][..., k] - points[first][..., k] for k in range(3))
     reach = _ACROSS * np.sqrt(x * x + y * y + z * z)
@@ -229,11 +272,17 @@ def _on_same_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, se
         u, v, w = (normal[..., k] for k in range(3))
         # A normal of zero is unknown, and must not vouch for a steep step.
         flat &= (np.abs(u * x + v * y + w * z) < reach) & ((u != 0) | (v != 0) | (w != 0))
-    return np.asarray((far < _MAX_DEPTH_RATIO * near) | (flat & (far < _MAX_SLANTED_DEPTH_RATIO * near)))
+    return np.asarray(
+        (far < _MAX_DEPTH_RATIO * near) | (flat & (far < _MAX_SLANTED_DEPTH_RATIO * near))
+    )
 
 
-def unit_normals(vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """Return vertex normals (V, 3) of a mesh for files that demand unit vectors: +z at a vertex without a face."""
+def unit_normals(
+    vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]
+) -> NDArray[np.float32]:
+    """Return vertex normals (V, 3) of a mesh for files that demand unit vectors: +z at a vertex
+    without a face.
+    """
     normals = vertex_normals(vertices, faces)
     normals[~normals.any(1)] = 0.0, 0.0, 1.0
     return normals.astype(np.float32)

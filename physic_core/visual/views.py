@@ -1,4 +1,6 @@
-"""Views of a reconstruction for the preview, and the geometry that they show: from aside, and to scale."""
+"""Views of a reconstruction for the preview, and the geometry that they show: from aside, and to
+scale.
+"""
 
 from __future__ import annotations
 
@@ -41,16 +43,18 @@ class PreviewGeometry:
     Attributes:
         people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1, those of the people's numbers.
-        dress: (N * V, 3) sRGB in 0-1, those of the photo, see :mod:`physic_core.visual.textures.dressed`.
+        dress: (N * V, 3) sRGB in 0-1, those of the photo, see
+            :mod:`physic_core.visual.textures.dressed`.
         crowns: person -> (3,) vertex that is the highest.
         points: (M, 3) float32 points of the scene.
         point_colors: (M, 3) float32 sRGB in 0-1.
-        backdrop: (K, 3) float32 points of what is farther, see :func:`physic_core.visual.surface.mesh_backdrop`.
+        backdrop: (K, 3) float32 points of what is farther, see
+            :func:`physic_core.visual.surface.mesh_backdrop`.
         backdrop_colors: (K, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
-        low: (3,) minimum corner of the box around the main people, upright frame; around most of the scene without
-            people.
+        low: (3,) minimum corner of the box around the main people, upright frame; around most of
+            the scene without people.
         high: (3,) maximum corner.
         has_floor: whether y = 0 is a floor.
         assumed: supports that the photo does not show.
@@ -74,7 +78,8 @@ class PreviewGeometry:
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     """Build the preview geometry of a reconstruction, without people with non-finite vertices."""
-    scene, limit = reconstruction.scene, scene_reach(reconstruction)
+    scene = reconstruction.scene
+    limit = scene_reach(reconstruction)
     matrix = gltf_from_camera(scene.floor)
     finite = [
         (index, np.asarray(person.vertices, np.float64))
@@ -82,18 +87,25 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
         if np.isfinite(person.vertices).all()
     ]
     bodies = [vertices for _, vertices in finite]
-    colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
+    colors = [
+        np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1))
+        for index, vertices in finite
+    ]
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
     dressed = dressed_bodies(reconstruction)
     backdrop, backdrop_colors = _backdrop(reconstruction)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     main = set(main_people([person.box for person in reconstruction.people]))
-    low, high = _bounds([vertices for index, vertices in finite if index in main] or bodies, points, matrix)
+    low, high = _bounds(
+        [vertices for index, vertices in finite if index in main] or bodies, points, matrix
+    )
     return PreviewGeometry(
         people=dressed.bodies,
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        dress=np.concatenate([dressed.colors[index] for index, _ in finite]) / 255.0 if finite else np.zeros((0, 3)),
+        dress=np.concatenate([dressed.colors[index] for index, _ in finite]) / 255.0
+        if finite
+        else np.zeros((0, 3)),
         crowns={index: vertices[(vertices @ matrix[1, :3]).argmax()] for index, vertices in finite},
         points=points,
         point_colors=point_colors,
@@ -108,8 +120,12 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     )
 
 
-def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return scene points (M, 3) of every n-th pixel up to a distance in metres, and their sRGB colours."""
+def _cloud(
+    scene: Scene, limit: float, stride: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return scene points (M, 3) of every n-th pixel up to a distance in metres, and their sRGB
+    colours.
+    """
     points = scene.points[::stride, ::stride]
     valid = scene.valid[::stride, ::stride] & is_near(points, limit)
     colors = scene.colors[::stride, ::stride][valid].astype(np.float32) / np.float32(255.0)
@@ -118,14 +134,17 @@ def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32]
 
 def _backdrop(result: Reconstruction) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return points (K, 3) on the triangles of the backdrop, and their sRGB colours."""
-    mesh, colors = scene_meshes(result)[1], result.scene.colors
+    mesh = scene_meshes(result)[1]
+    colors = result.scene.colors
     corners = np.concatenate([mesh.faces, mesh.faces[:, [1, 2, 0]]])
     pixels = np.einsum("k,nkc->nc", _WITHIN, mesh.pixels[corners]).astype(np.int64)
     points: NDArray[np.float32] = np.einsum("k,nkc->nc", _WITHIN, mesh.vertices[corners])
     return points, colors[pixels[:, 1], pixels[:, 0]] / np.float32(255.0)
 
 
-def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array) -> tuple[Array, Array]:
+def _bounds(
+    bodies: Sequence[Array], points: NDArray[np.float32], upright: Array
+) -> tuple[Array, Array]:
     if bodies:
         vertices = transform_points(upright, np.concatenate(bodies))
         return vertices.min(0), vertices.max(0)
@@ -136,8 +155,12 @@ def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array
 
 
 _WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
-_ASIDE, _ABOVE = 35.0, 12.0  # degrees of the view from aside, from the camera's direction and from the horizon
-_FIELD, _FILLED = math.radians(40), 0.8  # of this view, upright, and the share of it that people fill
+# degrees of the view from aside, from the camera's direction and from the horizon
+_ASIDE = 35.0
+_ABOVE = 12.0
+# of this view, upright, and the share of it that people fill
+_FIELD = math.radians(40)
+_FILLED = 0.8
 
 PAGE_RGB = (250, 250, 248)
 """sRGB colour of the page."""
@@ -148,7 +171,9 @@ BACKGROUND_RGB = (214, 215, 213)
 _FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
-_POINT_RADIUS, _MAX_RADIUS_PX = 1.2, 6  # of a drawn point, in spacings of points, and px
+# of a drawn point, in spacings of points, and px
+_POINT_RADIUS = 1.2
+_MAX_RADIUS_PX = 6
 _OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 
@@ -162,7 +187,8 @@ class LabeledView:
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera: column and row of the camera; None if it is outside.
         crowns: person -> column and row of their highest vertex, of those in the picture.
-        assumed: name, and column and row (8, 2) of the corners, of each support that the photo does not show.
+        assumed: name, and column and row (8, 2) of the corners, of each support that the photo does
+            not show.
     """
 
     picture: UInt8Array
@@ -181,7 +207,8 @@ class _Direction:
         axes: (3, 3) towards the right, the top and the eye, upright (glTF) frame.
         room: (2, 2) metres below and above people, along the right and the top axis.
         camera_room: (2, 2) the same around the camera, if it is shown.
-        beside: metres nearer to the eye than people, and farther from it, that are shown in full colour.
+        beside: metres nearer to the eye than people, and farther from it, that are shown in full
+            colour.
     """
 
     axes: Array
@@ -205,27 +232,41 @@ _TOP = _Direction(
 
 
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """Render the view from the camera's right, parallel to the floor; the camera looks towards the image's right."""
+    """Render the view from the camera's right, parallel to the floor; the camera looks towards the
+    image's right.
+    """
     return _render(geometry, _SIDE, (width, height))
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
-    """Render the view from above, clipped at the height of the people; the camera looks towards the image's top."""
+    """Render the view from above, clipped at the height of the people; the camera looks towards the
+    image's top.
+    """
     return _render(geometry, _TOP, (width, height))
 
 
 def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
-    """Render the people from beside and above the photo's camera, with the scene and what is farther behind them."""
-    turn, eye = geometry.upright[:3, :3], geometry.upright[:3, 3]
-    corners = np.stack(np.meshgrid(*np.stack([geometry.low - 0.1, geometry.high + 0.1], 1)), -1).reshape(-1, 3)
+    """Render the people from beside and above the photo's camera, with the scene and what is
+    farther behind them.
+    """
+    turn = geometry.upright[:3, :3]
+    eye = geometry.upright[:3, 3]
+    corners = np.stack(
+        np.meshgrid(*np.stack([geometry.low - 0.1, geometry.high + 0.1], 1)), -1
+    ).reshape(-1, 3)
     middle = corners.mean(0)
     azimuth = math.atan2(eye[0] - middle[0], eye[2] - middle[2]) + math.radians(_ASIDE)
     rise = math.radians(_ABOVE)
-    back = np.array([math.sin(azimuth) * math.cos(rise), math.sin(rise), math.cos(azimuth) * math.cos(rise)])
+    back = np.array(
+        [math.sin(azimuth) * math.cos(rise), math.sin(rise), math.cos(azimuth) * math.cos(rise)]
+    )
     right = np.cross([0.0, 1.0, 0.0], back) / math.cos(rise)
-    axes, focal = np.stack([right, np.cross(back, right), back]), _FILLED * height / (2 * math.tan(_FIELD / 2))
+    axes = np.stack([right, np.cross(back, right), back])
+    focal = _FILLED * height / (2 * math.tan(_FIELD / 2))
     # The nearest place in this direction from which all corners are seen.
-    spots, distance, place = corners @ axes.T, 0.0, np.zeros(3)
+    spots = corners @ axes.T
+    distance = 0.0
+    place = np.zeros(3)
     for axis, room in enumerate((width, height)):
         slope = _FILLED * room / 2 / focal
         most = (spots[:, axis] + slope * spots[:, 2]).max()
@@ -234,7 +275,14 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
         distance = max(distance, (most + least) / 2 / slope)
     origin = turn.T @ (place + distance * back - eye)
     centre = (np.array([width, height]) - 1) / 2
-    view = View(axes * [[1.0], [-1.0], [-1.0]] @ turn, origin, np.full(2, focal), centre, (width, height), False)
+    view = View(
+        axes * [[1.0], [-1.0], [-1.0]] @ turn,
+        origin,
+        np.full(2, focal),
+        centre,
+        (width, height),
+        False,
+    )
     shown = replace(
         geometry,
         points=np.concatenate([geometry.points, geometry.backdrop]),
@@ -244,13 +292,18 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
 
 
 def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
-    """Render people and points; points nearer to the eye than people are skipped, distant ones are faint."""
-    turn, eye, axes = geometry.upright[:3, :3], geometry.upright[:3, 3], direction.axes
+    """Render people and points; points nearer to the eye than people are skipped, distant ones are
+    faint.
+    """
+    turn = geometry.upright[:3, :3]
+    eye = geometry.upright[:3, 3]
+    axes = direction.axes
     low, high = np.sort(np.stack([geometry.low, geometry.high]) @ axes.T, axis=0)
     is_level = direction is _SIDE
     if is_level and geometry.has_floor:
         low[1] = min(low[1], 0.0)
-    near, far = high[2] + direction.beside[0], low[2] - direction.beside[1]
+    near = high[2] + direction.beside[0]
+    far = low[2] - direction.beside[1]
     start, end = _with_camera(
         np.stack([low[:2], high[:2]]) + direction.room.T * [[-1], [1]], direction, axes @ eye, size
     )
@@ -274,12 +327,17 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
             for index, spot in zip(geometry.crowns, spots[2:], strict=True)
             if 0 <= spot[0] < size[0] and 0 <= spot[1] < size[1]
         },
-        [(one.name, view.project(one.vertices)[:, :2].astype(np.float64)) for one in geometry.assumed],
+        [
+            (one.name, view.project(one.vertices)[:, :2].astype(np.float64))
+            for one in geometry.assumed
+        ],
     )
 
 
 def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int, int]) -> Array:
-    """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale decreases little."""
+    """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale
+    decreases little.
+    """
     below, above = direction.camera_room.T
     wide = np.stack([np.minimum(ends[0], eye[:2] - below), np.maximum(ends[1], eye[:2] + above)])
     scales = [(size / (one[1] - one[0])).min() for one in (wide, ends)]
@@ -287,13 +345,19 @@ def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int
 
 
 def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float, radius: int) -> UInt8Array:
-    """Draw people, and points of the scene, which are faint beyond a distance in metres, as squares around a pixel."""
+    """Draw people, and points of the scene, which are faint beyond a distance in metres, as squares
+    around a pixel.
+    """
     paper = (np.array(BACKGROUND_RGB) / 255).astype(np.float32)
     scene = render_points(view, geometry.points, geometry.point_colors, radius)
-    veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha).astype(np.float32)[..., None]
+    veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha).astype(
+        np.float32
+    )[..., None]
     picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.dress)
-        veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
+        veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(
+            np.float32
+        )[..., None]
         picture = blend_over(people, picture, veil)
     return picture_bytes(picture)

@@ -1,12 +1,14 @@
 """Find and verify the weights of networks.
 
-A plugin describes its weights in TOML files (:mod:`physic_core.weights.manifest`). A backend calls :func:`locate` to
-get the path of a file. Nothing here uses the network: ``physic weights fetch`` of physic-setup downloads files.
+A plugin describes its weights in TOML files (:mod:`physic_core.weights.manifest`). A backend calls
+:func:`locate` to get the path of a file. Nothing here uses the network: ``physic weights fetch`` of
+physic-setup downloads files.
 
 These places are searched, in this order:
 
-1. The folders in the environment variable ``PHYSIC_WEIGHTS``, for ``<folder>/<set>/<file>``. ``<folder>/<file>`` is
-   also accepted if it has exactly the published size, or, if no size is published, if its name is the name of the set.
+1. The folders in the environment variable ``PHYSIC_WEIGHTS``, for ``<folder>/<set>/<file>``.
+   ``<folder>/<file>`` is also accepted if it has exactly the published size, or, if no size is
+   published, if its name is the name of the set.
 2. The user's cache folder, for ``.../physic/weights/<set>/<file>``.
 3. The cache of Hugging Face, if ``huggingface_hub`` is installed.
 """
@@ -30,7 +32,9 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use, since a run with the embedded networks needs none of them."""
+    """Import the module of a name at its first use, since a run with the embedded networks needs
+    none of them.
+    """
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

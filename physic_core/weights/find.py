@@ -24,9 +24,11 @@ FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 
 
 def locate(manifest: Path, value: str, file: str | None = None) -> Path:
-    """Return the path of a weight file, or of the folder of a weight set, after a comparison with its SHA-256.
+    """Return the path of a weight file, or of the folder of a weight set, after a comparison with
+    its SHA-256.
 
-    A file of a set that is not the published one is refused. A path of the user is not compared with anything.
+    A file of a set that is not the published one is refused. A path of the user is not compared
+    with anything.
 
     Args:
         manifest: the plugin's TOML file, or a folder of TOML files.
@@ -34,11 +36,12 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
         file: one file of the set or of the user's folder; None for the complete set.
 
     Returns:
-        Path of the file. If ``file`` is None and the set has several files, or the user named a folder, path of the
-        folder. If the user named a file, that path unchanged.
+        Path of the file. If ``file`` is None and the set has several files, or the user named a
+        folder, path of the folder. If the user named a file, that path unchanged.
 
     Raises:
-        WeightsMissingError: files are missing; the message lists the searched folders and how to get the files.
+        WeightsMissingError: files are missing; the message lists the searched folders and how to
+            get the files.
         BackendError: a file is not the published one, or the manifest is invalid.
     """
     found = find_weights(manifest, value, file)
@@ -49,8 +52,10 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
             if file in (None, wanted.path):
                 if wrong := describe_mismatch(here[wanted.path], wanted):
                     raise BackendError(
-                        f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
-                        f"{weights.how_to_get()}; to use a file of your own, give its path in place of '{value}'"
+                        f"{here[wanted.path]} is not the published file: {wrong}: move it away, "
+                        f"then "
+                        f"{weights.how_to_get()}; to use a file of your own, give its path in "
+                        f"place of '{value}'"
                     )
                 record_use(f"{value}/{wanted.path}", here[wanted.path], wanted.sha256)
     return found
@@ -68,7 +73,8 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
         return _path_of_user(manifest, value, file)
     if file is not None and file not in (known := [f.path for f in weights.files]):
         raise WeightsMissingError(
-            f"weights '{value}' have no file {file}, only {', '.join(known)}: choose weights of this backend"
+            f"weights '{value}' have no file {file}, only {', '.join(known)}: choose weights of "
+            f"this backend"
         )
     here = locate_files(weights)
     lacking = [f.path for f in weights.files if f.path not in here and file in (None, f.path)]
@@ -81,12 +87,14 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
     part = f"lack {', '.join(lacking)}" if len(lacking) < len(weights.files) else "are missing"
     what = part if lacking else "are in several folders"
     raise WeightsMissingError(
-        f"weights '{value}' ({facts}) {what}: {weights.how_to_get()}\nsearched: {describe_search_folders(value)}"
+        f"weights '{value}' ({facts}) {what}: {weights.how_to_get()}\nsearched: "
+        f"{describe_search_folders(value)}"
     )
 
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
-    """Return a message about the files that :func:`locate` does not find; empty if no file is missing. Reads no file.
+    """Return a message about the files that :func:`locate` does not find; empty if no file is
+    missing. Reads no file.
 
     Raises:
         BackendError: the manifest is invalid.
@@ -99,7 +107,8 @@ def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, .
 
 
 def fingerprint(manifest: Path, value: str) -> str:
-    """Return a digest of the content of the weights, independent of their path; "" if they are missing.
+    """Return a digest of the content of the weights, independent of their path; "" if they are
+    missing.
 
     Files without a published SHA-256 are read once, and again when they change.
     """
@@ -120,10 +129,14 @@ def fingerprint(manifest: Path, value: str) -> str:
 
 
 def search_folders() -> list[Path]:
-    """Return the folders in the environment variable ``PHYSIC_WEIGHTS``, then the user's cache folder."""
+    """Return the folders in the environment variable ``PHYSIC_WEIGHTS``, then the user's cache
+    folder.
+    """
     texts = os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep)
     own = cache_folder("weights")
-    return [Path(text).expanduser() for text in texts if text.strip()] + ([] if own is None else [own])
+    return [Path(text).expanduser() for text in texts if text.strip()] + (
+        [] if own is None else [own]
+    )
 
 
 def locate_files(weights: WeightSet) -> Mapping[str, Path]:
@@ -135,9 +148,12 @@ def locate_files(weights: WeightSet) -> Mapping[str, Path]:
     for folder in search_folders():
         inside = {file.path: folder / weights.name / file.path for file in weights.files}
         places.append({path: place for path, place in inside.items() if place.is_file()})
-    if not any(len(place) == len(weights.files) for place in places):  # saves the slow import of huggingface_hub
+    # saves the slow import of huggingface_hub
+    if not any(len(place) == len(weights.files) for place in places):
         for variant in (locked(weights), weights):
-            places.append({file.path: found for file in variant.files if (found := find_in_hub_cache(file))})
+            places.append(
+                {file.path: found for file in variant.files if (found := find_in_hub_cache(file))}
+            )
     complete = (place for place in places if len(place) == len(weights.files))
     return next(complete, ChainMap(*places))
 
@@ -156,7 +172,9 @@ def presence(weights: WeightSet) -> Literal["missing", "in part", "here", "here,
 def common_folder(files: Mapping[str, Path]) -> Path | None:
     """Return the folder with several files at their relative paths; None if there is none."""
     folders = {str(place).removesuffix(str(Path(path))) for path, place in files.items()}
-    return Path(*folders) if len(files) > 1 and len(folders) == 1 and os.path.isdir(*folders) else None
+    return (
+        Path(*folders) if len(files) > 1 and len(folders) == 1 and os.path.isdir(*folders) else None
+    )
 
 
 def describe_mismatch(path: Path, file: WeightFile) -> str:
@@ -184,10 +202,18 @@ def _sha256(path: Path, stamp: tuple[int, ...]) -> str:
 
 
 def size_mismatches(weights: WeightSet) -> str:
-    """List the weight files whose size differs from the published size, as one line; "" if there are none."""
+    """List the weight files whose size differs from the published size, as one line; "" if there
+    are none.
+    """
     here = locate_files(weights)
-    unhashed = [(here[file.path], WeightFile(file.path, file.bytes)) for file in weights.files if file.path in here]
-    texts = [f"{path}: {wrong}" for path, file in unhashed if (wrong := describe_mismatch(path, file))]
+    unhashed = [
+        (here[file.path], WeightFile(file.path, file.bytes))
+        for file in weights.files
+        if file.path in here
+    ]
+    texts = [
+        f"{path}: {wrong}" for path, file in unhashed if (wrong := describe_mismatch(path, file))
+    ]
     return f"{', '.join(texts)}: `physic weights verify {weights.name}`" if texts else ""
 
 
@@ -197,7 +223,11 @@ def format_size(size: int | None) -> str:
         return ""
     for unit, digits in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if size >= unit:
-            return f"{size / unit:.3g} {digits}" if size < 999.5 * unit else f"{size / unit:.0f} {digits}"
+            return (
+                f"{size / unit:.3g} {digits}"
+                if size < 999.5 * unit
+                else f"{size / unit:.0f} {digits}"
+            )
     return f"{size} bytes"
 
 
@@ -221,15 +251,21 @@ def find_in_hub_cache(file: WeightFile) -> Path | None:
 
 
 def _hub_folder(repository: str) -> Path:
-    """Return the cache folder of a repository, from the environment variables of ``huggingface_hub``."""
-    home = os.environ.get("HF_HOME") or os.path.join(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface")
+    """Return the cache folder of a repository, from the environment variables of
+    ``huggingface_hub``.
+    """
+    home = os.environ.get("HF_HOME") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
+    )
     old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
     cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
     return Path(cache, f"models--{repository.replace('/', '--')}")
 
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
-    """Return the path that the user gave instead of the name of a weight set, or raise WeightsMissingError."""
+    """Return the path that the user gave instead of the name of a weight set, or raise
+    WeightsMissingError.
+    """
     path = Path(value).expanduser()
     if not value.strip():
         raise WeightsMissingError(
@@ -249,7 +285,9 @@ def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
 
 
 def _identity(path: Path, file: WeightFile | None = None) -> str:
-    """Return the published SHA-256 of a file, which is compared when the file is loaded; without one, its own."""
+    """Return the published SHA-256 of a file, which is compared when the file is loaded; without
+    one, its own.
+    """
     if file is not None and file.sha256 is not None and file.bytes == path.stat().st_size:
         return file.sha256
     return remembered_sha256(path)

@@ -62,7 +62,10 @@ class WeightLibrary:
         if found:
             choices = " or ".join(f"'{one.offer.distribution}:{bare}'" for one in found)
             raise ConfigError(f"several plugins list weights named '{bare}': write {choices}")
-        hint = did_you_mean(bare, {one.weights.name for one in self.sets}) or "; `physic weights list` lists all names"
+        hint = (
+            did_you_mean(bare, {one.weights.name for one in self.sets})
+            or "; `physic weights list` lists all names"
+        )
         broken = "".join(f"\n{offer.owner}: {why}" for offer, why in self.broken)
         raise ConfigError(f"no weights are named '{name}'{hint}{broken}")
 
@@ -76,7 +79,9 @@ def read_library() -> WeightLibrary:
             sets += [ListedWeights(offer, weights) for weights in _sets(offer).values()]
         except PhysicError as error:
             broken.append((offer, str(error)))
-    return WeightLibrary(tuple(sorted(sets, key=lambda s: (s.weights.name, s.offer.distribution))), tuple(broken))
+    return WeightLibrary(
+        tuple(sorted(sets, key=lambda s: (s.weights.name, s.offer.distribution))), tuple(broken)
+    )
 
 
 def named_sets(distribution: str, options: Mapping[str, Any]) -> tuple[WeightSet, ...]:
@@ -95,19 +100,29 @@ def named_sets(distribution: str, options: Mapping[str, Any]) -> tuple[WeightSet
 
 
 def default_sets(backend: Offer) -> tuple[WeightSet, ...]:
-    """Return the weight sets that a backend uses by default, as the manifests of its distribution state it.
+    """Return the weight sets that a backend uses by default, as the manifests of its distribution
+    state it.
 
     Raises:
         PhysicError: a manifest of the distribution is invalid.
     """
     name = f"{backend.interface}.{backend.name}"
-    lists = [offer for offer in installed_offers(WEIGHTS_GROUP) if offer.distribution == backend.distribution]
+    lists = [
+        offer
+        for offer in installed_offers(WEIGHTS_GROUP)
+        if offer.distribution == backend.distribution
+    ]
     return tuple(one for offer in lists for one in _sets(offer).values() if name in one.default_of)
 
 
 def licence_text(sets: Iterable[WeightSet]) -> str:
-    """Return the licences of weight sets, each once, and where one forbids commercial use; "" without sets."""
-    licences = [f"{one.license}, no commercial use" if _hides_its_terms(one) else one.license for one in sets]
+    """Return the licences of weight sets, each once, and where one forbids commercial use; ""
+    without sets.
+    """
+    licences = [
+        f"{one.license}, no commercial use" if _hides_its_terms(one) else one.license
+        for one in sets
+    ]
     return "; ".join(dict.fromkeys(licences))
 
 

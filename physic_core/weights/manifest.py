@@ -9,8 +9,10 @@
     account = false        # whether an account with granted access is required
     homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
     advice = ""            # how to get files that have no source
-    mirrors = []           # repositories of Hugging Face with the same files, tried after the source
-    default_of = ["metric_depth.moge-2-onnx"]  # backends that use the set unless an option names another
+    # repositories of Hugging Face with the same files, tried after the source
+    mirrors = []
+    # backends that use the set unless an option names another
+    default_of = ["metric_depth.moge-2-onnx"]
     needs = ""             # what these backends need besides, such as "a GPU"
     [[moge-2-vits-normal.files]]
     path = "model.onnx"    # relative to the folder of the set
@@ -18,9 +20,9 @@
     sha256 = "24ea..."
     source = "hf://Ruicheng/moge-2-vits-normal-onnx/model.onnx"
 
-A source is ``hf://owner/repository/path``, optionally followed by ``@revision``, or a web address. For a file inside a
-zip, add ``#member`` to the address: the member's path, or the end of it if that is unique. The user has to provide a
-file without a source.
+A source is ``hf://owner/repository/path``, optionally followed by ``@revision``, or a web address.
+For a file inside a zip, add ``#member`` to the address: the member's path, or the end of it if that
+is unique. The user has to provide a file without a source.
 """
 
 from __future__ import annotations
@@ -47,7 +49,13 @@ _TABLE = ConfigDict(extra="forbid")
 def is_inside(path: str) -> bool:
     """Return whether a relative path stays inside its folder, on every operating system."""
     parts = PurePosixPath(path).parts
-    plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
+    plain = not (
+        path.startswith("/")
+        or "\\" in path
+        or ":" in path
+        or "\0" in path
+        or PureWindowsPath(path).drive
+    )
     return plain and bool(parts) and ".." not in parts and not path.endswith("/")
 
 
@@ -58,10 +66,13 @@ def _check_path(path: str) -> str:
 
 
 def _check_source(source: str) -> str:
-    hub, web = _HUB.fullmatch(source), _WEB.fullmatch(source)
+    hub = _HUB.fullmatch(source)
+    web = _WEB.fullmatch(source)
     inside = hub[2] if hub else web[1] if web else ""
     if source and not (inside is None or is_inside(inside)):
-        raise ValueError("should be hf://owner/repository/path[@revision] or https://host/path[#member]")
+        raise ValueError(
+            "should be hf://owner/repository/path[@revision] or https://host/path[#member]"
+        )
     return source
 
 
@@ -144,10 +155,13 @@ class WeightSet:
         account: whether an account with granted access is required for the download.
         homepage: URL with more information.
         advice: how to get files that have no source.
-        mirrors: "owner/name" of Hugging Face repositories that hold the same files, wherever inside and under
-            whatever name: a file is recognised by its SHA-256. They are tried after the source, in this order.
-        default_of: "INTERFACE.NAME" of the backends that use the set unless an option names another.
-        needs: what its backends need besides files and packages, separated by commas, such as "a GPU".
+        mirrors: "owner/name" of Hugging Face repositories that hold the same files, wherever inside
+            and under whatever name: a file is recognised by its SHA-256. They are tried after the
+            source, in this order.
+        default_of: "INTERFACE.NAME" of the backends that use the set unless an option names
+            another.
+        needs: what its backends need besides files and packages, separated by commas, such as "a
+            GPU".
         files: at least one; with mirrors, all have a SHA-256.
     """
 
@@ -188,7 +202,10 @@ class WeightSet:
         command = f"`physic weights fetch {self.name}`"
         if not self.is_free:
             account = "an account with access, " if self.needs_account else ""
-            command = f"`physic weights fetch {self.name} --accept-licence` ({account}commercial use {self._use()})"
+            command = (
+                f"`physic weights fetch {self.name} --accept-licence` ({account}commercial "
+                f"use {self._use()})"
+            )
         return command if all(file.source for file in self.files) else f"{command}; {self.advice}"
 
     def describe_licence(self) -> str:
@@ -201,11 +218,15 @@ class WeightSet:
         elif self.homepage:
             lines.append(f"  homepage    {self.homepage}")
         if self.mirrors:
-            lines.append(f"  mirrors     the same files, compared by SHA-256: {', '.join(self.mirrors)}")
+            lines.append(
+                f"  mirrors     the same files, compared by SHA-256: {', '.join(self.mirrors)}"
+            )
         return "\n".join(lines)
 
     def _use(self) -> str:
-        return {True: "allowed", False: "NOT allowed", None: "not stated: read the licence"}[self.commercial]
+        return {True: "allowed", False: "NOT allowed", None: "not stated: read the licence"}[
+            self.commercial
+        ]
 
 
 def read_manifest(path: Path) -> Mapping[str, WeightSet]:
@@ -221,7 +242,9 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
         files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
         return _read(tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
     except OSError as error:
-        raise BackendError(f"the weight manifest {path} cannot be read: {error.strerror}") from error
+        raise BackendError(
+            f"the weight manifest {path} cannot be read: {error.strerror}"
+        ) from error
 
 
 @functools.lru_cache(maxsize=64)
@@ -230,7 +253,9 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     for file, _, _ in stamps:
         try:
             tables = tomllib.loads(file.read_text(encoding="utf-8"))
-            found = _SETS.validate_python({name: _named(name, table) for name, table in tables.items()})
+            found = _SETS.validate_python(
+                {name: _named(name, table) for name, table in tables.items()}
+            )
             for name, weights in found.items():
                 if name in sets:
                     raise ValueError(f"[{name}] is in another manifest already")
@@ -255,8 +280,15 @@ def _check_files(weights: WeightSet) -> None:
         raise ValueError(f"[{weights.name}] has no files, or one of them twice")
     for file in weights.files:
         if file.source.startswith("http://") and file.sha256 is None:
-            raise ValueError(f"[{weights.name}] {file.source} is not secure: add its sha256, or use https://")
+            raise ValueError(
+                f"[{weights.name}] {file.source} is not secure: add its sha256, or use https://"
+            )
         if weights.mirrors and file.sha256 is None:
-            raise ValueError(f"[{weights.name}] has mirrors: add the sha256 of {file.path}, by which it is found there")
+            raise ValueError(
+                f"[{weights.name}] has mirrors: add the sha256 of {file.path}, by which it is "
+                f"found there"
+            )
         if not (file.source or weights.advice):
-            raise ValueError(f"[{weights.name}] has no source for {file.path}: write in 'advice' how to get it")
+            raise ValueError(
+                f"[{weights.name}] has no source for {file.path}: write in 'advice' how to get it"
+            )

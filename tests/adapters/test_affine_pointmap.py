@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from physic_core.adapters.affine_pointmap import AffineCamera, half_diagonal, points_on_rays, recover_camera
+from physic_core.adapters.affine_pointmap import (
+    AffineCamera,
+    half_diagonal,
+    points_on_rays,
+    recover_camera,
+)
 from physic_core.errors import BackendError
 from physic_core.types import Intrinsics
 
@@ -17,15 +22,21 @@ def depth_of_a_scene(height, width, seed=0, relief=1.0):
     """A floor, a wall and some bumps: depth from 1 to about 1 + 4 relief."""
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[0 : 1 : height * 1j, 0 : 1 : width * 1j]
-    waves = sum(np.sin(rng.uniform(1, 9) * u + rng.uniform(1, 9) * v + rng.uniform(0, 6)) for _ in range(4))
+    waves = sum(
+        np.sin(rng.uniform(1, 9) * u + rng.uniform(1, 9) * v + rng.uniform(0, 6)) for _ in range(4)
+    )
     return 1 + relief * (waves + 4) / 4 + relief * (u > rng.uniform(0.3, 0.7))
 
 
 def seen_by(focal, depth):
-    """(H, W, 3) points of a depth, seen by a pinhole camera of this focal length, px; the middle is its centre."""
+    """(H, W, 3) points of a depth, seen by a pinhole camera of this focal length, px; the middle is
+    its centre.
+    """
     height, width = depth.shape
     v, u = np.mgrid[:height, :width]
-    return np.stack([(u - (width - 1) / 2) / focal * depth, (v - (height - 1) / 2) / focal * depth, depth], -1)
+    return np.stack(
+        [(u - (width - 1) / 2) / focal * depth, (v - (height - 1) / 2) / focal * depth, depth], -1
+    )
 
 
 def affine(points, scale, shift):
@@ -47,7 +58,9 @@ class TestExact:
         share=st.floats(0.1, 1),
         seed=st.integers(0, 10**6),
     )
-    def test_focal_length_and_shift_are_recovered(self, height, width, focal, shift, scale, share, seed):
+    def test_focal_length_and_shift_are_recovered(
+        self, height, width, focal, shift, scale, share, seed
+    ):
         focal *= half_diagonal(height, width)
         points = affine(seen_by(focal, depth_of_a_scene(height, width, seed)), scale, shift)
         mask = np.random.default_rng(seed).random((height, width)) < share
@@ -80,7 +93,9 @@ class TestExact:
 
 class TestDoubtful:
     def test_same_optimum_as_a_general_solver(self):
-        """Against Levenberg-Marquardt on both unknowns, on a map that no pinhole camera fits exactly."""
+        """Against Levenberg-Marquardt on both unknowns, on a map that no pinhole camera fits
+        exactly.
+        """
         rng = np.random.default_rng(1)
         depth = depth_of_a_scene(64, 64)
         points = affine(seen_by(60.0, depth), 1.0, 0.5) + 0.02 * rng.standard_normal((64, 64, 3))
@@ -121,7 +136,9 @@ class TestDoubtful:
 
     def test_noise_on_a_flat_wall_tells_nothing(self):
         rng = np.random.default_rng(0)
-        points = seen_by(180.0, np.full((150, 200), 2.0)) + 0.01 * rng.standard_normal((150, 200, 3))
+        points = seen_by(180.0, np.full((150, 200), 2.0)) + 0.01 * rng.standard_normal(
+            (150, 200, 3)
+        )
         found = recover_camera(points, np.ones((150, 200), bool))
         assert not found.determined
         assert found.fx == pytest.approx(180, rel=0.02)  # that of the shift 0
@@ -145,7 +162,9 @@ class TestRefused:
 
     def test_mirrored_points_are_refused(self):
         points = seen_by(100.0, depth_of_a_scene(60, 80)) * [-1, -1, 1]
-        with pytest.raises(BackendError, match="no focal length fits the point map: its points do not lie like"):
+        with pytest.raises(
+            BackendError, match="no focal length fits the point map: its points do not lie like"
+        ):
             recover_camera(points, np.ones((60, 80), bool))
 
     @pytest.mark.parametrize("focal", [0.0, -5.0, np.nan, (100.0, 0.0)])
@@ -168,7 +187,9 @@ class TestSettle:
     def test_what_does_not_count_is_nan(self):
         z = np.array([[1.0, np.nan, np.inf, -2.0, 1.0]])
         mask = np.array([[True, True, True, True, False]])
-        settled, valid = points_on_rays(z, mask, AffineCamera(10, 10, 0.5), Intrinsics.from_focal(10, 5, 1))
+        settled, valid = points_on_rays(
+            z, mask, AffineCamera(10, 10, 0.5), Intrinsics.from_focal(10, 5, 1)
+        )
         np.testing.assert_array_equal(valid, [[True, False, False, False, False]])
         assert np.isnan(settled[~valid]).all()
         np.testing.assert_allclose(settled[0, 0], [-0.3, 0, 1.5], rtol=1e-6)

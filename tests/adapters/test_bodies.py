@@ -29,13 +29,17 @@ def test_matrices_and_vectors_are_the_same_rotations() -> None:
 
 
 def test_a_matrix_that_is_no_rotation_becomes_nan() -> None:
-    matrices = np.stack([np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)])[None]
+    matrices = np.stack(
+        [np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)]
+    )[None]
     found = to_rotvecs(matrices, 4)[0]
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
 
 
 RNG = np.random.default_rng(0)
-POSE, BETAS, PLACE = RNG.normal(0, 0.4, (2, 24, 3)), RNG.normal(0, 1, (2, 10)), RNG.normal((0, 0, 4), 1, (2, 3))
+POSE = RNG.normal(0, 0.4, (2, 24, 3))
+BETAS = RNG.normal(0, 1, (2, 10))
+PLACE = RNG.normal((0, 0, 4), 1, (2, 3))
 
 
 def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None:
@@ -70,16 +74,27 @@ def test_joints_that_smpl_has_not_are_not_numbers() -> None:
 def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
     full = RNG.normal(0, 0.3, (1, 55, 3))
     p = parameters_from_rotvecs(full, BETAS[:1], PLACE[:1], expression=np.ones((1, 10)))
-    rows = [p.global_orient, p.body_pose, p.jaw_pose, p.leye_pose, p.reye_pose, p.left_hand_pose, p.right_hand_pose]
+    rows = [
+        p.global_orient,
+        p.body_pose,
+        p.jaw_pose,
+        p.leye_pose,
+        p.reye_pose,
+        p.left_hand_pose,
+        p.right_hand_pose,
+    ]
     np.testing.assert_allclose(np.concatenate(rows, axis=1).reshape(1, 55, 3), full, atol=1e-6)
     assert p.expression.shape == (1, 10)
 
 
 @pytest.mark.parametrize(("name", "most_mm"), [("sit_on_chair", 12), ("kneel", 35)])
 def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
-    """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent them."""
+    """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent
+    them.
+    """
     world = build_world(name)
-    ankles, feet = world.joints[:, [7, 8]], world.joints[:, [10, 11]]
+    ankles = world.joints[:, [7, 8]]
+    feet = world.joints[:, [10, 11]]
     points = np.zeros((len(ankles), 70, 3), np.float32)
     points[:, [13, 14]] = ankles
     points[:, [15, 16, 18, 19]] = world_mhr_keypoints(world)[:, [15, 16, 18, 19]]
@@ -87,10 +102,13 @@ def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
     assert 1000 * np.linalg.norm(found - feet, axis=2).mean() < most_mm
 
 
-def seen(skeleton: str, *hidden: str, places: dict[str, tuple[float, float]] | None = None) -> set[str]:
+def seen(
+    skeleton: str, *hidden: str, places: dict[str, tuple[float, float]] | None = None
+) -> set[str]:
     """Names of the joints that are not observed, where these keypoints are hidden, or elsewhere."""
     names = SKELETONS[skeleton].names
-    points, confidence = np.full((1, len(names), 2), 50.0), np.full((1, len(names)), 0.9)
+    points = np.full((1, len(names), 2), 50.0)
+    confidence = np.full((1, len(names)), 0.9)
     confidence[0, [names.index(name) for name in hidden]] = 0.3
     for name, place in (places or {}).items():
         points[0, names.index(name)] = place
@@ -99,7 +117,9 @@ def seen(skeleton: str, *hidden: str, places: dict[str, tuple[float, float]] | N
     return {JOINT_NAMES[i] for i in np.flatnonzero(~found[0])}
 
 
-@pytest.mark.parametrize("skeleton", ["blazepose33", "coco17", "coco23", "coco_wholebody133", "halpe26", "wholebody69"])
+@pytest.mark.parametrize(
+    "skeleton", ["blazepose33", "coco17", "coco23", "coco_wholebody133", "halpe26", "wholebody69"]
+)
 def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton: str) -> None:
     assert seen(skeleton) == set()
     assert seen(skeleton, "left_knee") == {"left_knee"}
@@ -111,8 +131,16 @@ def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton: str) -> N
 def test_neighbouring_joints_are_observed_together() -> None:
     assert seen("coco17", "left_ankle") == {"left_ankle", "left_foot"}
     assert seen("coco23", "left_ankle") == {"left_ankle"}
-    assert seen("coco17", "left_hip", "right_hip") == {"left_hip", "right_hip", "pelvis", "spine1", "spine2"}
-    face = [name for name in SKELETONS["coco17"].names if name == "nose" or name.endswith("_surface")]
+    assert seen("coco17", "left_hip", "right_hip") == {
+        "left_hip",
+        "right_hip",
+        "pelvis",
+        "spine1",
+        "spine2",
+    }
+    face = [
+        name for name in SKELETONS["coco17"].names if name == "nose" or name.endswith("_surface")
+    ]
     assert seen("coco17", *face) == {"neck", "head", "jaw", "left_eye", "right_eye"}
     assert seen("coco17", *face[1:]) == set()
 

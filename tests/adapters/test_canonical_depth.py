@@ -38,7 +38,9 @@ def test_inverse_depth_of_the_canonical_camera_becomes_metres() -> None:
 
 
 def test_inverse_depth_is_clipped_after_the_factor_not_before() -> None:
-    metres = depth_from_canonical_inverse(np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640)
+    metres = depth_from_canonical_inverse(
+        np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640
+    )
     np.testing.assert_allclose(metres, [[1e4, 1e4, 1e4, 1e-4]], rtol=1e-5)
     assert metres.dtype == np.float32
 

@@ -12,12 +12,16 @@ from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError, WeightsMissingError
 
 
-def checkout(folder: Path, files: dict[str, str], package: str = "core.net", **settings: object) -> Checkout:
+def checkout(
+    folder: Path, files: dict[str, str], package: str = "core.net", **settings: object
+) -> Checkout:
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    return Checkout(str(folder), name="Thing", package=package, homepage="https://example.org/thing", **settings)  # type: ignore[arg-type]
+    return Checkout(
+        str(folder), name="Thing", package=package, homepage="https://example.org/thing", **settings
+    )  # type: ignore[arg-type]
 
 
 def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> None:
@@ -41,7 +45,8 @@ def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> 
 
 
 def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path: Path) -> None:
-    path, modules = list(sys.path), set(sys.modules)
+    path = list(sys.path)
+    modules = set(sys.modules)
     side = checkout(tmp_path, {"core/net.py": "import json, utils", "utils.py": "A = 1"})
     side.load()
     assert sys.path == path
@@ -63,7 +68,10 @@ def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_p
     installed = tmp_path / "site" / "core"
     installed.mkdir(parents=True)
     (installed / "__init__.py").write_text("")
-    side = checkout(tmp_path / "thing", {"core/net.py": "from .deep.more import A", "core/deep/more.py": "A = 3"})
+    side = checkout(
+        tmp_path / "thing",
+        {"core/net.py": "from .deep.more import A", "core/deep/more.py": "A = 3"},
+    )
     sys.path.insert(0, str(tmp_path / "site"))
     try:
         assert side.load().A == 3
@@ -72,7 +80,10 @@ def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_p
 
 
 def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
-    side = checkout(tmp_path, {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"})
+    side = checkout(
+        tmp_path,
+        {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"},
+    )
     net = side.load()
     with side.activated():
         assert side.load("core.more").A is net.A
@@ -84,7 +95,10 @@ def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
 def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path: Path) -> None:
     path = list(sys.path)
     side = checkout(tmp_path, {"core/net.py": "raise RuntimeError('no such GPU')"})
-    said = f"Thing in {tmp_path} cannot be imported: RuntimeError: no such GPU; try its own demo in this environment"
+    said = (
+        f"Thing in {tmp_path} cannot be imported: RuntimeError: no such GPU; try its own demo "
+        f"in this environment"
+    )
     with pytest.raises(BackendError, match=said):
         side.load()
     assert sys.path == path
@@ -96,14 +110,19 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
     with pytest.raises(WeightsMissingError, match="pip install yacs_that_is_not_there"):
         side.load()
     needs = checkout(tmp_path, {}, needs=("json", "absent_a", "absent_b")).missing()
-    assert needs == ("Thing needs the packages absent_a, absent_b of the environment: pip install absent_a absent_b",)
+    assert needs == (
+        "Thing needs the packages absent_a, absent_b of the environment: pip install absent_a "
+        "absent_b",
+    )
 
 
 def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path: Path) -> None:
     page = "https://example.org/thing"
     absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage=page)
     other = checkout(tmp_path, {"setup.py": ""})
-    none = Checkout("", name="Thing", package="thing_that_nobody_installed.net", homepage=page, commit="c0ffee")
+    none = Checkout(
+        "", name="Thing", package="thing_that_nobody_installed.net", homepage=page, commit="c0ffee"
+    )
     for side, words in (
         (absent, f"there is no folder {tmp_path / 'no'}"),
         (other, f"{tmp_path} is not a checkout of Thing, since it has no core/net.py"),
@@ -117,7 +136,9 @@ def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path: Path) 
 
 def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path: Path) -> None:
     side = checkout(tmp_path, {"core/net.py": ""})
-    with pytest.raises(BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"):
+    with pytest.raises(
+        BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"
+    ):
         side.attribute("Net")
 
 
@@ -130,7 +151,10 @@ def test_an_installed_package_needs_no_checkout() -> None:
 def test_the_fingerprint_does_not_depend_on_the_place(tmp_path: Path) -> None:
     one, two = (checkout(tmp_path / name, {"core/net.py": "A = 1"}) for name in "ab")
     assert one.fingerprint() == two.fingerprint() != ""
-    assert Checkout(str(tmp_path / "no"), name="T", package="core.net", homepage="h").fingerprint() == ""
+    assert (
+        Checkout(str(tmp_path / "no"), name="T", package="core.net", homepage="h").fingerprint()
+        == ""
+    )
 
 
 FILES = {
@@ -147,7 +171,8 @@ FILES = {
 @pytest.mark.parametrize("name", FILES)
 def test_one_number_changes_the_fingerprint(tmp_path: Path, name: str) -> None:
     side = checkout(tmp_path, FILES)
-    before, time = side.fingerprint(), (tmp_path / name).stat().st_mtime_ns
+    before = side.fingerprint()
+    time = (tmp_path / name).stat().st_mtime_ns
     (tmp_path / name).write_text(FILES[name].replace("1.0", "2.0"))
     os.utime(tmp_path / name, ns=(time, time))
     assert side.fingerprint() != before
@@ -169,7 +194,12 @@ def test_data_and_environments_are_not_in_the_fingerprint(tmp_path: Path) -> Non
     side = checkout(tmp_path, FILES)
     before = side.fingerprint()
     others = {"data/labels.json": "0" * 1_000_000, "weights.bin": "0", ".git/hook.py": "0"}
-    others |= {"env/pyvenv.cfg": "0", "env/lib/site.py": "0", "conda/conda-meta/a.json": "0", "conda/lib/site.py": "0"}
+    others |= {
+        "env/pyvenv.cfg": "0",
+        "env/lib/site.py": "0",
+        "conda/conda-meta/a.json": "0",
+        "conda/lib/site.py": "0",
+    }
     checkout(tmp_path, others)
     assert side.fingerprint() == before
 

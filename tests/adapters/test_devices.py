@@ -20,7 +20,8 @@ def blas_threads() -> list[int]:
 @pytest.mark.parametrize("count", [1, 2])
 def test_threads_are_limited_inside_and_restored_after(count: int) -> None:
     np.linalg.inv(np.eye(3))
-    torch_before, blas_before = torch.get_num_threads(), blas_threads()
+    torch_before = torch.get_num_threads()
+    blas_before = blas_threads()
     assert blas_before
     with limited_threads(count):
         assert torch.get_num_threads() == count

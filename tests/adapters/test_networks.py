@@ -12,7 +12,12 @@ import pytest
 import torch
 from pydantic import Field
 
-from physic_core.adapters.networks import NetworkBackend, TorchBackend, picture_tensor, run_in_batches
+from physic_core.adapters.networks import (
+    NetworkBackend,
+    TorchBackend,
+    picture_tensor,
+    run_in_batches,
+)
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import MetricDepth, Options
@@ -43,12 +48,15 @@ class Own(NetworkBackend, MetricDepth):
 
 @pytest.fixture
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Own]:
-    """The class in a package with a folder of manifests; a file of its set is in the user's folder."""
+    """The class in a package with a folder of manifests; a file of its set is in the user's
+    folder.
+    """
     package = ModuleType("own_plugin")
     package.__path__ = [str(tmp_path / "own_plugin")]
     (tmp_path / "own_plugin" / "weights").mkdir(parents=True)
     manifest = (
-        '[net]\nsummary = "A"\nlicense = "MIT"\n[[net.files]]\npath = "net.txt"\nsource = "https://example.org/x"\n'
+        '[net]\nsummary = "A"\nlicense = "MIT"\n[[net.files]]\npath = "net.txt"\nsource = '
+        '"https://example.org/x"\n'
     )
     (tmp_path / "own_plugin" / "weights" / "net.toml").write_text(manifest)
     monkeypatch.setitem(sys.modules, "own_plugin", package)
@@ -123,13 +131,19 @@ def test_a_network_that_does_not_keep_its_batch_is_an_error() -> None:
 
 def test_pictures_are_normalised_as_on_numpy() -> None:
     found = picture_tensor(np.stack([PHOTO, PHOTO[::-1]]), IMAGENET_MEAN, IMAGENET_STD)
-    np.testing.assert_allclose(found[:1], normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD), atol=1e-6)
-    np.testing.assert_allclose(found[1:], normalized_nchw(PHOTO[::-1], IMAGENET_MEAN, IMAGENET_STD), atol=1e-6)
+    np.testing.assert_allclose(
+        found[:1], normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        found[1:], normalized_nchw(PHOTO[::-1], IMAGENET_MEAN, IMAGENET_STD), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("align_corners", [False, True])
 def test_pictures_are_resized_as_by_torch(align_corners: bool) -> None:
     plain = torch.from_numpy(normalized_nchw(PHOTO))
-    theirs = torch.nn.functional.interpolate(plain, (24, 32), mode="bilinear", align_corners=align_corners)
+    theirs = torch.nn.functional.interpolate(
+        plain, (24, 32), mode="bilinear", align_corners=align_corners
+    )
     found = picture_tensor(PHOTO, size=(24, 32), align_corners=align_corners)
     np.testing.assert_allclose(found, theirs, atol=1e-6)

@@ -27,14 +27,20 @@ def test_a_centred_box_has_its_corners_half_its_size_away():
 
 def test_iou_of_known_boxes():
     one = np.array([[0.0, 0, 10, 10]])
-    others = np.array([[0.0, 0, 10, 10], [5, 0, 15, 10], [10, 0, 20, 10], [3, 3, 3, 3], [-5, -5, 15, 15]])
+    others = np.array(
+        [[0.0, 0, 10, 10], [5, 0, 15, 10], [10, 0, 20, 10], [3, 3, 3, 3], [-5, -5, 15, 15]]
+    )
     assert box_iou(one, others)[0] == pytest.approx([1, 1 / 3, 0, 0, 1 / 4])
 
 
-@given(st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12), st.floats(0.05, 0.95))
+@given(
+    st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12),
+    st.floats(0.05, 0.95),
+)
 def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
     table = np.array(rows, float).reshape(-1, 5)
-    boxes, scores = xyxy_from_cxcywh(table[:, :4]), table[:, 4]
+    boxes = xyxy_from_cxcywh(table[:, :4])
+    scores = table[:, 4]
     kept: list[int] = []
     for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
         if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
@@ -101,21 +107,31 @@ def test_pixels_of_people_are_removed_from_the_floor():
 
 
 def test_a_mask_does_not_reach_far_out_of_its_box():
-    people = people_from_masks([np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE)
+    people = people_from_masks(
+        [np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE
+    )
     assert people.boxes.tolist() == [[0, 0, 5, 5]]
 
 
 @given(
-    arrays(np.float32, st.tuples(st.integers(0, 4), st.just(6), st.just(8)), elements=st.floats(-3, 3, width=32)),
+    arrays(
+        np.float32,
+        st.tuples(st.integers(0, 4), st.just(6), st.just(8)),
+        elements=st.floats(-3, 3, width=32),
+    ),
     st.booleans(),
 )
 def test_any_mask_gives_a_valid_result(logits, sharp):
     masks = logits > 0 if sharp else logits
-    people = people_from_masks(list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE)
+    people = people_from_masks(
+        list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE
+    )
     assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
     assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
 
 
 def test_mask_nms_keeps_one_mask_of_each_person():
-    masks = np.stack([rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0])
+    masks = np.stack(
+        [rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0]
+    )
     assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]

@@ -30,7 +30,9 @@ KINDS = pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
 
 def torch_resized(image, height, width, mode):
     batch = torch.from_numpy(image).permute(2, 0, 1)[None]
-    resized = torch.nn.functional.interpolate(batch, (height, width), mode=mode, align_corners=False)
+    resized = torch.nn.functional.interpolate(
+        batch, (height, width), mode=mode, align_corners=False
+    )
     return resized[0].permute(1, 2, 0).numpy()
 
 
@@ -46,7 +48,9 @@ class TestPlanes:
     def test_mean_and_deviation_are_of_the_scaled_values(self):
         expected = (PHOTO / 255 - IMAGENET_MEAN) / IMAGENET_STD
         np.testing.assert_allclose(
-            normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0), expected, atol=1e-6
+            normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0),
+            expected,
+            atol=1e-6,
         )
 
 
@@ -56,26 +60,53 @@ class TestSquash:
     def test_resizing_without_antialias_equals_torch(self, kind, height, width):
         image = PHOTO.astype(np.float32)
         np.testing.assert_allclose(
-            resize_image(image, height, width, kind), torch_resized(image, height, width, kind), atol=1e-2
+            resize_image(image, height, width, kind),
+            torch_resized(image, height, width, kind),
+            atol=1e-2,
         )
 
     @SIZES
     @KINDS
     def test_resizing_with_antialias_equals_pillow(self, kind, height, width):
-        expected = Image.fromarray(PHOTO).resize((width, height), getattr(Image.Resampling, kind.upper()))
-        np.testing.assert_array_equal(resize_image(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected))
+        expected = Image.fromarray(PHOTO).resize(
+            (width, height), getattr(Image.Resampling, kind.upper())
+        )
+        np.testing.assert_array_equal(
+            resize_image(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected)
+        )
 
     def test_area_is_the_mean_of_what_becomes_one_pixel(self):
         image = rng.random((8, 12)).astype(np.float32)
-        np.testing.assert_allclose(resize_image(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5)
+        np.testing.assert_allclose(
+            resize_image(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5
+        )
 
     def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
         image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
         np.testing.assert_array_equal(resize_image(image, 1, 3, "nearest"), [[1, 4, 7]])
 
 
-METHODS = ("bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias")
-TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", ">f4")
+METHODS = (
+    "bilinear",
+    "bicubic",
+    "area",
+    "bilinear-antialias",
+    "bicubic-antialias",
+    "lanczos-antialias",
+)
+TYPES = (
+    "int8",
+    "uint8",
+    "int16",
+    "uint16",
+    "int32",
+    "uint32",
+    "int64",
+    "uint64",
+    "float16",
+    "float32",
+    ">f4",
+)
 
 
 @pytest.mark.parametrize(("height", "width"), [(31, 44), (7, 9)])
@@ -95,7 +126,9 @@ class TestTypesAndChannels:
         mask = rng.random((16, 20)) > 0.5
         share = resize_image(mask.astype(np.float64), height, width, how)
         clear = abs(share - 0.5) > 1e-4
-        np.testing.assert_array_equal(resize_image(mask, height, width, how)[clear], share[clear] > 0.5)
+        np.testing.assert_array_equal(
+            resize_image(mask, height, width, how)[clear], share[clear] > 0.5
+        )
 
     @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4, 5, 129, 133, 600])
     def test_each_channel_is_resized_alone(self, how, channels, height, width):
@@ -103,14 +136,20 @@ class TestTypesAndChannels:
         found = resize_image(image, height, width, how)
         assert found.shape == (height, width, channels)
         for c in {0, channels // 2, channels - 1} if channels else ():
-            np.testing.assert_allclose(found[..., c], resize_image(image[..., c], height, width, how), atol=1e-5)
+            np.testing.assert_allclose(
+                found[..., c], resize_image(image[..., c], height, width, how), atol=1e-5
+            )
 
 
 @pytest.mark.parametrize("size", [(7, 9), (31, 44), (64, 48)])
-@pytest.mark.parametrize("dtype", ["int64", "float16", "complex64", "object", "U3", "datetime64[s]", "i4,f8"])
+@pytest.mark.parametrize(
+    "dtype", ["int64", "float16", "complex64", "object", "U3", "datetime64[s]", "i4,f8"]
+)
 def test_nearest_takes_values_of_every_type_as_pillow_does(dtype, size):
     numbers = np.arange(16 * 20, dtype=np.float32).reshape(16, 20)
-    taken = np.asarray(Image.fromarray(numbers).resize(size[::-1], Image.Resampling.NEAREST)).astype(int)
+    taken = np.asarray(
+        Image.fromarray(numbers).resize(size[::-1], Image.Resampling.NEAREST)
+    ).astype(int)
     image = np.zeros((16 * 20, 7), dtype)
     image[:] = rng.integers(0, 300, (16 * 20, 7)).astype(dtype) if dtype != "i4,f8" else image
     found = resize_image(image.reshape(16, 20, 7), *size, "nearest")
@@ -151,7 +190,8 @@ def test_what_cannot_be_resized_is_refused_by_name(resize, image, words):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "how", "value"), [("int64", "bilinear", 2**53 + 1), ("int32", "bicubic-antialias", 2**24 + 1)]
+    ("dtype", "how", "value"),
+    [("int64", "bilinear", 2**53 + 1), ("int32", "bicubic-antialias", 2**24 + 1)],
 )
 def test_integers_that_would_lose_digits_are_refused(dtype, how, value):
     with pytest.raises(InputError, match=str(value)):
@@ -159,7 +199,9 @@ def test_integers_that_would_lose_digits_are_refused(dtype, how, value):
 
 
 def test_resample_keeps_places_by_half_pixel_centres():
-    """A ramp of x coordinates, enlarged: each new pixel holds where its centre lies in the old image."""
+    """A ramp of x coordinates, enlarged: each new pixel holds where its centre lies in the old
+    image.
+    """
     ramp = np.arange(10.0)[None].repeat(4, 0)
     larger = resize_map(ramp, 8, 30)
     expected = np.clip((np.arange(30) + 0.5) / 3 - 0.5, 0, 9)
@@ -179,18 +221,32 @@ class TestLetterbox:
         canvas, box = letterbox(np.zeros((rows, columns, 3), np.uint8), height, width, where=where)
         assert canvas.shape == (height, width, 3)
         assert box.crop(canvas).shape[:2] == box.inner
-        corners = np.array([[0.0, 0.0], [columns - 1, rows - 1], [-0.5, -0.5], [columns - 0.5, rows - 0.5]])
+        corners = np.array(
+            [[0.0, 0.0], [columns - 1, rows - 1], [-0.5, -0.5], [columns - 0.5, rows - 0.5]]
+        )
         np.testing.assert_allclose(box.to_photo(box.to_canvas(corners)), corners, atol=1e-9)
         outer = box.to_canvas(corners[2:]) + 0.5
         np.testing.assert_allclose(
-            outer, [[box.left, box.top], [box.left + box.inner[1], box.top + box.inner[0]]], atol=1e-9
+            outer,
+            [[box.left, box.top], [box.left + box.inner[1], box.top + box.inner[0]]],
+            atol=1e-9,
         )
-        whole = np.array([box.left, box.top, box.left + box.inner[1], box.top + box.inner[0]], float)
+        whole = np.array(
+            [box.left, box.top, box.left + box.inner[1], box.top + box.inner[0]], float
+        )
         np.testing.assert_allclose(box.edges_to_photo(whole), [0, 0, columns, rows], atol=1e-9)
 
     def test_photo_lies_where_it_is_said_and_the_rest_is_filled(self):
-        canvas, box = letterbox(np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=114, where="top-left")
-        assert (box.scale, box.left, box.top, box.inner, box.size) == (1.6, 0, 0, (32, 64), (20, 40))
+        canvas, box = letterbox(
+            np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=114, where="top-left"
+        )
+        assert (box.scale, box.left, box.top, box.inner, box.size) == (
+            1.6,
+            0,
+            0,
+            (32, 64),
+            (20, 40),
+        )
         assert (canvas[:32] == 200).all()
         assert (canvas[32:] == 114).all()
         canvas, box = letterbox(np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=(1, 2, 3))
@@ -199,7 +255,9 @@ class TestLetterbox:
         assert (canvas[16:48] == 200).all()
 
     def test_canvas_is_cut_to_a_multiple(self):
-        canvas, box = letterbox(np.zeros((300, 400, 3), np.uint8), 518, 518, multiple=14, where="top-left")
+        canvas, box = letterbox(
+            np.zeros((300, 400, 3), np.uint8), 518, 518, multiple=14, where="top-left"
+        )
         assert box.inner == (388, 518)
         assert canvas.shape == (392, 518, 3)
 
@@ -225,7 +283,9 @@ def middle() -> np.ndarray:
 
 def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
     shown = []
-    filled = inpaint_masked(IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image))
+    filled = inpaint_masked(
+        IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image)
+    )
     assert (filled[middle()] == 0).all()
     assert (filled[~middle()] == IMAGE[~middle()]).all()
     rows, columns = np.nonzero(shown[0])
@@ -233,7 +293,9 @@ def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
 
 
 def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
-    filled = inpaint_masked(IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked"))
+    filled = inpaint_masked(
+        IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked")
+    )
     assert (filled == IMAGE).all()
     assert not np.shares_memory(filled, IMAGE)
 
@@ -245,7 +307,10 @@ def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
             np.zeros((80, 60), bool),
             r"must have the image's size \(H, W\) = \(60, 80\), got \(80, 60\): resize it first",
         ),
-        (np.ones((60, 80), bool), "covers the whole image, which leaves nothing to fill it from: pass a smaller one"),
+        (
+            np.ones((60, 80), bool),
+            "covers the whole image, which leaves nothing to fill it from: pass a smaller one",
+        ),
     ],
 )
 def test_a_mask_that_cannot_be_filled_is_refused(mask, words):

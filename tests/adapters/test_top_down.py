@@ -37,9 +37,12 @@ def slow_cut(image: NDArray[np.uint8], crop: Crop, fill: float = 0.0) -> NDArray
     found = np.zeros((crop.height, crop.width, 3))
     for v in range(crop.height):
         for u in range(crop.width):
-            x, y = crop.origin[0] + u * crop.step[0], crop.origin[1] + v * crop.step[1]
-            left, top = int(np.floor(x)), int(np.floor(y))
-            a, b = x - left, y - top
+            x = crop.origin[0] + u * crop.step[0]
+            y = crop.origin[1] + v * crop.step[1]
+            left = int(np.floor(x))
+            top = int(np.floor(y))
+            a = x - left
+            b = y - top
             found[v, u] = (1 - b) * ((1 - a) * at(left, top) + a * at(left + 1, top)) + b * (
                 (1 - a) * at(left, top + 1) + a * at(left + 1, top + 1)
             )
@@ -61,7 +64,10 @@ def test_an_unknown_grid_is_refused() -> None:
 def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
     middle, size = padded_region(BOX, 0.75, 1.25)
     corners, halves, areas = (crop_around_box(BOX, 192, 256, grid=grid) for grid in GRIDS)
-    assert np.allclose(corners.to_photo(np.array([[0.0, 0.0], [191.0, 255.0]])), [middle - size / 2, middle + size / 2])
+    assert np.allclose(
+        corners.to_photo(np.array([[0.0, 0.0], [191.0, 255.0]])),
+        [middle - size / 2, middle + size / 2],
+    )
     assert np.allclose(halves.to_photo(np.array([96.0, 128.0])), middle)
     assert np.allclose(halves.to_photo(np.array([0.0, 0.0])), middle - size / 2)
     assert np.allclose(areas.to_photo(np.array([-0.5, -0.5])), middle - size / 2)
@@ -119,7 +125,8 @@ def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
         transform_preds,
     )
 
-    # Their boxes are x y w h in pixel coordinates whose integers are edges; ours are half a pixel beside.
+    # Their boxes are x y w h in pixel coordinates whose integers are edges; ours are half a pixel
+    # beside.
     box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
     centre, scale = box_to_center_and_scale(box, 192, 256)
     warp = get_warp_matrix(0, centre * 2.0, np.array([191.0, 255.0]), scale * 200.0)
@@ -128,10 +135,14 @@ def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
     assert np.allclose(crop.to_crop(photo), photo @ warp[:, :2].T + warp[:, 2], atol=1e-3)
     cells = np.random.default_rng(4).uniform(0, 47, (7, 2))
     heat = crop_around_box(BOX, 48, 64, grid="corners")
-    assert np.allclose(heat.to_photo(cells), transform_preds(cells, centre, scale, [64, 48]), atol=1e-3)
+    assert np.allclose(
+        heat.to_photo(cells), transform_preds(cells, centre, scale, [64, 48]), atol=1e-3
+    )
 
 
-def gaussians(points: NDArray[np.float64], height: int, width: int, sigma: float, high: float = 0.9) -> NDArray:
+def gaussians(
+    points: NDArray[np.float64], height: int, width: int, sigma: float, high: float = 0.9
+) -> NDArray:
     """(N, J, h, w): a Gaussian at each of the points (N, J, 2)."""
     y, x = np.mgrid[:height, :width]
     apart = (x - points[..., 0, None, None]) ** 2 + (y - points[..., 1, None, None]) ** 2

@@ -41,6 +41,8 @@ class Forging(MockMetricDepth):
 
     def load(self, device: str = "cpu") -> None:
         print(
-            'physic-doctor: {"interface": "metric_depth", "backend": "forged", "owner": "", "state": "ok"}', flush=True
+            'physic-doctor: {"interface": "metric_depth", "backend": "forged", "owner": "", '
+            '"state": "ok"}',
+            flush=True,
         )
         os._exit(0)

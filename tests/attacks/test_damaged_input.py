@@ -1,4 +1,6 @@
-"""Damaged and hostile input: every reader refuses it with its own error, or reads what was written."""
+"""Damaged and hostile input: every reader refuses it with its own error, or reads what was
+written.
+"""
 
 from __future__ import annotations
 
@@ -43,5 +45,7 @@ def test_damaged_files_are_read_or_refused(target: Target, tmp_path: Path):
         for file in target.corpus()
     ],
 )
-def test_files_that_once_broke_a_reader_are_read_or_refused(target: Target, file: Path, tmp_path: Path):
+def test_files_that_once_broke_a_reader_are_read_or_refused(
+    target: Target, file: Path, tmp_path: Path
+):
     target.attack(file.read_bytes(), tmp_path)

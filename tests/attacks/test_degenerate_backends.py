@@ -45,7 +45,9 @@ def test_the_check_of_the_interface_refuses(
 ) -> None:
     height, width = image.shape[:2]
     result = deviation.change(recorded[deviation.interface][0])
-    found = violations(INTERFACES[deviation.interface], result, height=height, width=width, people=1)
+    found = violations(
+        INTERFACES[deviation.interface], result, height=height, width=width, people=1
+    )
     assert any(deviation.refused in sentence for sentence in found)
 
 

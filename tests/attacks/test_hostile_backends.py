@@ -48,7 +48,9 @@ def give(depth: Any) -> tuple[DepthMap, Own]:
 
 
 def run(backend: Own, image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
-    resolved = ResolvedBackend(backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, ""))
+    resolved = ResolvedBackend(
+        backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, "")
+    )
     request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
     return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
 
@@ -74,7 +76,12 @@ def unaligned(values: np.ndarray) -> np.ndarray:
     "depth",
     [
         *(ONES.astype(kind) for kind in ("f2", "f4", "f8", ">f2", ">f4", ">f8")),
-        *(np.asfortranarray(ONES), ONES[::-1, ::-1], ONES.repeat(2, 1)[:, ::2], np.broadcast_to(1.0, (6, 8))),
+        *(
+            np.asfortranarray(ONES),
+            ONES[::-1, ::-1],
+            ONES.repeat(2, 1)[:, ::2],
+            np.broadcast_to(1.0, (6, 8)),
+        ),
         unaligned(ONES),
     ],
     ids=lambda depth: f"{depth.dtype.str} {depth.strides}",
@@ -106,7 +113,9 @@ def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth: np.ndarray
         pytest.param(
             ONES.astype(np.longdouble),
             np.dtype(np.longdouble).name,
-            marks=pytest.mark.skipif(np.dtype(np.longdouble).itemsize == 8, reason="needs wider floats"),
+            marks=pytest.mark.skipif(
+                np.dtype(np.longdouble).itemsize == 8, reason="needs wider floats"
+            ),
         ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -123,14 +132,18 @@ def test_plugin_exit_has_the_message_of_its_cause() -> None:
         sys.exit("weights are missing")
 
 
-# ---- calls that hang -------------------------------------------------------------------------------------------------
+# ---- calls that hang
+# -------------------------------------------------------------------------------------------------
 
 
 def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
-    outcomes = list(run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2, timeout=1.0)))
+    outcomes = list(
+        run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2, timeout=1.0))
+    )
     assert [outcome.failure for outcome in outcomes] == ["Timeout"] * len(hostile.HANGS)
     assert {outcome.message for outcome in outcomes} == {
-        "no result, and no work for 1 s; --timeout sets the limit, and --retry failed tries the photo again"
+        "no result, and no work for 1 s; --timeout sets the limit, and --retry failed tries the "
+        "photo again"
     }
 
 

@@ -1,4 +1,6 @@
-"""A photo whose file has lost data is refused, and never reconstructed from pixels that a decoder has invented."""
+"""A photo whose file has lost data is refused, and never reconstructed from pixels that a decoder
+has invented.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ def message_of(photo: bytes | Image.Image) -> str:
 
 def damaged(name: str) -> str:
     return (
-        f"cannot read the photo {name}: its data are damaged or truncated; copy it again from where it came, or save "
+        f"cannot read the photo {name}: its data are damaged or truncated; copy it again from "
+        f"where it came, or save "
         "it again from a program that shows it completely"
     )
 
@@ -46,7 +49,9 @@ def test_a_block_of_zeros_is_found(kind: str):
 
 @pytest.mark.parametrize("kind", ["baseline", "fine", "optimised", "restarts", "grey"])
 def test_a_short_block_of_zeros_is_found(kind: str):
-    """The decoder alone misses a fifth of those in the fine one: the zeros stand for as many blocks as were there."""
+    """The decoder alone misses a fifth of those in the fine one: the zeros stand for as many blocks
+    as were there.
+    """
     whole = encoded(kind)
     for at in range(picture_start(whole), len(whole) - 600, 997):
         data = whole[:at] + bytes(512) + whole[at + 512 :]
@@ -64,7 +69,9 @@ def test_a_cut_with_the_end_put_back_is_found(kind: str, share: float):
 def test_an_avif_or_heic_that_is_cut_is_found(kind: str):
     if kind == "heic":
         pytest.importorskip("pi_heif")
-        whole = (Path(__file__).parents[2] / "tools" / "attacks" / "corpus" / "photo.heic").read_bytes()
+        whole = (
+            Path(__file__).parents[2] / "tools" / "attacks" / "corpus" / "photo.heic"
+        ).read_bytes()
     else:
         file = io.BytesIO()
         Image.open(PHOTO).convert("RGB").save(file, "AVIF", speed=9)
@@ -82,7 +89,9 @@ def test_a_damaged_pillow_image_is_refused():
 
 HARMLESS = {
     "bytes between segments": lambda data: data[:20] + b"\x00\x00\x00" + data[20:],
-    "an unknown version of JFIF": lambda data: data.replace(b"JFIF\x00\x01\x01", b"JFIF\x00\x03\x01"),
+    "an unknown version of JFIF": lambda data: data.replace(
+        b"JFIF\x00\x01\x01", b"JFIF\x00\x03\x01"
+    ),
     "bytes after the picture": lambda data: data + bytes(5000) + b"\xff\xda" * 2 * MAX_SCANS,
     "padding before the end": lambda data: data[:-2] + bytes(32) + data[-2:],
     "zeros in the metadata": lambda data: data[:2] + b"\xff\xe5\x20\x02" + bytes(0x2000) + data[2:],
@@ -98,7 +107,9 @@ def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
 
 
 @pytest.mark.parametrize("mode", ["RGB", "CMYK"])
-@pytest.mark.parametrize("options", [{"optimize": True}, {"progressive": True, "quality": 5}], ids=str)
+@pytest.mark.parametrize(
+    "options", [{"optimize": True}, {"progressive": True, "quality": 5}], ids=str
+)
 def test_one_colour_is_no_damage(mode: str, options: dict):
     """Large plain areas give long runs of zeros."""
     file = io.BytesIO()
@@ -107,17 +118,23 @@ def test_one_colour_is_no_damage(mode: str, options: dict):
 
 
 def scans(count: int) -> bytes:
-    """A JPEG of three equal components, one in each scan, in ``count`` scans. It is the grey JPEG of one component."""
+    """A JPEG of three equal components, one in each scan, in ``count`` scans.
+
+    It is the grey JPEG of one component.
+    """
     file = io.BytesIO()
     with Image.open(PHOTO) as image:
         image.convert("L").resize((96, 64)).save(file, "JPEG")
     data = file.getvalue()
-    frame, scan = data.index(b"\xff\xc0"), data.index(b"\xff\xda")
+    frame = data.index(b"\xff\xc0")
+    scan = data.index(b"\xff\xda")
     sizes = data[frame + 4 : frame + 9]
     components = b"".join(bytes((i, 0x11, 0)) for i in (1, 2, 3))
     codes = data[scan + 10 : -2]
     one = [b"\xff\xda\x00\x08\x01" + bytes((i, 0, 0, 63, 0)) + codes for i in (1, 2, 3)]
-    header = data[:frame] + b"\xff\xc0\x00\x11" + sizes + b"\x03" + components + data[frame + 13 : scan]
+    header = (
+        data[:frame] + b"\xff\xc0\x00\x11" + sizes + b"\x03" + components + data[frame + 13 : scan]
+    )
     return header + b"".join(one[i % 3] for i in range(count)) + b"\xff\xd9"
 
 
@@ -133,8 +150,11 @@ SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXEL
 
 @pytest.mark.parametrize(("module", "name", "value"), SWITCHES, ids=lambda part: str(part)[:40])
 @pytest.mark.parametrize("kind", ["baseline", "png"])
-def test_switches_of_pillow_change_nothing(kind: str, module, name: str, value, monkeypatch: pytest.MonkeyPatch):
-    expected, data = pixels(kind), cut(encoded(kind), len(encoded(kind)) // 2)
+def test_switches_of_pillow_change_nothing(
+    kind: str, module, name: str, value, monkeypatch: pytest.MonkeyPatch
+):
+    expected = pixels(kind)
+    data = cut(encoded(kind), len(encoded(kind)) // 2)
     monkeypatch.setattr(module, name, value)
     np.testing.assert_array_equal(read_photo(encoded(kind)).image, expected)
     assert message_of(data) == of_bytes(data)

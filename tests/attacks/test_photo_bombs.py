@@ -1,4 +1,6 @@
-"""Images that promise far more than they have take little memory, and end in a message or a note."""
+"""Images that promise far more than they have take little memory, and end in a message or a
+note.
+"""
 
 from __future__ import annotations
 
@@ -55,13 +57,26 @@ print(peak())
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are limited on Linux")
 def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
-    """A decoder may take more than the header of the image tells, such as a tile of 2 GB for an image of 64 px."""
+    """A decoder may take more than the header of the image tells, such as a tile of 2 GB for an
+    image of 64 px.
+    """
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.tif").write_bytes(huge_tile())
     Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photos" / "b.png")
     out = tmp_path / "out"
     # In a process of its own: the peak of a worker includes that of its parent before exec.
-    command = [sys.executable, "-P", "-m", "physic_core", "batch", tmp_path / "photos", "-o", out, "--preset", "mock"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "physic_core",
+        "batch",
+        tmp_path / "photos",
+        "-o",
+        out,
+        "--preset",
+        "mock",
+    ]
     command += ["--workers", "1", "--set", "engine.joint.optimiser.steps=1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.stdout.splitlines()[0] == "1 done, 1 failed (1 InputError)"
@@ -76,7 +91,10 @@ KINDS = {
     "plain.png": ("RGBA", {"compress_level": 1}),
     "plain.webp": ("RGBA", {"lossless": True, "quality": 0, "method": 0}),
     "plain.avif": ("RGBA", {"speed": 10}),
-    "moving.avif": ("RGB", {"speed": 10, "save_all": True, "append_images": [Image.new("RGB", (SIDE, SIDE))]}),
+    "moving.avif": (
+        "RGB",
+        {"speed": 10, "save_all": True, "append_images": [Image.new("RGB", (SIDE, SIDE))]},
+    ),
     "plain.jp2": ("RGBA", {}),
     "tiled.jp2": ("RGB", {"tile_size": (512, 512)}),
     "turned.tif": ("RGB", {"compression": "tiff_lzw", "tiffinfo": {0x0112: 6}}),
@@ -103,7 +121,7 @@ for path in map(Path, sys.argv[1:]):
         decode(image, source)
         print(path.name, (peak() - before - 8e6) / pixels * most)  # a few MB are the decoders' own, whatever the size
     del image, file
-"""
+"""  # noqa: E501
     for line in lines_of(code, *(tmp_path / name for name in KINDS)):
         name, taken = line.split()
         assert float(taken) < 1.5e9, name

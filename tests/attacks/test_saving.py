@@ -1,4 +1,6 @@
-"""Writes that are interrupted at each of their steps: a result is the old one, the new one, or refused."""
+"""Writes that are interrupted at each of their steps: a result is the old one, the new one, or
+refused.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ from physic_core.types import Reconstruction
 from physic_scene import output
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
 
-OLD, NEW = tiny_result(0), tiny_result(1)
+OLD = tiny_result(0)
+NEW = tiny_result(1)
 NEW = replace(NEW, people=NEW.people[:1], photo=OLD.photo, checks=())
 
 
@@ -41,8 +44,12 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures and pages that name their result, in place of rendered ones."""
 
     monkeypatch.setattr(glb, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
-    monkeypatch.setattr(preview, "preview_png", lambda result: f"picture of {mark(result)}".encode())
-    monkeypatch.setattr(output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode())
+    monkeypatch.setattr(
+        preview, "preview_png", lambda result: f"picture of {mark(result)}".encode()
+    )
+    monkeypatch.setattr(
+        output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode()
+    )
     page = f"<meta {report_page.PAGE_MARK}> page of "
     monkeypatch.setattr(report_page, "report_html", lambda result, title: page + mark(result))
 
@@ -119,7 +126,9 @@ def interruptions(
         shutil.rmtree(folder)
 
 
-def made(operation: Callable[[Path, Reconstruction], None], folder: Path, *of: Reconstruction) -> dict[str, bytes]:
+def made(
+    operation: Callable[[Path, Reconstruction], None], folder: Path, *of: Reconstruction
+) -> dict[str, bytes]:
     folder.mkdir()
     for result in of:
         operation(folder, result)
@@ -135,11 +144,14 @@ def made(operation: Callable[[Path, Reconstruction], None], folder: Path, *of: R
     ],
 )
 def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_path: Path):
-    old, new = made(operation, tmp_path / "old", OLD), made(operation, tmp_path / "new", OLD, NEW)
+    old = made(operation, tmp_path / "old", OLD)
+    new = made(operation, tmp_path / "new", OLD, NEW)
     assert old != new
     seen = set()
     for folder in interruptions(operation, tmp_path / "old", tmp_path, how):
-        found = {name: content for name, content in files(folder).items() if not name.startswith(".")}
+        found = {
+            name: content for name, content in files(folder).items() if not name.startswith(".")
+        }
         if operation in RESULTS and "reconstruction.json" not in found:
             assert how != "full"
             seen.add(REFUSED)
@@ -155,12 +167,16 @@ def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_
             operation(folder, NEW)  # without a cleanup by the user
             assert files(folder) == new
     # The last step of a single file is its rename: nothing comes after it.
-    assert seen - {"new"} == ({"old", REFUSED} if operation in RESULTS and how == "killed" else {"old"})
+    assert seen - {"new"} == (
+        {"old", REFUSED} if operation in RESULTS and how == "killed" else {"old"}
+    )
 
 
 @pytest.mark.parametrize("how", ["interrupted", "failing"])
 @pytest.mark.parametrize("operation", [save, save_compact, save_moment])
-def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(operation: Any, how: str, tmp_path: Path):
+def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(
+    operation: Any, how: str, tmp_path: Path
+):
     made(operation, tmp_path / "old", OLD)
     marks = set()
     for folder in interruptions(operation, tmp_path / "old", tmp_path, how):
@@ -173,7 +189,8 @@ def test_the_next_reader_completes_the_result_of_a_killed_process_and_says_so(
     operation: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ):
     made(operation, tmp_path / "old", OLD)
-    new, completed = made(operation, tmp_path / "new", OLD, NEW), 0
+    new = made(operation, tmp_path / "new", OLD, NEW)
+    completed = 0
     for folder in interruptions(operation, tmp_path / "old", tmp_path, "killed"):
         was_torn = not (folder / "reconstruction.json").exists()
         caplog.clear()
@@ -185,7 +202,9 @@ def test_the_next_reader_completes_the_result_of_a_killed_process_and_says_so(
     assert completed > 1
 
 
-def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_was_killed(tmp_path: Path):
+def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_was_killed(
+    tmp_path: Path,
+):
     save(tmp_path / "old", OLD)
     (tmp_path / "old" / "preview.png").write_text("mine")
     for folder in interruptions(save, tmp_path / "old", tmp_path, "killed"):
@@ -197,7 +216,9 @@ def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_wa
 
 @pytest.mark.parametrize("how", ["killed", "interrupted", "full"])
 @pytest.mark.parametrize("before", [save, add_page])
-def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before: Any, how: str, tmp_path: Path):
+def test_a_page_that_is_interrupted_at_any_step_costs_no_result(
+    before: Any, how: str, tmp_path: Path
+):
     before(tmp_path / "old", OLD)
     old = files(tmp_path / "old").get("report.html")
     pages = set()
@@ -230,7 +251,11 @@ def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_
             (folder / "combined.glb").write_text("mine")
             (folder / "person_7.glb").write_text("mine")
             save(folder, NEW)
-            assert (folder / "combined.edited.glb").read_text() == (folder / "person_7.glb").read_text() == "mine"
+            assert (
+                (folder / "combined.edited.glb").read_text()
+                == (folder / "person_7.glb").read_text()
+                == "mine"
+            )
             assert mark(load_reconstruction(folder)) == mark(NEW)
     assert refused
 

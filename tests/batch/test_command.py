@@ -1,4 +1,6 @@
-"""The command ``physic batch``: from a folder to a table and a page, and what ends it before the first photo."""
+"""The command ``physic batch``: from a folder to a table and a page, and what ends it before the
+first photo.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["batch", *arguments])
 
 
-def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/stand.png")
@@ -45,20 +49,31 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert (rows["broken.jpg"]["people"], rows["broken.jpg"]["state"]) == ("", "failed")
     with Path("out/people.csv").open(newline="") as file:
         (person,) = csv.DictReader(file)
-    assert (person["id"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")
+    assert (person["id"], person["person"], person["main"]) == (
+        rows["stand.png"]["id"],
+        "0",
+        "True",
+    )
     assert float(person["distance_m"]) > 1
     assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
     for command in ("show", "export"):
-        refused = CliRunner().invoke(main, [command, "out", *(["--to", "glb"] if command == "export" else [])])
-        assert (refused.exit_code, Path("out", rows["stand.png"]["folder"]).as_posix() in refused.output) == (3, True)
+        refused = CliRunner().invoke(
+            main, [command, "out", *(["--to", "glb"] if command == "export" else [])]
+        )
+        assert (
+            refused.exit_code,
+            Path("out", rows["stand.png"]["folder"]).as_posix() in refused.output,
+        ) == (3, True)
     journal = Path("out/journal.jsonl").read_text()
     Path("out/people.csv").unlink()
     again = physic(*options)
     assert again.exit_code == 0  # summary.csv and the page of the first run are replaced
     assert len(Path("out/people.csv").read_text().splitlines()) == 2
-    assert again.stderr == ("2 photos: 0 to do, 1 done before; 1 failed before (--retry failed retries them)\n")
+    assert again.stderr == (
+        "2 photos: 0 to do, 1 done before; 1 failed before (--retry failed retries them)\n"
+    )
     assert Path("out/journal.jsonl").read_text() == journal
     for name in ("x", "y"):
         Path("photos", f"{name}.jpg").write_text("no photo")
@@ -67,14 +82,22 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert "2 to do, 1 done before; 1 failed before" in rest.stderr
 
 
-def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_dry_run_lists_the_photos_and_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
         Path("photos", name).write_text("no photo")
     done = physic("photos", "-o", "out", "--preset", "mock", "--dry-run")
-    assert done.stdout.splitlines() == [f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")]
-    assert done.stderr == "files skipped (not photos, hidden, or of results): 1\n3 photos: 3 to do, 0 done before\n"
+    assert done.stdout.splitlines() == [
+        f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")
+    ]
+    assert (
+        done.stderr
+        == "files skipped (not photos, hidden, or of results): 1\n3 photos: 3 to do, 0 done "
+        "before\n"
+    )
     assert not Path("out").exists()
 
 
@@ -84,13 +107,21 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
         (("nowhere",), 3, "no photos at nowhere"),
         ((".", "--shard", "5/4"), 2, "5/4"),
         ((".", "--save", "people+glb"), 2, "'people+glb' is not one of"),
-        ((".", "--preset", "mock", "--set", "inpainter.backend=tella"), 2, "--set: inpainter.backend: "),
+        (
+            (".", "--preset", "mock", "--set", "inpainter.backend=tella"),
+            2,
+            "--set: inpainter.backend: ",
+        ),
         ((".", "--device", "tpu"), 2, "'--device': 'tpu'"),
     ],
     ids=["photos", "shard", "save", "backend", "device"],
 )
 def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    code: int,
+    message: str,
 ):
     monkeypatch.chdir(tmp_path)
     Path("a.jpg").touch()
@@ -138,7 +169,9 @@ def test_the_tables_are_written_every_20_photos(folder: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_batch_that_is_stopped_has_its_tables(folder: Path, monkeypatch: pytest.MonkeyPatch, name: str):
+def test_a_batch_that_is_stopped_has_its_tables(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
+):
     number = getattr(signal, name, None)
     if number is None:
         pytest.skip("no such signal")
@@ -153,12 +186,16 @@ def test_a_batch_that_is_stopped_has_its_tables(folder: Path, monkeypatch: pytes
     stopped = physic("photos", "-o", "out", "--preset", "mock")
     assert stopped.exit_code == 130
     assert rows_of_table() == 3
-    assert stopped.stdout.startswith("stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed")
+    assert stopped.stdout.startswith(
+        "stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed"
+    )
     assert "contact-sheet.html" in stopped.stdout
     assert "42 to do" in physic("photos", "-o", "out", "--preset", "mock", "--dry-run").stderr
 
 
-def test_a_changed_configuration_says_how_many_results_it_replaces(folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_changed_configuration_says_how_many_results_it_replaces(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
     def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
         for item in items[:5]:
             yield failed_row(job, item, "InputError", "no photo", 0.0)

@@ -31,10 +31,15 @@ def result(make: Callable[..., Reconstruction]) -> Reconstruction:
 
 @pytest.fixture
 def other(result: Reconstruction) -> Reconstruction:
-    """The second person is farther by 0.3 m and touches a table, comes first, and the scene is larger by a tenth."""
+    """The second person is farther by 0.3 m and touches a table, comes first, and the scene is
+    larger by a tenth.
+    """
     first, second = result.people
     moved = replace(
-        second, joints=second.joints + np.float32([0, 0, 0.3]), contacts=(*second.contacts, HAND), grade=Grade.BAD
+        second,
+        joints=second.joints + np.float32([0, 0, 0.3]),
+        contacts=(*second.contacts, HAND),
+        grade=Grade.BAD,
     )
     scene = replace(result.scene, points=result.scene.points * np.float32(1.1))
     return replace(result, people=(moved, first), scene=scene)
@@ -65,7 +70,11 @@ def test_the_joint_that_is_farthest_apart_is_named(result: Reconstruction):
     other = replace(result, people=(replace(result.people[0], joints=joints), *result.people[1:]))
     found = compare_results(result, other).people[0].pose
     assert found is not None
-    assert (found.worst, found.worst_m, found.mean_m) == ("left_wrist", pytest.approx(0.22), pytest.approx(0.01))
+    assert (found.worst, found.worst_m, found.mean_m) == (
+        "left_wrist",
+        pytest.approx(0.22),
+        pytest.approx(0.01),
+    )
 
 
 def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
@@ -74,14 +83,23 @@ def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
 
     before = with_config()
     assert compare_results(before, with_config("run.threads=7")).changed == ()
-    swapped = with_config("inpainter.backend=telea", "inpainter.options.threads=1", "photo.max_side=960")
-    assert compare_results(before, swapped).changed == ("inpainter: mock -> telea", "photo.max_side: 1280 -> 960")
+    swapped = with_config(
+        "inpainter.backend=telea", "inpainter.options.threads=1", "photo.max_side=960"
+    )
+    assert compare_results(before, swapped).changed == (
+        "inpainter: mock -> telea",
+        "photo.max_side: 1280 -> 960",
+    )
     option = compare_results(before, with_config("metric_depth.options.seed=4"))
     assert option.changed == ("metric_depth.options.seed: default -> 4",)
-    assert changed_lines([option, compare_results(before, before)]) == [f"{option.changed[0]} (1 of 2 photos)"]
+    assert changed_lines([option, compare_results(before, before)]) == [
+        f"{option.changed[0]} (1 of 2 photos)"
+    ]
 
 
-def test_results_of_different_photos_are_compared_and_the_first_line_says_so(result: Reconstruction):
+def test_results_of_different_photos_are_compared_and_the_first_line_says_so(
+    result: Reconstruction,
+):
     a, b = (replace(result, photo=f"sha256:{name}", photo_name=name) for name in ("a.jpg", "b.jpg"))
     (line,) = compare_results(a, b).changed
     assert "a.jpg and b.jpg differ" in line
@@ -127,8 +145,13 @@ def saved(result: Reconstruction, other: Reconstruction, tmp_path: Path) -> list
 
 def test_photos_of_a_batch_are_sorted_by_name(result: Reconstruction, tmp_path: Path):
     for place in ("a/1f/zoo", "a/2e/beach", "b/1f/zoo", "b/2e/beach"):
-        save_reconstruction(replace(result, photo=f"sha256:{place[2:]}"), tmp_path / place, "numbers")
-    assert [pair[0].name for pair in pair_results(tmp_path / "a", tmp_path / "b").both] == ["beach", "zoo"]
+        save_reconstruction(
+            replace(result, photo=f"sha256:{place[2:]}"), tmp_path / place, "numbers"
+        )
+    assert [pair[0].name for pair in pair_results(tmp_path / "a", tmp_path / "b").both] == [
+        "beach",
+        "zoo",
+    ]
 
 
 def test_the_command_prints_a_table_or_json(saved: list[str]):
@@ -151,7 +174,10 @@ def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
     assert done.output.endswith(f"wrote {path}\n")
     page = chromium.open(path.as_uri(), 390, 800)
     words = page.evaluate("document.body.innerText")
-    assert all(text in words for text in ("beach.jpg", "A and B have the same", "300 mm", "left hand: table"))
+    assert all(
+        text in words
+        for text in ("beach.jpg", "A and B have the same", "300 mm", "left hand: table")
+    )
     assert page.evaluate("[...document.images].map(one => one.naturalWidth > 300)") == [True, True]
     links = page.evaluate("[...document.querySelectorAll('article a')].map(one => one.href)")
     assert links == [(tmp_path / "b/report.html").as_uri()]
@@ -161,7 +187,9 @@ def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
 
 def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Path):
     for place in ("a/1", "a/2", "b/1", "b/2"):
-        save_reconstruction(replace(result, photo=f"sha256:{place[-1]}"), tmp_path / place, "numbers")
+        save_reconstruction(
+            replace(result, photo=f"sha256:{place[-1]}"), tmp_path / place, "numbers"
+        )
     (tmp_path / "b/1/reconstruction.npz").write_bytes(b"broken")
     done = CliRunner().invoke(main, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
     assert done.exit_code == 3
@@ -173,6 +201,8 @@ def test_a_file_of_the_user_is_not_replaced_by_the_page(result: Reconstruction, 
     save_reconstruction(result, tmp_path / "a", "numbers")
     page = tmp_path / "page.html"
     page.write_text("mine")
-    done = CliRunner().invoke(main, ["compare", str(tmp_path / "a"), str(tmp_path / "a"), "--html", str(page)])
+    done = CliRunner().invoke(
+        main, ["compare", str(tmp_path / "a"), str(tmp_path / "a"), "--html", str(page)]
+    )
     assert done.exit_code != 0
     assert page.read_text() == "mine"

@@ -20,7 +20,12 @@ def card(number: int, grade: str) -> dict[str, Any]:
         "title": f"photo {number}.jpg",
         "link": f"photos/3f/{number}%20#/report.html",
         "thumbnail": "R0lGODlhAQABAAAAACwAAAAAAQABAAA=",
-        **(done if grade else done | {"state": "failed", "error": "InputError", "message": "damaged", "people": None}),
+        **(
+            done
+            if grade
+            else done
+            | {"state": "failed", "error": "InputError", "message": "damaged", "people": None}
+        ),
     }
 
 
@@ -39,12 +44,16 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 def select(page: Any, field: str, value: str) -> None:
     element = f"document.getElementById({json.dumps(field)})"
-    page.evaluate(f"{element}.value = {json.dumps(value)}; {element}.dispatchEvent(new Event('input')); 1")
+    page.evaluate(
+        f"{element}.value = {json.dumps(value)}; {element}.dispatchEvent(new Event('input')); 1"
+    )
 
 
 def titles(page: Any) -> list[str]:
     shown = "[...document.querySelectorAll('article')].filter(a => !a.hidden)"
-    found: list[str] = page.evaluate(f"{shown}.map(a => a.querySelector('.line span').textContent.slice(6, 7))")
+    found: list[str] = page.evaluate(
+        f"{shown}.map(a => a.querySelector('.line span').textContent.slice(6, 7))"
+    )
     return found
 
 
@@ -54,7 +63,9 @@ def text(page: Any, selector: str) -> str:
 
 
 def test_a_photo_without_people_says_why_it_is_doubtful(page: Any):
-    lines = page.evaluate("[...document.querySelectorAll('article.doubtful p.soft')].map(p => p.textContent).join()")
+    lines = page.evaluate(
+        "[...document.querySelectorAll('article.doubtful p.soft')].map(p => p.textContent).join()"
+    )
     assert lines.startswith("no person was found")
 
 
@@ -62,11 +73,18 @@ def test_totals_and_notes_stand_above_the_photos(page: Any):
     assert text(page, "#totals").split("\n") == ["2 good", "1 doubtful", "1 bad", "1 failed"]
     assert text(page, "#count") == "5 photos"
     assert "3 more photos are in the summary table only." in text(page, "header")
-    assert "Failed: Limbs off their keypoints" in page.evaluate("document.querySelector('main').textContent")
+    assert "Failed: Limbs off their keypoints" in page.evaluate(
+        "document.querySelector('main').textContent"
+    )
 
 
 def test_the_order_is_that_of_grade_or_name(page: Any):
-    for order, expected in (("worst", "41203"), ("best", "03214"), ("name", "01234"), ("", "01234")):
+    for order, expected in (
+        ("worst", "41203"),
+        ("best", "03214"),
+        ("name", "01234"),
+        ("", "01234"),
+    ):
         select(page, "order", order)
         assert titles(page) == list(expected)
 
@@ -75,13 +93,19 @@ def test_filters_show_matching_photos_or_a_note(page: Any):
     select(page, "grade", "good")
     assert (titles(page), text(page, "#count")) == (["0", "3"], "2 of 5 photos")
     select(page, "check", "+")
-    assert (titles(page), text(page, "#none"), text(page, "#count")) == ([], "No photo matches.", "0 of 5 photos")
+    assert (titles(page), text(page, "#none"), text(page, "#count")) == (
+        [],
+        "No photo matches.",
+        "0 of 5 photos",
+    )
     select(page, "check", "")
     select(page, "grade", "")
     assert page.evaluate("document.getElementById('none').hidden")
 
 
 def test_thumbnail_and_title_link_to_the_page_of_the_result(page: Any):
-    links = page.evaluate("[...document.querySelectorAll('article a')].slice(0, 2).map(a => a.getAttribute('href'))")
+    links = page.evaluate(
+        "[...document.querySelectorAll('article a')].slice(0, 2).map(a => a.getAttribute('href'))"
+    )
     assert links == ["photos/3f/0%2520%23/report.html"] * 2
     assert page.evaluate("document.querySelector('article a img') !== null")

@@ -38,11 +38,13 @@ def physic_executors():
         PluginItem("lost", "physic_queue_nowhere:lost"),
         PluginItem("number", "physic_queue:number"),
     ]
-"""
+"""  # noqa: E501
 
 
 def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["batch", "photos", "-o", "out", "--preset", "mock", *arguments])
+    return CliRunner().invoke(
+        main, ["batch", "photos", "-o", "out", "--preset", "mock", *arguments]
+    )
 
 
 @pytest.fixture
@@ -60,7 +62,16 @@ def plugin(site: Any) -> Any:
 
 
 def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
-    options = ("--executor", "queue", "--address", "here", "--workers", "3", "--executor-set", "reason = full")
+    options = (
+        "--executor",
+        "queue",
+        "--address",
+        "here",
+        "--workers",
+        "3",
+        "--executor-set",
+        "reason = full",
+    )
     done = physic(*options)
     assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "0 done, 1 failed (1 Queued)")
     assert "Queued: full at here, 3 workers" in done.stderr
@@ -74,13 +85,17 @@ def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
         (("--executor-set", "cpus=2"), "--executor-set is for clusters"),
     ],
 )
-def test_settings_that_an_executor_does_not_have(plugin: Any, photos: Path, options: tuple[str, ...], words: str):
+def test_settings_that_an_executor_does_not_have(
+    plugin: Any, photos: Path, options: tuple[str, ...], words: str
+):
     done = physic(*options)
     assert (done.exit_code, words in done.stderr) == (2, True)
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")])
+@pytest.mark.parametrize(
+    ("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")]
+)
 def test_a_name_that_is_not_installed_is_explained(
     monkeypatch: pytest.MonkeyPatch, photos: Path, name: str, words: str
 ):
@@ -90,7 +105,11 @@ def test_a_name_that_is_not_installed_is_explained(
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("lost", "'lost' of physic-queue 1.0 .*physic_queue_nowhere"), ("number", "'number' .*got int")]
+    ("name", "words"),
+    [
+        ("lost", "'lost' of physic-queue 1.0 .*physic_queue_nowhere"),
+        ("number", "'number' .*got int"),
+    ],
 )
 def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, words: str):
     with pytest.raises(PluginError, match=words):

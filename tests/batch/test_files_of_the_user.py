@@ -1,4 +1,6 @@
-"""A batch replaces no file that it has not written, opens none through a link, and says so before the first photo."""
+"""A batch replaces no file that it has not written, opens none through a link, and says so before
+the first photo.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,8 @@ def photos(tmp_path: Path) -> Path:
 def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(
     name: str, place: Callable[[Path, Path], object], photos: Path, tmp_path: Path
 ):
-    path, victim = tmp_path / "out" / name, tmp_path / "victim"
+    path = tmp_path / "out" / name
+    victim = tmp_path / "victim"
     path.parent.mkdir(parents=True)
     victim.write_text(MINE)
     place(victim, path)
@@ -72,7 +75,9 @@ def replaced_by_a_link(path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [painted, replaced_by_a_link])
-@pytest.mark.parametrize("why", ["nothing changed", "another setting", "deleted arrays", "deleted document"])
+@pytest.mark.parametrize(
+    "why", ["nothing changed", "another setting", "deleted arrays", "deleted document"]
+)
 @pytest.mark.parametrize("name", ["preview.png", "combined.glb"])
 def test_an_edited_file_of_a_result_is_kept(
     name: str,
@@ -82,18 +87,24 @@ def test_an_edited_file_of_a_result_is_kept(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):
-    """A batch does not do a photo again for it, and keeps it beside the new one where it does for another reason."""
+    """A batch does not do a photo again for it, and keeps it beside the new one where it does for
+    another reason.
+    """
     monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
     out, (item,) = tmp_path / "out", list_photos([str(photos)]).photos
     jobs = [
-        BatchJob(load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "pictures")
+        BatchJob(
+            load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "pictures"
+        )
         for side in (640, 320)
     ]
 
     def run(job: BatchJob) -> int:
         todo = plan_batch([item], job).todo
         process = PhotoProcessor(job, lambda path, settings: tiny_result())
-        run_batch(todo, job, lambda items, job: (process(one) for one in items), out / "journal.jsonl")
+        run_batch(
+            todo, job, lambda items, job: (process(one) for one in items), out / "journal.jsonl"
+        )
         assert [row["state"] for row in read_journals(out).last.values()] == ["done"]
         return len(todo)
 

@@ -37,7 +37,11 @@ def test_a_folder_gives_its_photos_recursively_and_in_order(folder: Path):
 
 
 def test_files_and_folders_give_each_photo_once(folder: Path):
-    assert names(list_photos(["photos/b.jpg", "photos/deep", "photos"]).photos) == ["b.jpg", "c.webp", "a.PNG"]
+    assert names(list_photos(["photos/b.jpg", "photos/deep", "photos"]).photos) == [
+        "b.jpg",
+        "c.webp",
+        "a.PNG",
+    ]
     assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
@@ -55,7 +59,9 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
     )
     first, second, third = list_photos([str(folder / "table.csv")]).photos
     assert first == PhotoItem(
-        "first", str(folder / "b.jpg"), {"intrinsics": [900.0, 910.0, 320.0, 240.0], "stature": [1.8]}
+        "first",
+        str(folder / "b.jpg"),
+        {"intrinsics": [900.0, 910.0, 320.0, 240.0], "stature": [1.8]},
     )
     assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6], "age": [0.0, 7.5]}
     assert (second.id, third.settings) == (PhotoItem.at(folder / "a.PNG").id, {})
@@ -102,7 +108,11 @@ def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
 def test_files_that_are_no_photos_are_skipped(folder: Path):
     for name in ("Thumbs.db", "more.txt", "README"):
         (folder / name).touch()
-    for name in ("b-physic/reconstruction.json", "b-physic/preview.png", "old/journal-1-of-2.jsonl"):
+    for name in (
+        "b-physic/reconstruction.json",
+        "b-physic/preview.png",
+        "old/journal-1-of-2.jsonl",
+    ):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).touch()
     (folder / "old" / "thumbnails" / "3f").mkdir(parents=True)
@@ -160,7 +170,9 @@ def test_shards_cover_every_photo_once(items: list[str], count: int):
 
 
 def test_the_shard_of_a_photo_is_the_same_in_every_version():
-    shards = {item: next(k for k in range(1, 8) if item in Shard(k, 7)) for item in ("IMG_1", "a/b", "ü")}
+    shards = {
+        item: next(k for k in range(1, 8) if item in Shard(k, 7)) for item in ("IMG_1", "a/b", "ü")
+    }
     assert shards == {"IMG_1": 3, "a/b": 2, "ü": 5}
 
 

@@ -1,4 +1,6 @@
-"""A batch that is interrupted, resumed and changed: every photo has one valid row, and nothing is done twice."""
+"""A batch that is interrupted, resumed and changed: every photo has one valid row, and nothing is
+done twice.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,10 @@ def lines(out: Path) -> list[dict[str, Any]]:
 
 
 def states(out: Path) -> dict[str, tuple[str, str]]:
-    return {Path(row["path"]).stem: (row["state"], row["error"]) for row in read_journals(out).last.values()}
+    return {
+        Path(row["path"]).stem: (row["state"], row["error"])
+        for row in read_journals(out).last.values()
+    }
 
 
 @pytest.fixture
@@ -54,7 +59,8 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-# ---- faults ----------------------------------------------------------------------------------------------------------
+# ---- faults
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
@@ -74,7 +80,12 @@ def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Pa
     assert rows["broken"]["message"] == "three lines here"
     assert (rows["abort"]["attempts"], rows["hang"]["attempts"]) == (2, 1)
     assert all(COLUMNS.keys() <= row.keys() for row in rows.values())
-    assert rows["a"].keys() - COLUMNS.keys() == {"people", "people_rows", "load_seconds", "check_floor"}
+    assert rows["a"].keys() - COLUMNS.keys() == {
+        "people",
+        "people_rows",
+        "load_seconds",
+        "check_floor",
+    }
     assert rows["broken"]["photo"].startswith("sha256:")
 
 
@@ -83,7 +94,10 @@ def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path: Pat
     photos = make_photos(tmp_path / "photos", *(f"photo{i}" for i in range(12)))
     command = [sys.executable, str(STANDIN / "batch_standin.py"), str(photos), str(out), "0.3"]
     with subprocess.Popen(command) as parent:
-        while not (out / "journal.jsonl").exists() or len((out / "journal.jsonl").read_bytes().splitlines()) < 3:
+        while (
+            not (out / "journal.jsonl").exists()
+            or len((out / "journal.jsonl").read_bytes().splitlines()) < 3
+        ):
             assert parent.poll() is None
             time.sleep(0.05)
         parent.send_signal(signal.SIGKILL)
@@ -92,14 +106,20 @@ def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path: Pat
     with (out / "journal.jsonl").open("ab") as file:
         file.write(b'{"id": "torn", "sta')  # as a full disk leaves it
     subprocess.run(command, check=True, timeout=300)
-    rows = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines() if "torn" not in line]
+    rows = [
+        json.loads(line)
+        for line in (out / "journal.jsonl").read_text().splitlines()
+        if "torn" not in line
+    ]
     assert Counter(Path(row["path"]).stem for row in rows) == {f"photo{i}": 1 for i in range(12)}
     assert {row["state"] for row in rows} == {"done"}
     subprocess.run(command, check=True, timeout=300)
     assert len((out / "journal.jsonl").read_text().splitlines()) == 13
 
 
-def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(standin: ModuleType, tmp_path: Path, out: Path):
+def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(
+    standin: ModuleType, tmp_path: Path, out: Path
+):
     photos = make_photos(tmp_path / "photos", "a", "full")
     with pytest.raises(OutputError, match="No space left on device"):
         standin.run_standin(photos, out, workers=1)
@@ -126,7 +146,8 @@ def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path:
         assert len(list(csv.DictReader(file))) == 3
 
 
-# ---- the journal -----------------------------------------------------------------------------------------------------
+# ---- the journal
+# --------------------------------------------------------------------------------------------------
 
 
 def row(name: str, finished: str = "2026-01-01T00:00:00", **more: Any) -> dict[str, Any]:
@@ -147,7 +168,11 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
     assert list(read_journals(tmp_path).last) == ["a", "b", "d"]
     assert read_journals(tmp_path).last["a"]["value"] == pytest.approx(1 / 3)
     assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
-    assert read_journals(tmp_path, ("state", "run")).last["d"] == {"id": "d", "state": "done", "run": 2}
+    assert read_journals(tmp_path, ("state", "run")).last["d"] == {
+        "id": "d",
+        "state": "done",
+        "run": 2,
+    }
 
 
 def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
@@ -155,7 +180,8 @@ def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
     with Journal(path) as journal:
         journal.append(row("a", value=0.5, message="ä"))
         journal.append(row("b", value=1e300, state="failed"))
-    content, before = path.read_bytes(), read_journals(tmp_path).last
+    content = path.read_bytes()
+    before = read_journals(tmp_path).last
     assert list(before) == ["a", "b"]
     for at in range(len(content)):
         path.write_bytes(content[:at])
@@ -164,7 +190,9 @@ def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
 
 
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
-def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path: Path, names: tuple[str, str]):
+def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(
+    tmp_path: Path, names: tuple[str, str]
+):
     for value, name in enumerate(names):
         with Journal(tmp_path / f"journal-{name}.jsonl") as journal:
             journal.append(row(f"only {name}"))
@@ -185,7 +213,9 @@ def test_two_batches_cannot_write_one_journal(tmp_path: Path):
         pass
 
 
-def test_a_journal_on_a_full_disk_raises_an_output_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_journal_on_a_full_disk_raises_an_output_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     def full(file: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -196,7 +226,8 @@ def test_a_journal_on_a_full_disk_raises_an_output_error(tmp_path: Path, monkeyp
             journal.append(row("a"))
 
 
-# ---- what is done anew -----------------------------------------------------------------------------------------------
+# ---- what is done anew
+# -----------------------------------------------------------------------------------------------
 
 
 def finished(job: BatchJob, photos: Path, **more: Any) -> None:
@@ -204,19 +235,29 @@ def finished(job: BatchJob, photos: Path, **more: Any) -> None:
     Path(job.out).mkdir(exist_ok=True)
     with Journal(Path(job.out) / "journal.jsonl") as journal:
         for item in list_photos([str(photos)]).photos:
-            journal.append(base_row(job, item.stamped()) | {"state": "done", "photo": file_digest(item.path)} | more)
+            journal.append(
+                base_row(job, item.stamped())
+                | {"state": "done", "photo": file_digest(item.path)}
+                | more
+            )
 
 
 def job_for(out: Path, *overrides: str, level: str = "none") -> BatchJob:
-    return BatchJob(load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False)
+    return BatchJob(
+        load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False
+    )
 
 
 def todo(job: BatchJob, photos: Path, **options: bool) -> list[str]:
-    return [Path(item.path).stem for item in plan_batch(list_photos([str(photos)]).photos, job, **options).todo]
+    return [
+        Path(item.path).stem
+        for item in plan_batch(list_photos([str(photos)]).photos, job, **options).todo
+    ]
 
 
 def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a", "b", "c"), job_for(out)
+    photos = make_photos(tmp_path / "photos", "a", "b", "c")
+    job = job_for(out)
     finished(job, photos)
     assert todo(job, photos) == []
     os.utime(photos / "a.jpg", (1, 1))
@@ -228,16 +269,21 @@ def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
     assert todo(job, photos) == ["b", "d"]
 
 
-def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_path: Path, out: Path):
+def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(
+    tmp_path: Path, out: Path
+):
     photos = make_photos(tmp_path / "photos", "a", "b")
     finished(job_for(out), photos)
-    assert todo(job_for(out, "run.threads=2", "run.cache=false", "run.low_memory=true"), photos) == []
+    assert (
+        todo(job_for(out, "run.threads=2", "run.cache=false", "run.low_memory=true"), photos) == []
+    )
     assert todo(job_for(out, "photo.max_side=640"), photos) == ["a", "b"]
     assert todo(job_for(out, level="numbers"), photos) == ["a", "b"]
 
 
 def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a", "b"), job_for(out)
+    photos = make_photos(tmp_path / "photos", "a", "b")
+    job = job_for(out)
     finished(job, photos)
     table = photos / "table.csv"
     table.write_text("path,camera\na.jpg,\nb.jpg,900\n")
@@ -251,12 +297,17 @@ FILES = {"depth": "depth.npy", "pointmap": "points.npy"}
     ("place", "setting"),
     [*(("config", name) for name in FILES), ("table", "depth"), ("table", "pointmap")],
 )
-def test_another_content_of_a_file_does_its_photos_anew(tmp_path: Path, out: Path, place: str, setting: str):
-    photos, path = make_photos(tmp_path / "photos", "a", "b"), tmp_path / FILES[setting]
+def test_another_content_of_a_file_does_its_photos_anew(
+    tmp_path: Path, out: Path, place: str, setting: str
+):
+    photos = make_photos(tmp_path / "photos", "a", "b")
+    path = tmp_path / FILES[setting]
     path.write_bytes(b"one")
-    source, job = photos, job_for(out, f"photo.{setting}='{path}'")
+    source = photos
+    job = job_for(out, f"photo.{setting}='{path}'")
     if place == "table":
-        source, job = tmp_path / "table.csv", job_for(out)
+        source = tmp_path / "table.csv"
+        job = job_for(out)
         source.write_text(f"path,{setting}\nphotos/a.jpg,{path.name}\nphotos/b.jpg,\n")
     finished(job, source)
     assert todo(job, source) == []
@@ -265,11 +316,20 @@ def test_another_content_of_a_file_does_its_photos_anew(tmp_path: Path, out: Pat
     assert todo(again, source) == (["a", "b"] if place == "config" else ["a"])
 
 
-def run_all(photos: Path, job: BatchJob, reconstruct: Any = lambda path, settings: tiny_result()) -> dict[str, Any]:
-    """Do all photos in this process, by default with the same small result, and return the last row."""
+def run_all(
+    photos: Path, job: BatchJob, reconstruct: Any = lambda path, settings: tiny_result()
+) -> dict[str, Any]:
+    """Do all photos in this process, by default with the same small result, and return the last
+    row.
+    """
     process = PhotoProcessor(job, reconstruct)
     todo = list_photos([str(photos)]).photos
-    run_batch(todo, job, lambda items, job: (process(item) for item in items), Path(job.out) / "journal.jsonl")
+    run_batch(
+        todo,
+        job,
+        lambda items, job: (process(item) for item in items),
+        Path(job.out) / "journal.jsonl",
+    )
     return list(read_journals(Path(job.out)).last.values())[-1]
 
 
@@ -331,7 +391,8 @@ def test_a_photo_with_cut_arrays_is_done_anew(tmp_path: Path, out: Path):
 
 
 def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "done", "failed"), job_for(out)
+    photos = make_photos(tmp_path / "photos", "done", "failed")
+    job = job_for(out)
 
     def replaced(path: str, settings: Mapping[str, Any]) -> Any:
         Path(path).write_bytes(b"X" * len(Path(path).read_bytes()))
@@ -344,7 +405,9 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path: Path, out: Path, fails: bool):
+def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(
+    tmp_path: Path, out: Path, fails: bool
+):
     make_photos(tmp_path, "a")
     (tmp_path / "table.csv").write_text("path,depth\na.jpg,depth.npy\n")
     (tmp_path / "depth.npy").write_bytes(b"one")
@@ -361,7 +424,8 @@ def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path
 
 
 def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
+    photos = make_photos(tmp_path / "photos", "a")
+    job = job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")
     plan = plan_batch(list_photos([str(photos)]).photos, job)
     assert (plan.todo, plan.failed, plan.done) == ((), 1, 0)

@@ -1,4 +1,6 @@
-"""What a batch keeps of a photo: how large it is, what it loses, and the table and page about all photos."""
+"""What a batch keeps of a photo: how large it is, what it loses, and the table and page about all
+photos.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ def result(make: Callable[..., Reconstruction]) -> Reconstruction:
     return make(320, 240)
 
 
-# ---- rows, table and page --------------------------------------------------------------------------------------------
+# ---- rows, table and page
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -47,7 +50,9 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
     return out
 
 
-def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: Reconstruction, tmp_path: Path):
+def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(
+    result: Reconstruction, tmp_path: Path
+):
     folder = tmp_path / photo_folder("one")
     folder.mkdir(parents=True)
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
@@ -59,13 +64,25 @@ def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: R
 
 
 def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path: Path):
-    row = dict.fromkeys(reversed(all_columns()), "") | {"id": "one", "state": "done", "people_rows": []}
+    row = dict.fromkeys(reversed(all_columns()), "") | {
+        "id": "one",
+        "state": "done",
+        "people_rows": [],
+    }
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row)
     header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
     assert header == list(all_columns())
     assert header[:7] == ["id", "path", "state", "grade", "checks_failed", "error", "message"]
-    places = ["people", "nearest_person_m", "scale_sigma", "contacts", "seconds", "folder", "check_bend"]
+    places = [
+        "people",
+        "nearest_person_m",
+        "scale_sigma",
+        "contacts",
+        "seconds",
+        "folder",
+        "check_bend",
+    ]
     assert sorted(places, key=header.index) == places
     assert all(name.startswith("check_") for name in header[header.index("check_bend") :])
 
@@ -79,7 +96,9 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
     expected = [(name, f"/photos/{name}.jpg", person) for name in ("one", "two") for person in "01"]
     assert people_of(batch) == expected
     again = replace(result, people=result.people[:1])
-    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(batch), "none"), lambda *_: again)
+    process = PhotoProcessor(
+        BatchJob(load_config(preset="mock"), str(batch), "none"), lambda *_: again
+    )
     with Journal(batch / "journal.jsonl") as journal:
         for name in ("one", "=3"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
@@ -89,11 +108,25 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
 
 
 def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
-    ids = ["=cmd|'calc'!A0", "@SUM(1)", "-o", "+1", "\tx", "\rx", "\nx", "\uff1d1", "'quoted", "plain", "a=b"]
+    ids = [
+        "=cmd|'calc'!A0",
+        "@SUM(1)",
+        "-o",
+        "+1",
+        "\tx",
+        "\rx",
+        "\nx",
+        "\uff1d1",
+        "'quoted",
+        "plain",
+        "a=b",
+    ]
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ids:
-            journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
+            journal.append(
+                failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0)
+            )
     with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert not [
@@ -122,13 +155,16 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
     assert len(cards[0]["thumbnail"]) < 40_000
     assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
     assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
-    assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)  # a result of people alone has no page
+    # a result of people alone has no page
+    assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)
 
 
 def test_a_result_without_its_thumbnail_stays_on_the_page(result: Reconstruction, tmp_path: Path):
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
     with Journal(tmp_path / "journal.jsonl") as journal:
-        journal.append(PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg")))
+        journal.append(
+            PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg"))
+        )
     (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")
     thumbnail.unlink()
     assert '"thumbnail": "", "state": "done"' in write_contact_sheet(tmp_path).read_text()

@@ -1,4 +1,6 @@
-"""Workers that are killed, hang or cannot be opened: every task has one outcome, and nothing waits for ever."""
+"""Workers that are killed, hang or cannot be opened: every task has one outcome, and nothing waits
+for ever.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
         assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
 
 
-def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin: ModuleType, tmp_path: Path):
+def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(
+    standin: ModuleType, tmp_path: Path
+):
     task = str(tmp_path / "once")
     found = outcomes(standin, "a", task, "b", count=2)
     assert (found[task].failure, found[task].attempts) == ("", 2)
@@ -83,12 +87,16 @@ def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin: Mo
         ("crash", BackendError, "SIGABRT"),
     ],
 )
-def test_workers_that_cannot_start_end_the_batch_at_once(standin: ModuleType, name: str, kind: type, message: str):
+def test_workers_that_cannot_start_end_the_batch_at_once(
+    standin: ModuleType, name: str, kind: type, message: str
+):
     with pytest.raises(kind, match=message):
         list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
 
 
-def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType, tmp_path: Path):
+def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(
+    standin: ModuleType, tmp_path: Path
+):
     asked: list[float] = []
 
     def count(peak_mb: float) -> int:
@@ -110,11 +118,14 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
         "import batch_standin\n"
         "from physic_core.batch.workers import *\n"
         "if __name__ == '__main__':\n"
-        "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], batch_standin.open_worker, WorkerSettings(2)):\n"
+        "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], batch_standin.open_worker, "
+        "WorkerSettings(2)):\n"
         "        print(outcome.value, flush=True)\n"
     )
     (tmp_path / "parent.py").write_text(script)
-    with subprocess.Popen([sys.executable, str(tmp_path / "parent.py")], stdout=subprocess.PIPE, text=True) as parent:
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py")], stdout=subprocess.PIPE, text=True
+    ) as parent:
         assert parent.stdout is not None
         pids = {int(parent.stdout.readline().rpartition(" ")[2]) for _ in range(2)}
         parent.kill()
@@ -135,7 +146,9 @@ def alive(pid: int) -> bool:
 
 def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(standin: ModuleType):
     waiting: deque[str] = deque()
-    outcomes = run_in_workers(iter(waiting.popleft, None), standin.open_worker, WorkerSettings(timeout=20.0))
+    outcomes = run_in_workers(
+        iter(waiting.popleft, None), standin.open_worker, WorkerSettings(timeout=20.0)
+    )
     found = []
     for task in ("a", "b", "abort", "c"):
         waiting.append(task)
@@ -172,5 +185,7 @@ def test_free_memory_is_that_of_machine_and_control_groups(
         path.write_text(limit)
         usage = "memory.usage_in_bytes" if "limit_in" in name else "memory.current"
         (path.parent / usage).write_text("500000000")
-        (path.parent / "memory.stat").write_text("anon 1\ninactive_file 100000000\ntotal_inactive_file 100000000\n")
+        (path.parent / "memory.stat").write_text(
+            "anon 1\ninactive_file 100000000\ntotal_inactive_file 100000000\n"
+        )
     assert free_memory_mb(tmp_path) == pytest.approx(free_mb)

@@ -1,4 +1,6 @@
-"""``benchmarks/same_photo``: known answers come out as these changes, and examples keep their lens."""
+"""``benchmarks/same_photo``: known answers come out as these changes, and examples keep their
+lens.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ from physic_core.body.bones import parameters_from_rotations
 from physic_core.io.photo import read_photo
 from physic_core.types import Hints, Intrinsics, Person, Plane, Reconstruction, Scene, Support
 
-WIDTH, HEIGHT = 640, 480
+WIDTH = 640
+HEIGHT = 480
 CAMERA = replace(Intrinsics.from_focal(600.0, WIDTH, HEIGHT), focal_sigma=0.2)
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BY_NAME = {variant.name: variant for variant in VARIANTS}
@@ -37,7 +40,8 @@ def result(mirrored: bool = False) -> Reconstruction:
     points = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     points[..., 2] = ramp
     if mirrored:
-        mask, points = mask[:, ::-1], points[:, ::-1]
+        mask = mask[:, ::-1]
+        points = points[:, ::-1]
     normal = np.array([sign * 0.1, -1, -0.2])
     joints = np.tile(np.array([sign * -1.0, 0.2, 4.0], np.float32), (55, 1))
     person = Person(
@@ -62,7 +66,9 @@ def result(mirrored: bool = False) -> Reconstruction:
     valid = np.ones((HEIGHT, WIDTH), bool)
     floor = Plane(normal / np.linalg.norm(normal), 1.5)
     scene = Scene(points, nothing, image, valid, floor, np.zeros((0, 3)), scale_sigma=0.1)
-    return Reconstruction(image, CAMERA, scene, (person,), np.zeros((0, 3), np.int32), "embedded", "coco17")
+    return Reconstruction(
+        image, CAMERA, scene, (person,), np.zeros((0, 3), np.int32), "embedded", "coco17"
+    )
 
 
 def pictures_of_examples() -> list[Any]:
@@ -88,19 +94,34 @@ def test_the_mirrored_result_of_a_mirrored_photo_is_no_change() -> None:
 def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor() -> None:
     found = change(answer(), answer_of(result(), BY_NAME["mirror"], WIDTH, HEIGHT))
     assert (found.lost, found.new) == (1, 1)
-    assert found.floor_deg == pytest.approx(2 * math.degrees(math.atan2(0.1, math.hypot(1, 0.2))), rel=1e-6)
+    assert found.floor_deg == pytest.approx(
+        2 * math.degrees(math.atan2(0.1, math.hypot(1, 0.2))), rel=1e-6
+    )
 
 
 def test_what_is_changed_by_hand_is_measured() -> None:
     one = answer()
     (person,) = one.people
     parts = {"left_foot": 0.4, "right_foot": 0.3, "seat": 0.05}
-    moved = replace(person, distance=1.1 * person.distance, stature=1.05 * person.stature, parts=parts, grade="bad")
+    moved = replace(
+        person,
+        distance=1.1 * person.distance,
+        stature=1.05 * person.stature,
+        parts=parts,
+        grade="bad",
+    )
     other = replace(
-        one, people=(moved,), focal=1.2 * one.focal, depth=0.9 * one.depth, floor=one.floor * [1, 1, 1, 2], notes=()
+        one,
+        people=(moved,),
+        focal=1.2 * one.focal,
+        depth=0.9 * one.depth,
+        floor=one.floor * [1, 1, 1, 2],
+        notes=(),
     )
     found = change(replace(one, people=(replace(person, grade="good"),)), other)
-    assert np.exp([found.scene, found.focal, found.floor_height]) == pytest.approx([0.9, 1.2, 2], rel=1e-6)
+    assert np.exp([found.scene, found.focal, found.floor_height]) == pytest.approx(
+        [0.9, 1.2, 2], rel=1e-6
+    )
     assert found.focal_sigmas == pytest.approx(math.log(1.2) / 0.2)
     assert np.exp(found.people[0].distance) == pytest.approx(1.1)
     assert found.people[0].sigmas == pytest.approx(math.log(1.1) / math.hypot(0.1, 0.2))
@@ -113,14 +134,18 @@ def test_what_is_changed_by_hand_is_measured() -> None:
 
 @pytest.mark.parametrize("name", ["crop8", "column", "scale"])
 def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name: str) -> None:
-    variant, whole = BY_NAME[name], result()
+    variant = BY_NAME[name]
+    whole = result()
     left, top, right, bottom = variant.window(WIDTH, HEIGHT)
     inside = slice(top, bottom), slice(left, right)
     scene = replace(whole.scene, points=whole.scene.points[inside], valid=whole.scene.valid[inside])
     people = tuple(replace(person, mask=person.mask[inside]) for person in whole.people)
     camera = variant.camera(CAMERA)
     found = change(
-        answer(), answer_of(replace(whole, intrinsics=camera, scene=scene, people=people), variant, WIDTH, HEIGHT)
+        answer(),
+        answer_of(
+            replace(whole, intrinsics=camera, scene=scene, people=people), variant, WIDTH, HEIGHT
+        ),
     )
     assert (found.visible, found.lost, found.new) == (1, 0, 0)
     assert found.scene == pytest.approx(0, abs=2e-3)  # depths are read at the nearest pixels
@@ -151,7 +176,10 @@ def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant: Variant) -> 
 
 
 def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
-    samples = [Sample("", f"{number}", "", Path(), truth={"people": [{}] * (number % 7)}) for number in range(40)]
+    samples = [
+        Sample("", f"{number}", "", Path(), truth={"people": [{}] * (number % 7)})
+        for number in range(40)
+    ]
     more, fewer = ([sample.name for sample in drawn(samples, count, seed=3)] for count in (12, 5))
     assert more[:5] == fewer
     assert more != [sample.name for sample in drawn(samples, 12, seed=4)]
@@ -161,9 +189,13 @@ def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
 
 @pytest.mark.slow
 def test_examples_have_the_same_lens_if_they_are_mirrored_within_half_its_error() -> None:
-    estimator = load_backend("relative_pointmap", "embedded", short_side=70)  # its depth does not matter here
+    # its depth does not matter here
+    estimator = load_backend("relative_pointmap", "embedded", short_side=70)
     pairs = [
-        [estimator(view, Hints()).intrinsics for view in (picture, np.ascontiguousarray(picture[:, ::-1]))]
+        [
+            estimator(view, Hints()).intrinsics
+            for view in (picture, np.ascontiguousarray(picture[:, ::-1]))
+        ]
         for picture in pictures_of_examples()
     ]
     estimator.close()

@@ -1,4 +1,6 @@
-"""``benchmarks/truth`` on made-up truth: an error that is put in by hand comes out as that number."""
+"""``benchmarks/truth`` on made-up truth: an error that is put in by hand comes out as that
+number.
+"""
 
 from __future__ import annotations
 
@@ -57,9 +59,12 @@ def person_of(truth, joints: np.ndarray, contact: dict[str, float] | None = None
     pixels = pixels[:, :2] / pixels[:, 2:]
     keypoints = np.column_stack([pixels, np.ones(12)])
     box = [*(pixels.min(0) - 20), *(pixels.max(0) + 20)]
-    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "parts": contact or {}} | {
-        "grade": "good"
-    }
+    return {
+        "box": box,
+        "joints": body.tolist(),
+        "keypoints": keypoints.tolist(),
+        "parts": contact or {},
+    } | {"grade": "good"}
 
 
 def moved(points: object, *by: float) -> np.ndarray:
@@ -67,13 +72,19 @@ def moved(points: object, *by: float) -> np.ndarray:
 
 
 def answer_with(*people: dict, **more: object) -> dict:
-    answer = {"error": "", "people": list(people), "camera": [1000, 1000, 500, 400], "floor": [0, -1, 0, 1.0]}
+    answer = {
+        "error": "",
+        "people": list(people),
+        "camera": [1000, 1000, 500, 400],
+        "floor": [0, -1, 0, 1.0],
+    }
     return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
 
 
 def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
     row = truth.joints.ROW
-    sitting, bent = joints.copy(), joints.copy()
+    sitting = joints.copy()
+    bent = joints.copy()
     for side in ("left", "right"):
         sitting[row[f"{side}_knee"]] = joints[row[f"{side}_hip"]] + [0, 0, -0.45]
         sitting[row[f"{side}_ankle"]] = sitting[row[f"{side}_knee"]] + [0, 0.45, 0]
@@ -92,7 +103,10 @@ def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
     assert found["mpjpe_mm"] == pytest.approx(50)
     assert found["pelvis_mm"] == pytest.approx(50)
     assert found["pelvis_depth_ratio"] == pytest.approx(3.04 / 3)
-    assert (found["root_aligned_mm"], found["pa_mpjpe_mm"]) == (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-6))
+    assert (found["root_aligned_mm"], found["pa_mpjpe_mm"]) == (
+        pytest.approx(0, abs=1e-9),
+        pytest.approx(0, abs=1e-6),
+    )
     assert found["bones_ratio"] == pytest.approx(1)
 
 
@@ -107,7 +121,8 @@ def test_errors_at_the_true_scale_ignore_that_a_person_is_too_small_and_near(tru
 
 
 def test_joints_without_truth_do_not_count(truth, joints):
-    wrong, facts = joints.copy(), joints.copy()
+    wrong = joints.copy()
+    facts = joints.copy()
     wrong[truth.joints.ROW["left_wrist"]] += 5
     facts[truth.joints.ROW["left_wrist"]] = np.nan
     found = truth.measures.pose_errors(wrong, facts)
@@ -127,7 +142,9 @@ def test_a_floor_has_errors_of_height_and_tilt(truth):
 
 
 def test_a_person_is_found_by_box_or_keypoints(truth):
-    full, upper, far = [0, 0, 100, 200], [0, 0, 100, 80], [300, 0, 400, 200]
+    full = [0, 0, 100, 200]
+    upper = [0, 0, 100, 80]
+    far = [300, 0, 400, 200]
     points = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 70, 12)])
     nowhere = np.full((12, 2), np.nan)
     match = truth.measures.match_people
@@ -144,11 +161,16 @@ def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
     forces[1, 1, :3] = 0, 30, 41
     forces[1, 2, :3] = 0, 30, 39
     forces[1, 3, 3:] = 900  # moments are not forces
-    assert truth.measures.true_contact(forces).tolist() == [[True, False, False, False], [False, True, False, False]]
+    assert truth.measures.true_contact(forces).tolist() == [
+        [True, False, False, False],
+        [False, True, False, False],
+    ]
 
 
 def test_known_probabilities_have_the_known_scores(truth):
-    found = truth.measures.probability_scores([0.9, 0.5, 0.2, 0.5, 0.1], [True, True, True, False, False])
+    found = truth.measures.probability_scores(
+        [0.9, 0.5, 0.2, 0.5, 0.1], [True, True, True, False, False]
+    )
     assert found == {
         "auc": pytest.approx((2 + 1.5 + 1) / 6),
         "brier": pytest.approx((0.01 + 0.25 + 0.64 + 0.25 + 0.01) / 5),
@@ -169,7 +191,8 @@ def ring(truth, count: int = 5) -> list:
     """Cameras around the origin that look at it from 4 m, the world's y down."""
     cameras = []
     for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
-        cos, sin = np.cos(angle), np.sin(angle)
+        cos = np.cos(angle)
+        sin = np.sin(angle)
         turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
         cameras.append(truth.cameras.Camera(K, 1000, 800, turn, np.array([0.0, 0.1, 4.0])))
     return cameras
@@ -179,7 +202,10 @@ def ring(truth, count: int = 5) -> list:
 def people(joints) -> list[np.ndarray]:
     """Two people in the world, side by side."""
     centred = joints - [0, 0.2, 3]
-    return [moved(centred, 0.5, 0, 0), moved(0.9 * centred @ np.diag([-1.0, 1, -1]), -0.5, 0.1, 0.3)]
+    return [
+        moved(centred, 0.5, 0, 0),
+        moved(0.9 * centred @ np.diag([-1.0, 1, -1]), -0.5, 0.1, 0.3),
+    ]
 
 
 def test_exact_views_give_exact_joints(truth, people):
@@ -206,7 +232,8 @@ def test_a_view_that_disagrees_about_a_joint_is_left_out_there(truth, people):
 def test_people_are_matched_across_views(truth, people):
     cameras = ring(truth)
     rng = np.random.default_rng(1)
-    views, order = [], []
+    views = []
+    order = []
     for camera in cameras:
         mine = rng.permutation(2)
         order.append(mine)
@@ -237,19 +264,28 @@ def test_a_camera_of_a_padded_picture(truth):
     assert camera.K[0, 0] == pytest.approx(1400 * factor)
     assert camera.K[:2, 2] == pytest.approx([455, 256])
     assert camera.centre.tolist() == [0, 0, -1]
-    assert camera.in_world(camera.in_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(np.array([[1.0, 2, 3]]))
+    assert camera.in_world(camera.in_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(
+        np.array([[1.0, 2, 3]])
+    )
 
 
 def test_intervals_are_over_groups(truth):
-    pooled, figure = truth.statistics.pooled("x"), truth.statistics.figure
-    alike = [{"set": "a", "group": str(i // 10), "photo": str(i // 10), "x": float(i // 10)} for i in range(40)]
+    pooled = truth.statistics.pooled("x")
+    figure = truth.statistics.figure
+    alike = [
+        {"set": "a", "group": str(i // 10), "photo": str(i // 10), "x": float(i // 10)}
+        for i in range(40)
+    ]
     apart = [{"set": "a", "group": str(i), "photo": str(i), "x": float(i // 10)} for i in range(40)]
-    wide, narrow = figure(alike, pooled), figure(apart, pooled)
+    wide = figure(alike, pooled)
+    narrow = figure(apart, pooled)
     assert wide.value == narrow.value == pytest.approx(1.5)
     assert wide.count == 40
     assert wide.high - wide.low > 2 * (narrow.high - narrow.low)
     assert narrow.low < 1.5 < narrow.high
-    one_moment = figure([{"set": "a", "group": "0", "photo": str(i), "x": float(i)} for i in range(5)], pooled)
+    one_moment = figure(
+        [{"set": "a", "group": "0", "photo": str(i), "x": float(i)} for i in range(5)], pooled
+    )
     assert one_moment.low < 2 < one_moment.high
     alone = figure(alike[:10], pooled)
     assert alone.value == 0
@@ -263,8 +299,12 @@ def test_intervals_are_over_groups(truth):
 def test_a_large_set_does_not_drown_a_small_one(truth):
     records = [{"set": "many", "group": str(i), "photo": str(i), "x": 1.0} for i in range(9)]
     records.append({"set": "few", "group": "0", "photo": "0", "x": 2.0})
-    assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(1.5)
-    assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(1.1)
+    assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(
+        1.5
+    )
+    assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(
+        1.1
+    )
 
 
 def alone(truth, joints: np.ndarray) -> object:
@@ -299,7 +339,11 @@ def test_a_person_too_near_comes_out_in_the_table(truth, joints):
     assert rows["floor: angle deg"] == pytest.approx(0)
     assert rows["height"] == pytest.approx(0.05)
     assert rows["CPU seconds a photo"] == 1
-    assert (rows["photos graded good"], rows["people with 3D truth graded good"], rows["wrong"]) == (1, 1, 0)
+    assert (
+        rows["photos graded good"],
+        rows["people with 3D truth graded good"],
+        rows["wrong"],
+    ) == (1, 1, 0)
 
 
 def test_errors_are_divided_by_the_stated_ones(truth, joints):
@@ -309,21 +353,27 @@ def test_errors_are_divided_by_the_stated_ones(truth, joints):
     error = -math.log(0.9)
     assert rows["distance over its stated sigma, rms"] == pytest.approx(error / 0.2)
     assert rows["stature over its stated sigma, rms"] == pytest.approx(error / 0.05)
-    assert rows["camera height over the stated sigma of the scale, rms"] == pytest.approx(math.log(1.05) / 0.1)
+    assert rows["camera height over the stated sigma of the scale, rms"] == pytest.approx(
+        math.log(1.05) / 0.1
+    )
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.3])
 def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
     for grade, wrong in (("good", 1), ("doubtful", math.nan)):
         person = person_of(truth, scale * joints) | {"grade": grade}
-        records = truth.main.compared([alone(truth, joints)], [answer_with(person) | {"grade": grade}])
+        records = truth.main.compared(
+            [alone(truth, joints)], [answer_with(person) | {"grade": grade}]
+        )
         rows = truth.table.rows_of(records["people"], records["floors"], records["photos"])
         found = [row.figure.value for row in rows if row.name == "  measurably wrong of those"]
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
 def test_limbs_of_parkour_films_have_contact_labels(truth, joints):
-    names = [name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS]
+    names = [
+        name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS
+    ]
     facts = {
         "joints": dict(zip(names, (joints @ np.diag([1, -1, -1])).tolist(), strict=True)),
         "touches": {"l_ankle": True, "r_ankle": True, "l_fingers": True, "r_fingers": False},
@@ -344,18 +394,39 @@ def test_limbs_of_parkour_films_have_contact_labels(truth, joints):
 
 
 def labels(box: list[float], posture: object, in_air: bool = False, **parts: str | None) -> dict:
-    names = [f"{side}_{name}" for name in ("foot", "hand", "knee", "forearm") for side in ("left", "right")]
+    names = [
+        f"{side}_{name}"
+        for name in ("foot", "hand", "knee", "forearm")
+        for side in ("left", "right")
+    ]
     nothing = dict.fromkeys([*names, "seat", "back"], "none")
-    return {"box": box, "posture": posture, "in_air": in_air, "parts": nothing | parts, "disputed": {}}
+    return {
+        "box": box,
+        "posture": posture,
+        "in_air": in_air,
+        "parts": nothing | parts,
+        "disputed": {},
+    }
 
 
 def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
-    person = person_of(truth, joints) | {"parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}}
+    person = person_of(truth, joints) | {
+        "parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}
+    }
     person["below_mask"] = 0.03
-    other = person_of(truth, moved(joints, 1, 0, 0)) | {"parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}}
+    other = person_of(truth, moved(joints, 1, 0, 0)) | {
+        "parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}
+    }
     far = [2000, 2000, 2100, 2200]
     people = [
-        labels(person["box"], "sit", left_foot="floor", right_foot=None, seat="support", left_hand="object"),
+        labels(
+            person["box"],
+            "sit",
+            left_foot="floor",
+            right_foot=None,
+            seat="support",
+            left_hand="object",
+        ),
         labels(other["box"], "jump", in_air=True),
         labels(far, ["sit", "squat"], left_foot="own", right_foot="wall"),
     ]
@@ -365,7 +436,11 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
     (sample,) = truth.sets.SETS["contact"](tmp_path)
     assert sample.source == tmp_path / "photos" / "a.jpg"
     records = truth.main.compared([sample], [answer_with(other, person)])
-    feet = [(r["person"], r["part"], r["probability"], r["touches"]) for r in records["parts"] if r["kind"] == "feet"]
+    feet = [
+        (r["person"], r["part"], r["probability"], r["touches"])
+        for r in records["parts"]
+        if r["kind"] == "feet"
+    ]
     assert feet == [
         ("0", "left_foot", 0.7, True),
         ("1", "left_foot", 0.8, False),
@@ -373,11 +448,18 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
         ("2", "left_foot", 0.0, False),  # nobody is found there
         ("2", "right_foot", 0.0, True),
     ]
-    left_hands = [(r["probability"], r["touches"]) for r in records["parts"] if r["part"] == "left_hand"]
+    left_hands = [
+        (r["probability"], r["touches"]) for r in records["parts"] if r["part"] == "left_hand"
+    ]
     assert left_hands == [(0.9, False), (0.0, False)]
-    rows = {row.name.strip(): row.figure for row in truth.contact.contact_rows(records["labelled"], [])}
+    rows = {
+        row.name.strip(): row.figure for row in truth.contact.contact_rows(records["labelled"], [])
+    }
     assert rows["people found, contact"].value == pytest.approx(2 / 3)
-    assert (rows["people who sit and have a seat"].value, rows["graded good of those without"].value) == (0, 1)
+    assert (
+        rows["people who sit and have a seat"].value,
+        rows["graded good of those without"].value,
+    ) == (0, 1)
     assert rows["people without a seat who get one"].value == pytest.approx(1 / 2)
     in_air = rows["feet of people in the air said to touch"]
     assert (in_air.value, in_air.count) == (0.5, 2)
@@ -389,11 +471,15 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
 
 
 def test_a_body_that_ends_below_the_mask_is_measured_in_statures(truth):
-    """A person of 2 m at 4 m spans 500 px of a focal length of 1000 px; the body ends 10 rows below the mask."""
+    """A person of 2 m at 4 m spans 500 px of a focal length of 1000 px; the body ends 10 rows below
+    the mask.
+    """
     mask = np.zeros((800, 400), bool)
     mask[100:600] = True
     vertices = np.array([[0.0, -1, 4], [0.0, 209 / 250, 4]])
-    person = SimpleNamespace(mask=mask, stature=2.0, vertices=vertices, joints=np.array([[0.0, 0, 4]]))
+    person = SimpleNamespace(
+        mask=mask, stature=2.0, vertices=vertices, joints=np.array([[0.0, 0, 4]])
+    )
     camera = np.array([[1000.0, 0, 200], [0, 1000, 400], [0, 0, 1]])
     assert truth.run.below_mask(person, camera) == pytest.approx(10 / 500)
     mask[600:] = True
@@ -401,21 +487,41 @@ def test_a_body_that_ends_below_the_mask_is_measured_in_statures(truth):
 
 
 def test_films_of_fits_and_films_apart_are_tables_of_their_own(truth):
-    """The camera is half as high where nobody stands on one film; a film where somebody always stands tells nothing."""
+    """The camera is half as high where nobody stands on one film; a film where somebody always
+    stands tells nothing.
+    """
     assert not set(truth.sets.FILMS_OF_FITS) & set(truth.sets.FILMS_APART)
-    samples, answers = [], []
+    samples = []
+    answers = []
     for film, stands, height in (
-        *((truth.sets.FILMS_OF_FITS[0], *frame) for frame in ((True, 1.0), (True, 2.0), (False, 0.75))),
+        *(
+            (truth.sets.FILMS_OF_FITS[0], *frame)
+            for frame in ((True, 1.0), (True, 2.0), (False, 0.75))
+        ),
         (truth.sets.FILMS_APART[0], True, 1.0),
     ):
-        facts = {"touches": {"l_ankle": stands, "r_ankle": False}, "uncaptured": {"l_ankle": 0, "r_ankle": 0}}
-        samples.append(truth.sets.Sample("parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts))
+        facts = {
+            "touches": {"l_ankle": stands, "r_ankle": False},
+            "uncaptured": {"l_ankle": 0, "r_ankle": 0},
+        }
+        samples.append(
+            truth.sets.Sample(
+                "parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts
+            )
+        )
         answers.append(answer_with(floor=[0, -1, 0, height]))
     (record,) = truth.contact.film_records(samples, answers)
-    assert (record["group"], record["ratio"], record["frames"]) == (samples[0].group, 0.5, {"stands": 2, "in_air": 1})
+    assert (record["group"], record["ratio"], record["frames"]) == (
+        samples[0].group,
+        0.5,
+        {"stands": 2, "in_air": 1},
+    )
     parts = [truth.contact.part_record(sample, "0", "left_foot", 0.6, True) for sample in samples]
     tables = truth.contact.part_tables(parts)
-    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in truth.contact.FILMS] == [3, 1]
+    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in truth.contact.FILMS] == [
+        3,
+        1,
+    ]
 
 
 def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joints):
@@ -423,8 +529,12 @@ def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joint
     folder.mkdir()
     records = [{**alone(truth, joints).truth, "image": f"{name}.jpg"} for name in ("a", "b")]
     (folder / "truth.json").write_text(json.dumps(records))
-    monkeypatch.setattr(truth.run, "_run", lambda *_: answer_with(person_of(truth, moved(joints, 0, 0, 0.1))))
-    monkeypatch.setattr(sys, "argv", ["truth", str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "2"])
+    monkeypatch.setattr(
+        truth.run, "_run", lambda *_: answer_with(person_of(truth, moved(joints, 0, 0, 0.1)))
+    )
+    monkeypatch.setattr(
+        sys, "argv", ["truth", str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "2"]
+    )
     assert truth.main.main() == 0
     lines = (tmp_path / "out" / "table.md").read_text().splitlines()
     assert "| MPJPE mm at own scale, mean of sets | 100 | 100 .. 100 | 2 | <= 180 |" in lines

@@ -45,7 +45,11 @@ def random_pose(embedded: BodyModel) -> dict[str, Tensor]:
         return torch.randn(*shape, generator=generator)
 
     rotations: Tensor = roma.rotvec_to_rotmat(0.4 * normal(3, 55, 3))
-    return {"rotations": rotations, "betas": normal(3, embedded.num_betas), "transl": 3 * normal(3, 3)}
+    return {
+        "rotations": rotations,
+        "betas": normal(3, embedded.num_betas),
+        "transl": 3 * normal(3, 3),
+    }
 
 
 @pytest.fixture(scope="session")
@@ -53,8 +57,12 @@ def smplx_arrays(other: OtherBody) -> dict[str, Any]:
     """The arrays of a made-up SMPL-X file, v1.1, with all that such a file holds."""
     rng = np.random.default_rng(0)
     return smplx_file_arrays(other) | {
-        "shapedirs": (0.004 * rng.standard_normal((NUM_VERTICES, 3, 400), dtype=np.float32)).astype(np.float16),
-        "posedirs": (2e-4 * rng.standard_normal((NUM_VERTICES, 3, 486), dtype=np.float32)).astype(np.float16),
+        "shapedirs": (0.004 * rng.standard_normal((NUM_VERTICES, 3, 400), dtype=np.float32)).astype(
+            np.float16
+        ),
+        "posedirs": (2e-4 * rng.standard_normal((NUM_VERTICES, 3, 486), dtype=np.float32)).astype(
+            np.float16
+        ),
         "hands_meanl": rng.normal(0, 0.1, 45),
         "hands_meanr": rng.normal(0, 0.1, 45),
         "joint2num": np.array({name: i for i, name in enumerate(JOINT_NAMES)}, dtype=object),
@@ -69,7 +77,9 @@ def _write(folder: Path, arrays: dict[str, Any]) -> Path:
 
 
 @pytest.fixture(scope="session")
-def smplx_v11(smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def smplx_v11(
+    smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
     """A made-up file in the v1.1 layout: 300 shape and 100 expression columns."""
     path = _write(tmp_path_factory.mktemp("smplx_v11"), smplx_arrays)
     yield path
@@ -77,7 +87,9 @@ def smplx_v11(smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.fixture(scope="session")
-def smplx_v10(smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def smplx_v10(
+    smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
     """The same in the v1.0 layout: 10 and 10 columns."""
     shapedirs = smplx_arrays["shapedirs"][:, :, [*range(10), *range(300, 310)]]
     path = _write(tmp_path_factory.mktemp("smplx_v10"), {**smplx_arrays, "shapedirs": shapedirs})
@@ -107,7 +119,9 @@ def other_model(other: OtherBody) -> BodyModel:
             template=other.template,
             directions=other.shapedirs.transpose(2, 0, 1),
             joint_template=other.regressor @ other.template,
-            joint_directions=np.einsum("jv,vck->kjc", other.regressor, other.shapedirs, optimize=True),
+            joint_directions=np.einsum(
+                "jv,vck->kjc", other.regressor, other.shapedirs, optimize=True
+            ),
             bind_rot=None,
             weights=other.weights,
             faces=other.faces,
@@ -137,7 +151,9 @@ def people(embedded: BodyModel) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(0)
     rotvecs = np.zeros((4, 55, 3))
 
-    def turn(name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0, spread: float = 0.1) -> None:
+    def turn(
+        name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0, spread: float = 0.1
+    ) -> None:
         for side, sign in (("left", 1), ("right", -1)):
             mean = np.array([x, sign * y, sign * z])
             rotvecs[:, JOINT_INDEX[f"{side}_{name}"]] = mean + spread * rng.standard_normal((4, 3))

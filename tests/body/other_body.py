@@ -1,6 +1,8 @@
-"""A second body: the embedded one in another mesh, with its joints elsewhere, another rest posture and shape space.
+"""A second body: the embedded one in another mesh, with its joints elsewhere, another rest posture
+and shape space.
 
-What SMPL-X and SMPL are to the embedded body: the same human surface, other conventions; no number is anybody's.
+What SMPL-X and SMPL are to the embedded body: the same human surface, other conventions; no number
+is anybody's.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ class OtherBody:
         shapedirs: (V, 3, 10).
         weights: (V, 55).
         regressor: (55, V).
-        from_embedded: (V, V of the embedded body), rows sum to 1: which of its vertices each one is.
+        from_embedded: (V, V of the embedded body), rows sum to 1: which of its vertices each one
+            is.
     """
 
     template: np.ndarray
@@ -66,11 +69,14 @@ def make(embedded: BodyModel, vertices: int) -> OtherBody:
     for name, turn in REST_TURNS_DEG.items():
         for side, sign in (("left", 1), ("right", -1)):
             x, y, z = turn
-            rotvecs[0, JOINT_INDEX[f"{side}_{name}"]] = torch.deg2rad(torch.tensor([x, sign * y, sign * z]).float())
+            rotvecs[0, JOINT_INDEX[f"{side}_{name}"]] = torch.deg2rad(
+                torch.tensor([x, sign * y, sign * z]).float()
+            )
     rotations = roma.rotvec_to_rotmat(rotvecs)
     shapes = torch.cat([torch.zeros(1, embedded.num_betas), torch.eye(embedded.num_betas)])
     out = embedded(rotations.repeat(len(shapes), 1, 1, 1), shapes, torch.zeros(len(shapes), 3))
-    posed, joints = out.vertices.double().numpy(), out.joints[0].double().numpy()
+    posed = out.vertices.double().numpy()
+    joints = out.joints[0].double().numpy()
     gather, faces = coarser(posed[0], embedded.faces.numpy(), vertices)
     mix = np.linalg.qr(rng.standard_normal((10, 10)))[0]
     directions = np.einsum("kvi,kl->vil", (posed[1:] - posed[0])[:10], mix)
@@ -80,12 +86,18 @@ def make(embedded: BodyModel, vertices: int) -> OtherBody:
     wanted = joints.copy()
     for joint, name in enumerate(JOINT_NAMES):
         side = -1.0 if name.startswith("right_") else 1.0
-        wanted[joint] += 1e-3 * np.array(SHIFTS_MM.get(name.split("_")[-1], (0, 0, 0))) * [side, 1, 1]
-    return OtherBody(template, faces, shapedirs, weights, regressor(template, weights, wanted), gather)
+        wanted[joint] += (
+            1e-3 * np.array(SHIFTS_MM.get(name.split("_")[-1], (0, 0, 0))) * [side, 1, 1]
+        )
+    return OtherBody(
+        template, faces, shapedirs, weights, regressor(template, weights, wanted), gather
+    )
 
 
 def regressor(template: np.ndarray, weights: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """(55, V), rows that sum to 1 and give the joints: as even as possible over the vertices round each."""
+    """(55, V), rows that sum to 1 and give the joints: as even as possible over the vertices round
+    each.
+    """
     rows = np.zeros((len(joints), len(template)))
     for joint, place in enumerate(joints):
         own = weights[:, joint] + weights[:, max(PARENTS[joint], 0)]
@@ -97,16 +109,22 @@ def regressor(template: np.ndarray, weights: np.ndarray, joints: np.ndarray) -> 
 
 
 def coarser(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[csr_matrix, np.ndarray]:
-    """A closed mesh with ``count`` vertices, by collapsing short edges: the rows that mix its vertices, and faces."""
+    """A closed mesh with ``count`` vertices, by collapsing short edges: the rows that mix its
+    vertices, and faces.
+    """
     gather = csr_matrix((np.ones(len(vertices)), (np.arange(len(vertices)),) * 2))
     while len(vertices) > count:
-        edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1), axis=0)
+        edges = np.unique(
+            np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1),
+            axis=0,
+        )
         rings: list[set[int]] = [set() for _ in vertices]
         for a, b in edges.tolist():
             rings[a].add(b)
             rings[b].add(a)
         lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-        onto, taken = np.arange(len(vertices)), np.zeros(len(vertices), bool)
+        onto = np.arange(len(vertices))
+        taken = np.zeros(len(vertices), bool)
         left = len(vertices) - count
         for a, b in edges[np.argsort(lengths, kind="stable")[: len(edges) // 2]].tolist():
             ring = rings[a] | rings[b]
@@ -118,9 +136,14 @@ def coarser(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[csr_ma
         ones = np.ones(len(onto))
         mix = coo_matrix((ones, (compact, np.arange(len(onto)))), (len(kept), len(onto))).tocsr()
         mix = mix.multiply(1 / mix.sum(1)).tocsr()
-        gather, vertices = mix @ gather, mix @ vertices
+        gather = mix @ gather
+        vertices = mix @ vertices
         faces = compact[faces]
-        whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+        whole = (
+            (faces[:, 0] != faces[:, 1])
+            & (faces[:, 1] != faces[:, 2])
+            & (faces[:, 2] != faces[:, 0])
+        )
         faces = faces[whole]
     return gather, faces
 
@@ -140,7 +163,9 @@ def smplx_file_arrays(body: OtherBody) -> dict[str, Any]:
 
 
 def smpl_file_arrays(body: OtherBody) -> dict[str, Any]:
-    """A body of 6890 vertices as a SMPL file: 24 joints, the last two the hands, which hold the fingers' weight."""
+    """A body of 6890 vertices as a SMPL file: 24 joints, the last two the hands, which hold the
+    fingers' weight.
+    """
     parents = np.array([*PARENTS[:22], 20, 21])
     weights = np.zeros((len(body.template), 24))
     weights[:, :22] = body.weights[:, :22]
@@ -160,9 +185,15 @@ def smpl_file_arrays(body: OtherBody) -> dict[str, Any]:
 
 def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and joints of bodies, by the model itself, float64."""
-    given = (torch.from_numpy(np.array(getattr(parameters, name))) for name in ("betas", "transl", "expression"))
+    given = (
+        torch.from_numpy(np.array(getattr(parameters, name)))
+        for name in ("betas", "transl", "expression")
+    )
     with torch.no_grad():
-        out = model(rotations_from_parameters(parameters, dtype=model.dtype), *(one.to(model.dtype) for one in given))
+        out = model(
+            rotations_from_parameters(parameters, dtype=model.dtype),
+            *(one.to(model.dtype) for one in given),
+        )
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 

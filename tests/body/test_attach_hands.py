@@ -1,4 +1,6 @@
-"""Hands put onto arms: where they agree nothing happens, on the way nothing jumps, and the wrist stays where it is."""
+"""Hands put onto arms: where they agree nothing happens, on the way nothing jumps, and the wrist
+stays where it is.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_nu
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")
-ELBOWS, WRISTS = [18, 19], [20, 21]
+ELBOWS = [18, 19]
+WRISTS = [20, 21]
 AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
 """Of the embedded body's forearms."""
 
@@ -34,9 +37,12 @@ def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
     rng = np.random.default_rng(seed)
     rotvecs = bend * rng.standard_normal((1, 55, 3))
     rotvecs[:, WRISTS] *= 0.3
-    shape, place = rng.standard_normal((1, MODEL.num_betas)), rng.standard_normal((1, 3))
+    shape = rng.standard_normal((1, MODEL.num_betas))
+    place = rng.standard_normal((1, 3))
     betas, transl = (torch.from_numpy(value) for value in (shape, place))
-    return parameters_from_rotations(torch.from_numpy(rotvec_to_rotmat_numpy(rotvecs)), betas, None, transl)
+    return parameters_from_rotations(
+        torch.from_numpy(rotvec_to_rotmat_numpy(rotvecs)), betas, None, transl
+    )
 
 
 def posed(parameters: BodyParameters) -> BodyOutput:
@@ -68,11 +74,16 @@ def test_a_hand_that_agrees_changes_nothing() -> None:
 
 def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     before = body()
-    hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
+    hands = replace(
+        hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]])
+    )
     hands.wrists[:, 1] = [0.1, 0.2, 0.3]
     after = attach_hands(before, hands, MODEL)
     changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)
-    assert {i + 1 for i in np.flatnonzero(changed)} <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
+    assert {i + 1 for i in np.flatnonzero(changed)} <= {
+        JOINT_INDEX["right_elbow"],
+        JOINT_INDEX["right_wrist"],
+    }
     assert changed.any()
     np.testing.assert_array_equal(before.left_hand_pose, after.left_hand_pose)
 
@@ -81,7 +92,9 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
 def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
     """Known answer: bent up by 40 and turned over by 50 degrees."""
     before = body(3)
-    turn = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat_numpy(np.radians([[0, 0, 40.0]]))
+    turn = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat_numpy(
+        np.radians([[0, 0, 40.0]])
+    )
     wanted = world_of(before)[:, ELBOWS[side]] @ turn
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     wrists[:, side] = rotmat_to_rotvec(wanted)
@@ -123,7 +136,8 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
         # Elbows and wrists do not move at all.
         arms = [*ELBOWS, *WRISTS]
         assert (after.joints[:, arms] - start.joints[:, arms]).norm(dim=-1).max() < 1e-5
-        # A hand is 0.22 m long; the steepest of the smooth ramp is 1.5 / 0.4 of the way a unit of confidence.
+        # A hand is 0.22 m long; the steepest of the smooth ramp is 1.5 / 0.4 of the way a unit of
+        # confidence.
         moved = float((after.vertices - last).norm(dim=-1).max())
         assert moved < 0.26 * turn * 1.5 / 0.4 / 40 * 1.3 + 1e-4
         last = after.vertices
@@ -134,7 +148,9 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
 def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
     after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
-    first, last = (rotmat_to_rotvec(rotations_from_parents(world_of(p))[:, WRISTS]) for p in (before, after))
+    first, last = (
+        rotmat_to_rotvec(rotations_from_parents(world_of(p))[:, WRISTS]) for p in (before, after)
+    )
     limits = WRIST_LIMITS + 0.01
     assert (last >= np.minimum(-limits, first) - 1e-5).all()
     assert (last <= np.maximum(limits, first) + 1e-5).all()

@@ -1,4 +1,6 @@
-"""Bodies of other models carried over: there and back, by surface and by joints, with what is said of it."""
+"""Bodies of other models carried over: there and back, by surface and by joints, with what is said
+of it.
+"""
 
 from __future__ import annotations
 
@@ -27,19 +29,29 @@ def own(people: dict[str, np.ndarray]) -> Bodies:
     """Four embedded bodies."""
     tensors = [torch.from_numpy(people[name]) for name in ("rotations", "betas", "transl")]
     return Bodies(
-        parameters_from_rotations(tensors[0], tensors[1], None, tensors[2]), "embedded", np.ones((4, 55), bool)
+        parameters_from_rotations(tensors[0], tensors[1], None, tensors[2]),
+        "embedded",
+        np.ones((4, 55), bool),
     )
 
 
 @pytest.fixture(scope="module")
 def smpl(smaller: OtherBody) -> SmplBody:
     arrays = smpl_file_arrays(smaller)
-    return SmplBody(*(arrays[name] for name in ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")))
+    return SmplBody(
+        *(
+            arrays[name]
+            for name in ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
+        )
+    )
 
 
 def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
     rest = rest_mesh_of_model(model)
-    return replace(bodies, mesh=Mesh(rest.topology, posed(model, bodies.parameters)[0], rest.faces, rest.vertices))
+    return replace(
+        bodies,
+        mesh=Mesh(rest.topology, posed(model, bodies.parameters)[0], rest.faces, rest.vertices),
+    )
 
 
 def test_a_body_converted_by_its_surface_and_back_is_the_same(
@@ -64,7 +76,9 @@ def test_a_body_converted_by_its_surface_and_back_is_the_same(
 def test_a_body_converted_by_its_joints_and_back_is_the_same(
     own: Bodies, embedded: BodyModel, other_model: BodyModel
 ) -> None:
-    """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is off by as much."""
+    """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is
+    off by as much.
+    """
     vertices, joints = posed(embedded, own.parameters)
     there = convert_with_residuals(replace(own, body_model="smpl", joints=joints), other_model)
     joints_there = posed(other_model, there.bodies.parameters)[1]
@@ -76,31 +90,51 @@ def test_a_body_converted_by_its_joints_and_back_is_the_same(
     assert mm(again, vertices) < 14
 
 
-def test_smpl_reaches_the_embedded_body(own: Bodies, embedded: BodyModel, smpl: SmplBody, smaller: OtherBody) -> None:
+def test_smpl_reaches_the_embedded_body(
+    own: Bodies, embedded: BodyModel, smpl: SmplBody, smaller: OtherBody
+) -> None:
     """With the user's file: surface and joints are there, hands are flat."""
     p = own.parameters
     rotations = rotations_from_parameters(p).double().numpy()
     local = np.concatenate([rotations[:, :22], np.broadcast_to(np.eye(3), (4, 2, 3, 3))], 1)
-    betas, transl = p.betas[:, :10].astype(float), p.transl.astype(float)
-    vertices, joints = smpl.vertices(local, betas, transl), smpl.smpl_joints(local, betas, transl)
+    betas = p.betas[:, :10].astype(float)
+    transl = p.transl.astype(float)
+    vertices = smpl.vertices(local, betas, transl)
+    joints = smpl.smpl_joints(local, betas, transl)
     placed = np.full((4, 55, 3), np.nan)
     placed[:, :22] = joints[:, :22]
-    flat = replace(p, left_hand_pose=0 * p.left_hand_pose, right_hand_pose=0 * p.right_hand_pose, betas=p.betas[:, :10])
-    estimated = Bodies(flat, "smpl", None, placed, Mesh("smpl", vertices, smpl.faces, smpl.template))
+    flat = replace(
+        p,
+        left_hand_pose=0 * p.left_hand_pose,
+        right_hand_pose=0 * p.right_hand_pose,
+        betas=p.betas[:, :10],
+    )
+    estimated = Bodies(
+        flat, "smpl", None, placed, Mesh("smpl", vertices, smpl.faces, smpl.template)
+    )
     found = convert_with_residuals(estimated, embedded)
     assert found.surface_m.max() < 6e-3
     # Which vertex of the embedded body each vertex of the other is, is known.
-    surface = np.stack([smaller.from_embedded @ v for v in posed(embedded, found.bodies.parameters)[0]])
+    surface = np.stack(
+        [smaller.from_embedded @ v for v in posed(embedded, found.bodies.parameters)[0]]
+    )
     assert mm(surface, vertices) < 6
-    by_joints = posed(embedded, convert_with_residuals(replace(estimated, mesh=None), embedded).bodies.parameters)[0]
+    by_joints = posed(
+        embedded, convert_with_residuals(replace(estimated, mesh=None), embedded).bodies.parameters
+    )[0]
     assert mm(np.stack([smaller.from_embedded @ v for v in by_joints]), vertices) < 35
 
 
 def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     """Rotations that mean nothing are not looked at."""
     vertices, joints = posed(embedded, own.parameters)
-    wild = replace(own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32))
-    again = posed(embedded, convert_with_residuals(Bodies(wild, "other", None, joints), embedded).bodies.parameters)[0]
+    wild = replace(
+        own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32)
+    )
+    again = posed(
+        embedded,
+        convert_with_residuals(Bodies(wild, "other", None, joints), embedded).bodies.parameters,
+    )[0]
     assert mm(again, vertices) < 9
 
 
@@ -113,13 +147,21 @@ def test_people_without_known_joints_are_nan(own: Bodies, embedded: BodyModel) -
     assert np.isnan(found.bodies.parameters.transl).all(1).tolist() == [False, True, False, False]
     assert np.isnan(found.joints_m).tolist() == [False, True, False, False]
     alone = convert_with_residuals(
-        replace(estimated, parameters=estimated.parameters[2:], joints=joints[2:], observed=None), embedded
+        replace(estimated, parameters=estimated.parameters[2:], joints=joints[2:], observed=None),
+        embedded,
     )
-    np.testing.assert_allclose(found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6)
+    np.testing.assert_allclose(
+        found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6
+    )
 
 
-def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, embedded: BodyModel) -> None:
+def test_parameters_alone_of_a_model_that_is_not_there_are_refused(
+    own: Bodies, embedded: BodyModel
+) -> None:
     estimated = replace(own, body_model="smplx")
     assert not can_convert(estimated, embedded)
-    with pytest.raises(BodyModelError, match=r"^bodies for the body model 'smplx' cannot be converted to 'embedded'"):
+    with pytest.raises(
+        BodyModelError,
+        match=r"^bodies for the body model 'smplx' cannot be converted to 'embedded'",
+    ):
         convert_with_residuals(estimated, embedded)

@@ -1,4 +1,6 @@
-"""Which point of another mesh each vertex is: against the truth, with no sides exchanged; and how maps are kept."""
+"""Which point of another mesh each vertex is: against the truth, with no sides exchanged; and how
+maps are kept.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ def onto_embedded(maps: None, embedded: BodyModel, other_model: BodyModel) -> Co
 def test_nearest_points_of_triangles_are_found() -> None:
     """The slow twin: the least of a fine grid of the triangle's points."""
     rng = np.random.default_rng(0)
-    corners, points = rng.random((40, 3, 3)), 2 * rng.random((40, 3)) - 0.5
+    corners = rng.random((40, 3, 3))
+    points = 2 * rng.random((40, 3)) - 0.5
     shares = closest_barycentric(corners, points)
     assert (shares >= 0).all()
     np.testing.assert_allclose(shares.sum(-1), 1, atol=1e-12)
@@ -57,7 +60,8 @@ def test_nearest_points_of_triangles_are_found() -> None:
 
 def test_a_mesh_lies_on_itself(embedded: BodyModel) -> None:
     rest = rest_mesh_of_model(embedded)
-    vertices, faces = rest.vertices.astype(float), rest.faces
+    vertices = rest.vertices.astype(float)
+    faces = rest.faces
     on = SurfaceIndex(vertices, faces).nearest(vertices, vertex_normals(vertices, faces))
     touched = (on.shares[..., None] * vertices[faces[on.face]]).sum(1)
     outer = embedded.outer.numpy()
@@ -67,11 +71,15 @@ def test_a_mesh_lies_on_itself(embedded: BodyModel) -> None:
 
 
 def test_the_other_side_of_a_sheet_is_not_near() -> None:
-    """Two sheets 2 cm apart, back to back, as two thighs are: the nearer one faces the wrong way."""
+    """Two sheets 2 cm apart, back to back, as two thighs are: the nearer one faces the wrong
+    way.
+    """
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     vertices = np.concatenate([square, square + np.array([0, 0, 0.02])])
     faces = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
-    on = SurfaceIndex(vertices, faces).nearest(np.array([[0.5, 0.4, 0.005]]), np.array([[0, 0, 1.0]]))
+    on = SurfaceIndex(vertices, faces).nearest(
+        np.array([[0.5, 0.4, 0.005]]), np.array([[0, 0, 1.0]])
+    )
     assert on.face[0] in (2, 3)
     assert on.distance[0] == pytest.approx(0.015)
     assert on.facing[0] == pytest.approx(1)
@@ -80,7 +88,9 @@ def test_the_other_side_of_a_sheet_is_not_near() -> None:
 def test_vertices_find_their_places_on_the_other_body(
     onto_embedded: Correspondence, embedded: BodyModel, other: OtherBody, other_model: BodyModel
 ) -> None:
-    """Of the other body it is known which vertices of the embedded one each of its vertices is the mean of."""
+    """Of the other body it is known which vertices of the embedded one each of its vertices is the
+    mean of.
+    """
     rest = rest_mesh_of_model(embedded).vertices.astype(float)
     apart = np.linalg.norm(onto_embedded.interpolate(rest) - other.from_embedded @ rest, axis=1)[
         other_model.outer.numpy()
@@ -92,32 +102,46 @@ def test_vertices_find_their_places_on_the_other_body(
 
 
 @pytest.mark.parametrize("shape", [0, 1])
-def test_left_vertices_map_to_left_vertices(shape: int, embedded: BodyModel, other_model: BodyModel) -> None:
+def test_left_vertices_map_to_left_vertices(
+    shape: int, embedded: BodyModel, other_model: BodyModel
+) -> None:
     """On bodies of another shape too: no vertex of a limb lies on a limb of the other side."""
-    betas = torch.from_numpy(np.random.default_rng(shape).standard_normal((1, embedded.num_betas))).float()
+    betas = torch.from_numpy(
+        np.random.default_rng(shape).standard_normal((1, embedded.num_betas))
+    ).float()
     with torch.no_grad():
         mesh = embedded(embedded.zero_pose()[0], betas, torch.zeros(1, 3)).vertices[0].numpy()
     found = find_correspondence(RestMesh("shaped", mesh, embedded.faces.numpy()), other_model)
-    names, labels = other_model.part_names, other_model.part_of_vertex.numpy()
+    names = other_model.part_names
+    labels = other_model.part_of_vertex.numpy()
     corner = found.corners[np.arange(len(labels)), found.shares.argmax(1)]
     there = np.array(embedded.part_names)[embedded.part_of_vertex.numpy()[corner]]
     here = np.array(names)[labels]
     for side, opposite in (("left_", "right_"), ("right_", "left_")):
         own = np.char.startswith(here, side) & other_model.outer.numpy()
-        assert not (np.char.startswith(there[own], opposite)).any(), np.unique(there[own], return_counts=True)
+        assert not (np.char.startswith(there[own], opposite)).any(), np.unique(
+            there[own], return_counts=True
+        )
 
 
-@pytest.mark.parametrize("name", ["left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back"])
-def test_contact_is_carried_there_and_back(name: str, embedded: BodyModel, other_model: BodyModel) -> None:
+@pytest.mark.parametrize(
+    "name", ["left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back"]
+)
+def test_contact_is_carried_there_and_back(
+    name: str, embedded: BodyModel, other_model: BodyModel
+) -> None:
     before = np.zeros((2, embedded.num_vertices), np.float32)
     before[:, embedded.contact_sets[name].numpy()] = 0.9
-    there = convert_contact(ContactProbability(before, embedded.topology, rest_mesh_of_model(embedded)), other_model)
+    there = convert_contact(
+        ContactProbability(before, embedded.topology, rest_mesh_of_model(embedded)), other_model
+    )
     assert there.topology == "smplx"
     assert there.probability.dtype == np.float32
     assert there.probability.max() <= 0.9 + 1e-6
     back = convert_contact(replace(there, rest=rest_mesh_of_model(other_model)), embedded)
     assert back.topology == embedded.topology
-    was, found = before[0] > 0.5, back.probability[0] > 0.5
+    was = before[0] > 0.5
+    found = back.probability[0] > 0.5
     f1 = 2 * (was & found).sum() / (was.sum() + found.sum())
     assert f1 > 0.95
     if name.startswith(("left", "right")):
@@ -134,7 +158,9 @@ def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyMod
     assert not converted[:, ~embedded.outer.numpy()].any()
 
 
-def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded: BodyModel, other_model: BodyModel) -> None:
+def test_contact_of_a_person_that_is_not_a_number_stays_so(
+    embedded: BodyModel, other_model: BodyModel
+) -> None:
     some = np.zeros((2, other_model.num_vertices), np.float32)
     some[0] = np.nan
     converted = convert_contact(
@@ -153,14 +179,20 @@ def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded: BodyModel, 
     ],
     ids=["millimetres", "z up", "arms down"],
 )
-def test_a_mesh_that_is_no_t_pose_is_refused(change, words: str, embedded: BodyModel, other_model: BodyModel) -> None:
+def test_a_mesh_that_is_no_t_pose_is_refused(
+    change, words: str, embedded: BodyModel, other_model: BodyModel
+) -> None:
     rest = rest_mesh_of_model(other_model)
     with pytest.raises(BodyModelError, match=re.escape(words)):
         find_correspondence(replace(rest, vertices=change(rest.vertices)), embedded)
 
 
 def test_a_map_is_kept_and_found_again(
-    embedded: BodyModel, onto_other: Correspondence, other_model: BodyModel, tmp_path: Path, monkeypatch
+    embedded: BodyModel,
+    onto_other: Correspondence,
+    other_model: BodyModel,
+    tmp_path: Path,
+    monkeypatch,
 ) -> None:
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
@@ -187,7 +219,11 @@ def test_a_map_is_kept_and_found_again(
 
 
 def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
-    embedded: BodyModel, onto_other: Correspondence, other_model: BodyModel, tmp_path: Path, monkeypatch
+    embedded: BodyModel,
+    onto_other: Correspondence,
+    other_model: BodyModel,
+    tmp_path: Path,
+    monkeypatch,
 ) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))

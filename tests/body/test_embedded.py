@@ -56,7 +56,9 @@ def test_weights_are_a_partition_of_unity(embedded: BodyModel) -> None:
     assert int((weights > 0).sum(0).max()) <= 4
 
 
-def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(
+    embedded: BodyModel, rest: np.ndarray
+) -> None:
     outer = embedded.outer.numpy()
     assert (~outer).sum() == 1278
     inner = rest[~outer]
@@ -72,7 +74,10 @@ def test_every_vertex_has_a_part(embedded: BodyModel, rest: np.ndarray) -> None:
     middle = {name: rest[part == i].mean(0) for i, name in enumerate(PART_NAMES)}
     for limb in ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot"):
         assert middle[f"left_{limb}"][0] > 0 > middle[f"right_{limb}"][0]
-    heights = [middle[name][1] for name in ("head", "torso", "left_upper_leg", "left_lower_leg", "left_foot")]
+    heights = [
+        middle[name][1]
+        for name in ("head", "torso", "left_upper_leg", "left_lower_leg", "left_foot")
+    ]
     assert heights == sorted(heights, reverse=True)
     reach = [middle[name][0] for name in ("torso", "left_upper_arm", "left_lower_arm", "left_hand")]
     assert reach == sorted(reach)
@@ -95,7 +100,10 @@ def test_contact_sets_lie_where_they_should(embedded: BodyModel, rest: np.ndarra
     levels = [rest[sets[name], 1].mean() for name in ("thighs", "gluteus", "back")]
     assert levels == sorted(levels)
     assert all(embedded.outer.numpy()[ids].all() for ids in sets.values())
-    lengths = [rest[sets[f"{side}_sole"], 2].max() - rest[sets[f"{side}_sole"], 2].min() for side in ("left", "right")]
+    lengths = [
+        rest[sets[f"{side}_sole"], 2].max() - rest[sets[f"{side}_sole"], 2].min()
+        for side in ("left", "right")
+    ]
     assert all(0.2 < length < 0.3 for length in lengths)
 
 

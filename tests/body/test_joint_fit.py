@@ -1,4 +1,6 @@
-"""Closed-form fits: each piece against a slow twin in float64, bodies recovered from their own joints and surface."""
+"""Closed-form fits: each piece against a slow twin in float64, bodies recovered from their own
+joints and surface.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,32 @@ from numpy.typing import NDArray
 from other_body import mm
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
-from physic_core.body.bones import BoneOffsets, fit_shape, rotations_from_parents, rotations_from_tpose
-from physic_core.body.convert.joint_fit import BodyFit, fit_joints, has_torso_joints, rotations_from_joints
-from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
+from physic_core.body.bones import (
+    BoneOffsets,
+    fit_shape,
+    rotations_from_parents,
+    rotations_from_tpose,
+)
+from physic_core.body.convert.joint_fit import (
+    BodyFit,
+    fit_joints,
+    has_torso_joints,
+    rotations_from_joints,
+)
+from physic_core.body.convert.surface_fit import (
+    SampledBodyModel,
+    SurfaceTargets,
+    fit_surface,
+    sample_vertices,
+)
 from physic_core.body.model import BodyModel
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]
-LEFT_FINGERS = [f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)]
+LEFT_FINGERS = [
+    f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)
+]
 
 
 def as_fit(people: People) -> BodyFit:
@@ -28,14 +47,18 @@ def as_fit(people: People) -> BodyFit:
 
 def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
     """Vertices and joints, by the model itself."""
-    given = (torch.from_numpy(a).to(model.dtype) for a in (rotations_from_parents(fit.world), fit.betas, fit.transl))
+    given = (
+        torch.from_numpy(a).to(model.dtype)
+        for a in (rotations_from_parents(fit.world), fit.betas, fit.transl)
+    )
     with torch.no_grad():
         out = model(*given)
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 
 def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> None:
-    fit, bones = as_fit(people), BoneOffsets.of(embedded64)
+    fit = as_fit(people)
+    bones = BoneOffsets.of(embedded64)
     joints = posed(embedded64, fit)[1]
     np.testing.assert_allclose(bones.pose(fit.world, fit.betas, fit.transl), joints, atol=1e-12)
     flat = np.zeros_like(fit.betas)
@@ -48,7 +71,9 @@ def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> 
 def test_shape_and_place_are_those_of_least_squares() -> None:
     """The slow twin: one dense system with the translation as three more unknowns."""
     rng = np.random.default_rng(0)
-    slopes, start, targets = rng.random((2, 9, 3, 4)), rng.random((2, 9, 3)), rng.random((2, 9, 3))
+    slopes = rng.random((2, 9, 3, 4))
+    start = rng.random((2, 9, 3))
+    targets = rng.random((2, 9, 3))
     weights = rng.random((2, 9))
     weights[1, :3] = 0
     targets[1, :3] = np.nan
@@ -60,11 +85,15 @@ def test_shape_and_place_are_those_of_least_squares() -> None:
         design = (root * np.concatenate([slopes[b, seen], places], -1)).reshape(-1, 7)
         wanted = (root[..., 0] * (targets[b, seen] - start[b, seen])).ravel()
         prior = np.sqrt(0.3) * np.eye(7)[:4]
-        twin = np.linalg.lstsq(np.concatenate([design, prior]), np.concatenate([wanted, np.zeros(4)]), rcond=None)[0]
+        twin = np.linalg.lstsq(
+            np.concatenate([design, prior]), np.concatenate([wanted, np.zeros(4)]), rcond=None
+        )[0]
         np.testing.assert_allclose(np.concatenate([betas[b], transl[b]]), twin, atol=1e-10)
 
 
-def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, people: People) -> None:
+def test_a_body_is_recovered_from_its_joints_and_rotations(
+    embedded: BodyModel, people: People
+) -> None:
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
     found = fit_joints(BoneOffsets.of(embedded), joints, truth.world)
@@ -72,7 +101,9 @@ def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, 
     assert mm(again[1], joints) < 1.0
     assert mm(again[0], vertices) < 5
     # Only limbs were turned, and by little: what the shape leaves over.
-    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    turns = np.degrees(
+        np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1)
+    )
     assert turns.max() < 1.5
     kept = [i for i in range(55) if i not in (1, 2, 4, 5, 16, 17, 18, 19)]
     assert turns[:, kept].max() < 1e-5
@@ -83,7 +114,9 @@ def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: 
     vertices, joints = posed(embedded, truth)
     found = fit_joints(BoneOffsets.of(embedded), joints, None)
     again = posed(embedded, found)
-    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
+    turns = np.degrees(
+        np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1)
+    )
     assert mm(again[1], joints) < 4
     assert mm(again[0], vertices) < 9
     assert turns[:, [0, 9, 15]].max() < 6
@@ -96,17 +129,33 @@ def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: 
         (["spine1", "spine2", "spine3"], 12),
         (["left_foot", "right_foot", "left_eye", "right_eye", "jaw"], 18),
         (
-            [*(f"{side}_{f}{k}" for side in ("left", "right") for f in ("index", "thumb", "ring") for k in (1, 2, 3))],
+            [
+                *(
+                    f"{side}_{f}{k}"
+                    for side in ("left", "right")
+                    for f in ("index", "thumb", "ring")
+                    for k in (1, 2, 3)
+                )
+            ],
             18,
         ),
         (["left_elbow", "left_wrist", "right_ankle", "right_foot", *LEFT_FINGERS], 120),
         (["neck", "left_collar", "right_collar"], 16),
         (["left_shoulder"], 30),
-        ([name for i, name in enumerate(JOINT_NAMES) if i not in (12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8)], 35),
+        (
+            [
+                name
+                for i, name in enumerate(JOINT_NAMES)
+                if i not in (12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8)
+            ],
+            35,
+        ),
     ],
     ids=["spine", "ends", "fingers", "limbs", "neck", "shoulder", "what pose networks see"],
 )
-def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: list[str], most_mm: float) -> None:
+def test_joints_may_be_unknown(
+    embedded: BodyModel, people: People, unknown: list[str], most_mm: float
+) -> None:
     vertices, joints = posed(embedded, as_fit(people))
     given_joints = joints.copy()
     given_joints[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
@@ -129,24 +178,32 @@ def test_a_torso_needs_hips_and_shoulders_or_neck() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
 def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sign: int) -> None:
-    """Known answer: a thigh turned about itself by 30 degrees shows in where the bent shin points; so does an arm."""
+    """Known answer: a thigh turned about itself by 30 degrees shows in where the bent shin points;
+    so does an arm.
+    """
     rotvecs = np.zeros((1, 55, 3))
     rotvecs[0, JOINT_INDEX[f"{side}_hip"]] = [0, np.radians(30), 0]
     rotvecs[0, JOINT_INDEX[f"{side}_knee"]] = [np.radians(80), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_shoulder"]] = [np.radians(40), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_elbow"]] = [0, -sign * np.radians(70), 0]
     truth = BodyFit(
-        rotations_from_tpose(rotvec_to_rotmat_numpy(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3))
+        rotations_from_tpose(rotvec_to_rotmat_numpy(rotvecs)),
+        np.zeros((1, embedded.num_betas)),
+        np.zeros((1, 3)),
     )
     bones = BoneOffsets.of(embedded)
     world = rotations_from_joints(bones.pose(*vars(truth).values()), bones.rest(truth.betas))
-    turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(world, -1, -2) @ truth.world), axis=-1))[0]
+    turns = np.degrees(
+        np.linalg.norm(rotmat_to_rotvec(np.swapaxes(world, -1, -2) @ truth.world), axis=-1)
+    )[0]
     for name in ("hip", "knee", "shoulder", "elbow"):
         assert turns[JOINT_INDEX[f"{side}_{name}"]] < 4, name
 
 
 @pytest.mark.parametrize("source", ["embedded", "smplx"])
-def test_vertices_are_linear_in_the_shape(source: str, people: People, request: pytest.FixtureRequest) -> None:
+def test_vertices_are_linear_in_the_shape(
+    source: str, people: People, request: pytest.FixtureRequest
+) -> None:
     """With the pose correctives of a SMPL-X file, which do not depend on the shape."""
     path: Path | str = request.getfixturevalue("smplx_v10") if source == "smplx" else "embedded"
     model = load_body(path)
@@ -158,11 +215,11 @@ def test_vertices_are_linear_in_the_shape(source: str, people: People, request: 
 
 
 def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: People) -> None:
-    """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite differences."""
-    fit, patches = (
-        as_fit({k: v[:1] for k, v in people.items()}),
-        SampledBodyModel.of(embedded, sample_vertices(embedded, 2)),
-    )
+    """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite
+    differences.
+    """
+    fit = as_fit({k: v[:1] for k, v in people.items()})
+    patches = SampledBodyModel.of(embedded, sample_vertices(embedded, 2))
 
     def vertices(world: Array) -> Array:
         start, slopes = patches.linear(world)
@@ -188,7 +245,10 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
     errors = []
     for rounds in (0, 1, 2, 3):
         found = posed(
-            embedded, fit_surface(patches, SurfaceTargets(points, np.ones(points.shape[:2])), rounds, sigma_m=0.001)
+            embedded,
+            fit_surface(
+                patches, SurfaceTargets(points, np.ones(points.shape[:2])), rounds, sigma_m=0.001
+            ),
         )
         errors.append((mm(found[0], vertices), mm(found[1], joints)))
     assert errors[2][0] < 0.1

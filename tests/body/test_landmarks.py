@@ -15,20 +15,42 @@ from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Keypoints, Skeleton
 
-ON_BODY = ("coco17", "coco23", "blazepose33", "openpose_hand21_left", "openpose_hand21_right", "wholebody69")
+ON_BODY = (
+    "coco17",
+    "coco23",
+    "blazepose33",
+    "openpose_hand21_left",
+    "openpose_hand21_right",
+    "wholebody69",
+)
 
 
 @pytest.fixture(scope="module")
 def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     """Joint set -> name -> point in the T-pose."""
     output = embedded(*embedded.zero_pose())
-    return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in ON_BODY}
+    return {
+        s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True))
+        for s in ON_BODY
+    }
 
 
 def test_blazepose_points_have_their_published_order() -> None:
     points = SKELETONS["blazepose33"].names
-    known = {0: "nose", 2: "left_eye_surface", 5: "right_eye_surface", 8: "right_ear_surface", 11: "left_shoulder"}
-    known |= {16: "right_wrist", 17: "left_pinky1", 20: "right_index1", 21: "left_thumb2", 23: "left_hip"}
+    known = {
+        0: "nose",
+        2: "left_eye_surface",
+        5: "right_eye_surface",
+        8: "right_ear_surface",
+        11: "left_shoulder",
+    }
+    known |= {
+        16: "right_wrist",
+        17: "left_pinky1",
+        20: "right_index1",
+        21: "left_thumb2",
+        23: "left_hip",
+    }
     known |= {28: "right_ankle", 29: "left_heel", 32: "right_foot_tip"}
     assert {i: points[i] for i in known} == known
 
@@ -36,10 +58,25 @@ def test_blazepose_points_have_their_published_order() -> None:
 def test_whole_body_order_is_that_of_coco_wholebody() -> None:
     points = SKELETONS["coco_wholebody133"].names
     assert points[:23] == SKELETONS["coco23"].names
-    # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right first.
-    known = {23 + 36: "right_eye_outer_surface", 23 + 39: "right_eye_inner_surface", 23 + 45: "left_eye_outer_surface"}
-    known |= {23 + 48: "right_mouth_corner_surface", 23 + 54: "left_mouth_corner_surface", 23 + 30: "face_point_30"}
-    known |= {91: "left_hand_root", 92: "left_thumb1", 95: "left_thumb_tip", 96: "left_index1", 111: "left_pinky_tip"}
+    # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right
+    # first.
+    known = {
+        23 + 36: "right_eye_outer_surface",
+        23 + 39: "right_eye_inner_surface",
+        23 + 45: "left_eye_outer_surface",
+    }
+    known |= {
+        23 + 48: "right_mouth_corner_surface",
+        23 + 54: "left_mouth_corner_surface",
+        23 + 30: "face_point_30",
+    }
+    known |= {
+        91: "left_hand_root",
+        92: "left_thumb1",
+        95: "left_thumb_tip",
+        96: "left_index1",
+        111: "left_pinky_tip",
+    }
     known |= {112: "right_hand_root", 117: "right_index1", 132: "right_pinky_tip"}
     assert {i: points[i] for i in known} == known
 
@@ -48,11 +85,20 @@ def test_halpe_points_have_their_published_order() -> None:
     points = SKELETONS["halpe26"].names
     assert points[:17] == SKELETONS["coco17"].names
     assert points[20:] == (
-        *("left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel"),
+        *(
+            "left_big_toe",
+            "right_big_toe",
+            "left_small_toe",
+            "right_small_toe",
+            "left_heel",
+            "right_heel",
+        ),
     )
 
 
-@pytest.mark.parametrize(("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")])
+@pytest.mark.parametrize(
+    ("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")]
+)
 def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> None:
     rows = np.arange(len(SKELETONS[skeleton]), dtype=float)
     points = np.stack([rows, rows], -1)[None]
@@ -82,7 +128,9 @@ def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
     behind = (name for name in face if "toe" not in name and "foot" not in name and name != "nose")
     assert all(nose[2] > face[name][2] for name in behind)
     for side, sign in (("left", 1), ("right", -1)):
-        inner, eye, outer, ear = (face[f"{side}_{n}_surface"] for n in ("eye_inner", "eye", "eye_outer", "ear"))
+        inner, eye, outer, ear = (
+            face[f"{side}_{n}_surface"] for n in ("eye_inner", "eye", "eye_outer", "ear")
+        )
         across = [sign * float(p[0]) for p in (inner, eye, outer, ear)]
         assert across == sorted(across)
         assert eye[1] > nose[1] > face[f"{side}_mouth_corner_surface"][1]
@@ -90,11 +138,16 @@ def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
         assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
 
 
-def test_landmarks_of_the_feet_lie_on_the_feet(embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]) -> None:
-    coco, mesh = at_rest["coco23"], embedded(*embedded.zero_pose()).vertices[0]
+def test_landmarks_of_the_feet_lie_on_the_feet(
+    embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]
+) -> None:
+    coco = at_rest["coco23"]
+    mesh = embedded(*embedded.zero_pose()).vertices[0]
     for side, sign in (("left", 1), ("right", -1)):
-        ankle, heel = coco[f"{side}_ankle"], coco[f"{side}_heel"]
-        big, small = coco[f"{side}_big_toe"], coco[f"{side}_small_toe"]
+        ankle = coco[f"{side}_ankle"]
+        heel = coco[f"{side}_heel"]
+        big = coco[f"{side}_big_toe"]
+        small = coco[f"{side}_small_toe"]
         assert heel[2] < ankle[2] < small[2] < big[2]
         assert sign * small[0] > sign * big[0]
         assert max(heel[1], big[1], small[1]) < ankle[1] - 0.02
@@ -116,7 +169,9 @@ def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
         },
     )
     thigh, hip, chin = embedded.landmarks(output, own).unbind(1)
-    left, right, knee, jaw = (output.joints[:, JOINT_INDEX[n]] for n in ("left_hip", "right_hip", "left_knee", "jaw"))
+    left, right, knee, jaw = (
+        output.joints[:, JOINT_INDEX[n]] for n in ("left_hip", "right_hip", "left_knee", "jaw")
+    )
     nose = output.vertices[:, embedded.surface_points["nose"]].mean(1)
     assert torch.allclose(thigh, (left + knee) / 2, atol=1e-6)
     assert torch.allclose(hip, left + 0.06 * (knee - left) + 0.08 * (right - left), atol=1e-6)
@@ -128,7 +183,11 @@ def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
     [
         (("left_kne",), {}, "the point 'left_kne' of the skeleton 'own' is not a point of a body"),
         (("chin",), {"chin": {"jaw": 0.5}}, "sum to 0.5, not 1"),
-        (("chin",), {"chin": {"jow": 1.0}}, "the point 'chin' of the skeleton 'own' refers to jow, which no body has"),
+        (
+            ("chin",),
+            {"chin": {"jow": 1.0}},
+            "the point 'chin' of the skeleton 'own' refers to jow, which no body has",
+        ),
     ],
 )
 def test_refuses_points_without_a_place(
@@ -165,7 +224,9 @@ def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> 
         assert depth == sorted(depth, reverse=True)  # index in front, little finger behind
 
 
-def test_the_small_model_equals_the_whole(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+def test_the_small_model_equals_the_whole(
+    embedded: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
     extra = torch.tensor([13000, 4, 4])
     small = embedded.landmarks_only(("blazepose33", "openpose_hand21_right"), extra)
     points = small(**random_pose)
@@ -178,5 +239,7 @@ def test_the_small_model_equals_the_whole(embedded: BodyModel, random_pose: dict
 
 
 def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
-    with pytest.raises(BodyModelError, match="no standard skeleton is named 'coco18': choose one of coco17, coco23"):
+    with pytest.raises(
+        BodyModelError, match="no standard skeleton is named 'coco18': choose one of coco17, coco23"
+    ):
         embedded.landmarks_only(("coco18",))

@@ -21,38 +21,58 @@ from physic_core.errors import BodyModelError
 def turned(joint: str, rotvec: tuple[float, float, float], model: BodyModel) -> Tensor:
     """Rotations (1, 55, 3, 3) of the T-pose with one joint turned."""
     rotations = model.zero_pose()[0]
-    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(torch.tensor(rotvec, dtype=rotations.dtype))
+    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(
+        torch.tensor(rotvec, dtype=rotations.dtype)
+    )
     return rotations
 
 
 def slow_pose(
     model: BodyModel, rotations: np.ndarray, betas: np.ndarray, transl: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One body, joint by joint and vertex by vertex, in float64: 55 joints and every 500th vertex."""
-    kinematics, skin = model.kinematics, model.skin
+    """One body, joint by joint and vertex by vertex, in float64: 55 joints and every 500th
+    vertex.
+    """
+    kinematics = model.kinematics
+    skin = model.skin
     template = kinematics.template.double().numpy()
-    rest = template + np.einsum("k,kjc->jc", betas, kinematics.directions.double().numpy().reshape(-1, 55, 3))
-    bind = np.tile(np.eye(3), (55, 1, 1)) if kinematics.bind_rot is None else kinematics.bind_rot.double().numpy()
-    world, joints = np.zeros((55, 3, 3)), np.zeros((55, 3))
+    rest = template + np.einsum(
+        "k,kjc->jc", betas, kinematics.directions.double().numpy().reshape(-1, 55, 3)
+    )
+    bind = (
+        np.tile(np.eye(3), (55, 1, 1))
+        if kinematics.bind_rot is None
+        else kinematics.bind_rot.double().numpy()
+    )
+    world = np.zeros((55, 3, 3))
+    joints = np.zeros((55, 3))
     for joint, parent in enumerate(PARENTS):
         if parent < 0:
             world[joint], joints[joint] = rotations[joint], rest[joint]
         else:
             world[joint] = world[parent] @ rotations[joint]
-            joints[joint] = joints[parent] + world[parent] @ bind[parent] @ (rest[joint] - rest[parent])
+            joints[joint] = joints[parent] + world[parent] @ bind[parent] @ (
+                rest[joint] - rest[parent]
+            )
     vertices = []
     for v in range(0, model.num_vertices, 500):
-        shaped = skin.template[:, v].double().numpy() + betas @ skin.directions[:, :, v].double().numpy()
+        shaped = (
+            skin.template[:, v].double().numpy() + betas @ skin.directions[:, :, v].double().numpy()
+        )
         weights = skin.weights[:, v].double().numpy()
         moved = [world[j] @ bind[j] @ (shaped - rest[j]) + joints[j] for j in range(55)]
         vertices.append(weights @ np.array(moved) + transl)
     return np.array(vertices), joints + transl
 
 
-def test_the_body_model_equals_a_slow_reference(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+def test_the_body_model_equals_a_slow_reference(
+    embedded: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
     output = embedded(**random_pose)
     for row in range(3):
-        arguments = [random_pose[name][row].double().numpy() for name in ("rotations", "betas", "transl")]
+        arguments = [
+            random_pose[name][row].double().numpy() for name in ("rotations", "betas", "transl")
+        ]
         vertices, joints = slow_pose(embedded, *arguments)
         np.testing.assert_allclose(output.vertices[row, ::500].numpy(), vertices, atol=1e-5)
         np.testing.assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
@@ -61,7 +81,14 @@ def test_the_body_model_equals_a_slow_reference(embedded: BodyModel, random_pose
 def test_joint_names_are_a_tree_in_smplx_order() -> None:
     assert len(JOINT_NAMES) == len(PARENTS) == len(set(JOINT_NAMES)) == 55
     assert all(parent < joint for joint, parent in enumerate(PARENTS))
-    known = {"pelvis": 0, "left_wrist": 20, "jaw": 22, "left_index1": 25, "left_thumb3": 39, "right_thumb3": 54}
+    known = {
+        "pelvis": 0,
+        "left_wrist": 20,
+        "jaw": 22,
+        "left_index1": 25,
+        "left_thumb3": 39,
+        "right_thumb3": 54,
+    }
     assert known.items() <= JOINT_INDEX.items()
 
 
@@ -69,7 +96,10 @@ def test_zero_pose_is_a_t_pose(embedded: BodyModel) -> None:
     joints = dict(zip(JOINT_NAMES, embedded(*embedded.zero_pose()).joints[0], strict=True))
     assert joints["pelvis"].abs().max() < 1e-6
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        arm = [joints[f"{side}_{name}"] for name in ("shoulder", "elbow", "wrist", "middle1", "middle2", "middle3")]
+        arm = [
+            joints[f"{side}_{name}"]
+            for name in ("shoulder", "elbow", "wrist", "middle1", "middle2", "middle3")
+        ]
         for near, far in pairwise(arm):
             direction = torch.nn.functional.normalize(far - near, dim=0)
             assert direction[0] * sign > 0.97, f"{side} arm"
@@ -98,7 +128,12 @@ def test_zero_pose_is_a_t_pose(embedded: BodyModel) -> None:
     ],
 )
 def test_rotations_mean_what_they_mean_in_smplx(
-    embedded: BodyModel, joint: str, rotvec: tuple[float, float, float], moved: str, axis: int, sign: int
+    embedded: BodyModel,
+    joint: str,
+    rotvec: tuple[float, float, float],
+    moved: str,
+    axis: int,
+    sign: int,
 ) -> None:
     _, betas, transl = embedded.zero_pose()
     rest = embedded(*embedded.zero_pose()).joints[0, JOINT_INDEX[moved]]
@@ -113,7 +148,9 @@ def test_the_pelvis_lies_at_the_translation_for_every_shape(
     assert torch.allclose(joints[:, 0], random_pose["transl"], atol=1e-6)
 
 
-def test_joints_only_gives_the_same_joints(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+def test_joints_only_gives_the_same_joints(
+    embedded: BodyModel, random_pose: dict[str, Tensor]
+) -> None:
     alone = embedded(**random_pose, joints_only=True)
     whole = embedded(**random_pose)
     assert torch.equal(alone.joints, whole.joints)
@@ -130,7 +167,9 @@ def test_a_vertex_subset_equals_the_whole(embedded: BodyModel, ids: list[int]) -
 
 
 @pytest.mark.parametrize("size", [0.0, 0.3])
-def test_gradients_of_posing_are_those_of_finite_differences(embedded64: BodyModel, size: float) -> None:
+def test_gradients_of_posing_are_those_of_finite_differences(
+    embedded64: BodyModel, size: float
+) -> None:
     """At rest (size 0) too: that is where fits start."""
     torch.manual_seed(0)
     ids = torch.randint(0, embedded64.num_vertices, (5,))
@@ -153,8 +192,12 @@ def test_gradients_of_posing_are_those_of_finite_differences(embedded64: BodyMod
         ("expression", (1, 10), "(1, 0)"),
     ],
 )
-def test_inputs_of_wrong_shape_are_refused(embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str) -> None:
+def test_inputs_of_wrong_shape_are_refused(
+    embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str
+) -> None:
     arguments = dict(zip(("rotations", "betas", "transl"), embedded.zero_pose(), strict=True))
-    message = re.escape(f"{name} must be {wanted} for the embedded body, got {shape}: give one row a person")
+    message = re.escape(
+        f"{name} must be {wanted} for the embedded body, got {shape}: give one row a person"
+    )
     with pytest.raises(BodyModelError, match=message):
         embedded(**{**arguments, name: torch.zeros(shape)})

@@ -1,4 +1,6 @@
-"""Files of SMPL and MANO that are damaged or made to do harm: each ends in BodyModelError, and none in a crash."""
+"""Files of SMPL and MANO that are damaged or made to do harm: each ends in BodyModelError, and none
+in a crash.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ def mano_arrays() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize(("protocol", "sparse"), [(2, csc_matrix), (5, csr_matrix)])
 def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, sparse: Any) -> None:
-    arrays, path = mano_arrays(), tmp_path / "MANO_RIGHT.pkl"
+    arrays = mano_arrays()
+    path = tmp_path / "MANO_RIGHT.pkl"
     columns_first = np.asfortranarray(arrays["posedirs"])
     axes_turned = np.ascontiguousarray(arrays["shapedirs"].transpose(1, 0, 2)).transpose(1, 0, 2)
     other_end = arrays["weights"].astype(">f8")
@@ -48,20 +51,26 @@ def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, spa
         "shapedirs": axes_turned,
         "bs_type": "lrotmin",
     }
-    path.write_bytes(pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol))
+    path.write_bytes(
+        pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol)
+    )
     found = read_model_file(path, MANO)
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
         np.testing.assert_array_equal(found[name], array)
     assert found["f"].dtype == np.uint32
     np.savez_compressed(tmp_path / "MANO_RIGHT.npz", **arrays)
-    np.testing.assert_array_equal(read_model_file(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"])
+    np.testing.assert_array_equal(
+        read_model_file(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"]
+    )
 
 
 class _As:
     """Is pickled as a call of somebody else's function, or as their class with a state."""
 
-    def __init__(self, module: str, name: str, arguments: tuple[Any, ...], state: Any = None) -> None:
+    def __init__(
+        self, module: str, name: str, arguments: tuple[Any, ...], state: Any = None
+    ) -> None:
         self.called = (_Name(module, name), arguments, *(() if state is None else (state,)))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -72,7 +81,8 @@ class _Name:
     """Stands for a function while it is pickled."""
 
     def __init__(self, module: str, name: str) -> None:
-        self.__module__, self.__qualname__ = module, name
+        self.__module__ = module
+        self.__qualname__ = name
 
     def __call__(self, *_: Any) -> None:
         raise AssertionError
@@ -103,14 +113,19 @@ def array(shape: Any, code: str, data: Any) -> _As:
 
 def sparse(**changes: Any) -> _As:
     whole = csc_matrix(np.eye(16, 778))
-    state = {"_shape": whole.shape, "data": whole.data, "indices": whole.indices, "indptr": whole.indptr} | changes
+    state = {
+        "_shape": whole.shape,
+        "data": whole.data,
+        "indices": whole.indices,
+        "indptr": whole.indptr,
+    } | changes
     kind = _Name("scipy.sparse.csc", "csc_matrix")
     return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
 
 
 def chosen(idxs: Any, shape: Any = (778, 3, 10), a: Any = None) -> _As:
     kind = _Name("chumpy.reordering", "Select")
-    whole = _As("copy_reg", "_reconstructor", (_Name("chumpy.ch", "Ch"), _Name("__builtin__", "object"), None), {
+    whole = _As("copy_reg", "_reconstructor", (_Name("chumpy.ch", "Ch"), _Name("__builtin__", "object"), None), {  # noqa: E501
         "x": np.zeros(778 * 30)
     })  # fmt: skip
     state = {"a": whole if a is None else a, "idxs": idxs, "preferred_shape": shape}
@@ -128,36 +143,46 @@ UNFIT = "is an array whose parts do not fit together"
 HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
     "row outside": ("J_regressor", lambda: sparse(indices=np.arange(16) + 10**9), UNFIT),
     "row below": ("J_regressor", lambda: sparse(indices=np.arange(16) - 5), UNFIT),
-    "fractions for rows": ("J_regressor", lambda: sparse(indices=np.full(16, 0.5)), "by float64, not of numbers"),
+    "fractions for rows": ("J_regressor", lambda: sparse(indices=np.full(16, 0.5)), "by float64, not of numbers"),  # noqa: E501
     "too few rows": ("J_regressor", lambda: sparse(indices=np.zeros(3, np.int32)), UNFIT),
-    "ends that fall": ("J_regressor", lambda: sparse(indptr=np.r_[0, 9, 3, np.full(776, 16)]), UNFIT),
+    "ends that fall": ("J_regressor", lambda: sparse(indptr=np.r_[0, 9, 3, np.full(776, 16)]), UNFIT),  # noqa: E501
     "ends below": ("J_regressor", lambda: sparse(indptr=np.r_[-9, np.full(778, 16)]), UNFIT),
-    "ends outside": ("J_regressor", lambda: sparse(indptr=np.r_[np.zeros(778, int), 10**12]), UNFIT),
-    "a huge matrix": ("J_regressor", lambda: sparse(_shape=(10**6, 10**6)), "(1000000, 1000000), larger than any"),
+    "ends outside": ("J_regressor", lambda: sparse(indptr=np.r_[np.zeros(778, int), 10**12]), UNFIT),  # noqa: E501
+    "a huge matrix": ("J_regressor", lambda: sparse(_shape=(10**6, 10**6)), "(1000000, 1000000), "
+                                                                            "larger than any"),
     "text in a matrix": ("J_regressor", lambda: sparse(data="text"), "is a str, not an array"),
     "a huge array": ("weights", lambda: array((10**12,), "f8", b"12345678"), UNFIT),
     "a hidden axis": ("weights", lambda: array((0, 2**61), "f8", ""), UNFIT),
     "no bytes": ("weights", lambda: array((778, 16), "f8", 10**12), UNFIT),
-    "a negative array": ("weights", lambda: array((-1,), "f8", b"12345678"), "weights must be (778, 16), got (1,)"),
+    "a negative array": ("weights", lambda: array((-1,), "f8", b"12345678"), "weights must be "
+                                                                             "(778, 16), got (1,)"),
     "objects": ("weights", lambda: array((10**6,), "O8", []), "holds objects, not numbers"),
     "fields": ("weights", lambda: array((1,), "V999", b"1" * 999), "holds no numbers, not numbers"),
-    "complex numbers": ("weights", lambda: np.zeros((778, 16), complex), "weights holds complex128, not numbers"),
-    "no numbers": ("weights", lambda: np.full((778, 16), np.nan), "weights holds numbers that are not finite"),
+    "complex numbers": ("weights", lambda: np.zeros((778, 16), complex), "weights holds "
+                                                                         "complex128, not numbers"),
+    "no numbers": ("weights", lambda: np.full((778, 16), np.nan), "weights holds numbers that are "
+                                                                  "not finite"),
     "a choice outside": ("shapedirs", lambda: chosen(FULL.ravel() + 1), UNFIT),
     "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), UNFIT),
     "a choice of itself": ("shapedirs", endless, UNFIT),
-    "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "has 301 columns, where MANO has 10 to 300"),
+    "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "has 301 columns, where MANO "
+                                                                   "has 10 to 300"),
     "vertex outside": ("f", lambda: np.full((1538, 3), 778), "f holds 778, not an index below 778"),
     "half a vertex": ("f", lambda: np.full((1538, 3), 0.5), "f holds 0.5, not an index below 778"),
-    "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table is not the joint tree of MANO"),
+    "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table is not the "
+                                                                      "joint tree of MANO"),
 }  # fmt: skip
 
 
 def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path: Path) -> None:
-    """In a process of its own: scipy writes beside a matrix whose indices lie outside of it, and that may crash."""
+    """In a process of its own: scipy writes beside a matrix whose indices lie outside of it, and
+    that may crash.
+    """
     for name, (where, make, _) in HARM.items():
         pickled(tmp_path / f"{name}.pkl", {**mano_arrays(), where: make()})
-    for (name, words), (path, faults) in zip(refused(tmp_path, list(HARM)), HARM.items(), strict=True):
+    for (name, words), (path, faults) in zip(
+        refused(tmp_path, list(HARM)), HARM.items(), strict=True
+    ):
         assert name == path
         assert faults[2] in words, f"{name}: {words}"
         assert words.endswith(MANO.advice), f"{name}: {words}"
@@ -166,10 +191,19 @@ def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path: Path) -> None
 NEITHER = "is neither an .npz archive nor a pickle of MANO"
 CLAIMS: dict[str, tuple[bytes, str]] = {
     "BINBYTES8": (b"\x80\x04\x8e" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
-    "FRAME": (b"\x80\x04\x95" + (2**62).to_bytes(8, "little") + b"}.", "lacks the arrays v_template"),
+    "FRAME": (
+        b"\x80\x04\x95" + (2**62).to_bytes(8, "little") + b"}.",
+        "lacks the arrays v_template",
+    ),
     "BINBYTES8 that is short": (b"\x80\x04}\x8e" + (4).to_bytes(8, "little") + b"0.", NEITHER),
-    "escapes": (b"\x80\x02cevil\x1b[2J\nred\x1b[31m\n)R.", r"asks for 'evil\x1b[2J.red\x1b[31m', which"),
-    "a long name": (b"\x80\x02c" + b"A" * 5_000_000 + b"\nx\n)R.", f"asks for '{'A' * 77}...', which"),
+    "escapes": (
+        b"\x80\x02cevil\x1b[2J\nred\x1b[31m\n)R.",
+        r"asks for 'evil\x1b[2J.red\x1b[31m', which",
+    ),
+    "a long name": (
+        b"\x80\x02c" + b"A" * 5_000_000 + b"\nx\n)R.",
+        f"asks for '{'A' * 77}...', which",
+    ),
     "a long encoding": (
         b"\x80\x02c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00\x1b[31mtR.",
         r"asks for 'bytes in \x1b[31m', which",
@@ -206,7 +240,9 @@ for path in sys.argv[1:]:
     assert peak < 64e6, f"{path} takes {peak / 1e6:.0f} MB"
 """
     paths = [str(folder / f"{name}{suffix}") for name in names]
-    done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300
+    )
     assert (done.returncode, done.stderr) == (0, "")
     return list(zip(names, done.stdout.splitlines(), strict=True))
 
@@ -218,11 +254,20 @@ def npy(shape: str, kind: str, data: bytes = b"") -> bytes:
 
 ARCHIVES: dict[str, tuple[bytes, str]] = {
     "huge": (npy("(1000000000000, 16)", "'<f8'"), "cannot be read, the file is damaged"),
-    "short": (npy("(778, 16)", "'<f8'", b"1234"), "cannot be read, the file is damaged: copy or download it again"),
+    "short": (
+        npy("(778, 16)", "'<f8'", b"1234"),
+        "cannot be read, the file is damaged: copy or download it again",
+    ),
     "objects": (npy("(778, 16)", "'|O'"), "holds a pickled object where numbers belong"),
-    "fields": (npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"), "holds a pickled object where numbers belong"),
+    "fields": (
+        npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"),
+        "holds a pickled object where numbers belong",
+    ),
     "no header": (b"nothing", "cannot be read, the file is damaged"),
-    "zeros": (npy("(6250000, 2)", "'<f8'", bytes(10**8)), ": weights must be (778, 16), got (6250000, 2)"),
+    "zeros": (
+        npy("(6250000, 2)", "'<f8'", bytes(10**8)),
+        ": weights must be (778, 16), got (6250000, 2)",
+    ),
 }
 
 
@@ -243,14 +288,16 @@ CALLS = {
     "importlib.import_module": b"cimportlib\nimport_module\n(X\x09\x00\x00\x00antigravit",
     "codecs.encode": b"c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00rot13",
     "numpy.load": b"cnumpy\nload\n(X\x01\x00\x00\x00a",
-    "numpy.testing._private.utils.runstring": b"cnumpy.testing._private.utils\nrunstring\n(X\x01\x00\x00\x001}",
+    "numpy.testing._private.utils.runstring": b"cnumpy.testing._private.utils\nrunstring\n(X\x01\x00\x00\x001}",  # noqa: E501
     "an extension": b"\x82\x01(X\x01\x00\x00\x00a",
     "a persistent object": b"X\x01\x00\x00\x00aQ(X\x01\x00\x00\x00a",
 }  # what is called -> its pickle, up to the arguments
 
 
 def test_no_pickle_calls_anything(tmp_path: Path) -> None:
-    """In a process whose audit hook counts calls of the system, imports, and files that are opened for writing."""
+    """In a process whose audit hook counts calls of the system, imports, and files that are opened
+    for writing.
+    """
     for name, opcodes in CALLS.items():
         (tmp_path / f"{name}.pkl").write_bytes(b"\x80\x04" + opcodes + b"tR.")
     code = """
@@ -269,9 +316,11 @@ for path in sys.argv[1:]:
         read_model_file(Path(path), MANO)
     except BodyModelError:
         print(events)
-"""
+"""  # noqa: E501
     paths = [str(tmp_path / f"{name}.pkl") for name in CALLS]
-    done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == ["[]"] * len(CALLS)
 
@@ -292,5 +341,7 @@ def test_a_pickle_cannot_change_what_reads_it(tmp_path: Path, state: bytes) -> N
 
 
 def read_model_of(path: Path) -> dict[str, np.ndarray]:
-    path.write_bytes(pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2))
+    path.write_bytes(
+        pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2)
+    )
     return read_model_file(path, MANO)

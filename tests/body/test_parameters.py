@@ -16,11 +16,15 @@ from physic_core.errors import BodyModelError
 
 
 def test_parameters_and_rotations_convert_back_and_forth(random_pose: dict[str, Tensor]) -> None:
-    parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
+    parameters = parameters_from_rotations(
+        random_pose["rotations"], random_pose["betas"], None, random_pose["transl"]
+    )
     assert len(parameters) == 3
     assert parameters.expression.shape == (3, 0)
     assert parameters.body_pose.dtype == np.float32
-    assert torch.allclose(rotations_from_parameters(parameters), random_pose["rotations"], atol=1e-6)
+    assert torch.allclose(
+        rotations_from_parameters(parameters), random_pose["rotations"], atol=1e-6
+    )
     assert np.array_equal(parameters.betas, random_pose["betas"].numpy())
     assert np.array_equal(parameters.transl, random_pose["transl"].numpy())
 
@@ -41,7 +45,9 @@ def test_every_field_holds_its_joints(joint: str, field: str, first: int) -> Non
     rotvec = torch.tensor([0.1, -0.2, 0.3])
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(rotvec)
-    parameters = parameters_from_rotations(rotations, torch.zeros(1, 16), torch.zeros(1, 2), torch.zeros(1, 3))
+    parameters = parameters_from_rotations(
+        rotations, torch.zeros(1, 16), torch.zeros(1, 2), torch.zeros(1, 3)
+    )
     np.testing.assert_allclose(getattr(parameters, field)[0, first : first + 3], rotvec, atol=1e-6)
     total = sum(np.abs(getattr(parameters, name)).sum() for name in vars(parameters))
     assert total == pytest.approx(0.6, abs=1e-5)
@@ -56,6 +62,8 @@ def test_half_turns_convert_back_and_forth() -> None:
 
 
 def test_parameters_of_another_shape_are_refused(random_pose: dict[str, Tensor]) -> None:
-    parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
+    parameters = parameters_from_rotations(
+        random_pose["rotations"], random_pose["betas"], None, random_pose["transl"]
+    )
     with pytest.raises(BodyModelError, match=r"^left_hand_pose must be \(3, 45\), got \(3, 12\): "):
         rotations_from_parameters(replace(parameters, left_hand_pose=np.zeros((3, 12), np.float32)))

@@ -1,4 +1,6 @@
-"""The hand-written derivative of posing equals autograd's, with bind rotations and with pose correctives."""
+"""The hand-written derivative of posing equals autograd's, with bind rotations and with pose
+correctives.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ import torch
 from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
-J, V, D = 8, 6, 3
+J = 8
+V = 6
+D = 3
 PARENTS = (-1, 0, 0, 1, 2, 3, 3, 6)
 
 
@@ -22,7 +26,8 @@ def small_body(*, bind: bool, correctives: bool) -> tuple[Kinematics, Skin]:
     kinematics = Kinematics.build(normal(J, 3), normal(D, J, 3), bind_rot, PARENTS)
     rows = D + 9 * (J - 1) if correctives else D
     weights = torch.softmax(normal(J, V), 0)
-    weights = torch.where(weights >= weights.topk(3, dim=0).values[-1], weights, 0.0)  # three joints a vertex
+    # three joints a vertex
+    weights = torch.where(weights >= weights.topk(3, dim=0).values[-1], weights, 0.0)
     return kinematics, Skin(normal(3, V), 0.1 * normal(rows, 3, V), weights / weights.sum(0))
 
 
@@ -33,7 +38,13 @@ def pose(batch: int = 2) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     return turns, shape, torch.randn(batch, 3, generator=g, dtype=torch.float64)
 
 
-def by_autograd(kinematics: Kinematics, skin: Skin, rotations: torch.Tensor, betas: torch.Tensor, transl: torch.Tensor):
+def by_autograd(
+    kinematics: Kinematics,
+    skin: Skin,
+    rotations: torch.Tensor,
+    betas: torch.Tensor,
+    transl: torch.Tensor,
+):
     """Vertices and joints by the functions of which a body model consists."""
     world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(betas))
     correctives = (rotations[:, 1:] - torch.eye(3, dtype=rotations.dtype)).flatten(1)
@@ -47,15 +58,26 @@ def by_autograd(kinematics: Kinematics, skin: Skin, rotations: torch.Tensor, bet
 def test_value_and_slope_are_those_of_the_whole_model(bind, correctives, blocks):
     kinematics, skin = small_body(bind=bind, correctives=correctives)
     turns, shape, transl = pose()
-    inputs = [rotvec_to_rotmat(turns).requires_grad_(), shape.requires_grad_(), transl.requires_grad_()]
-    vertices, joints = pose_vertices(JointTree(kinematics), skin.in_blocks() if blocks else skin, *inputs)
+    inputs = [
+        rotvec_to_rotmat(turns).requires_grad_(),
+        shape.requires_grad_(),
+        transl.requires_grad_(),
+    ]
+    vertices, joints = pose_vertices(
+        JointTree(kinematics), skin.in_blocks() if blocks else skin, *inputs
+    )
     plain_vertices, plain_joints = by_autograd(kinematics, skin, *inputs)
     torch.testing.assert_close(vertices, plain_vertices)
     torch.testing.assert_close(joints, plain_joints)
-    weights = torch.randn(vertices.shape, dtype=torch.float64), torch.randn(joints.shape, dtype=torch.float64)
+    weights = (
+        torch.randn(vertices.shape, dtype=torch.float64),
+        torch.randn(joints.shape, dtype=torch.float64),
+    )
 
     def slopes(v, j):
         return torch.autograd.grad((v * weights[0]).sum() + (j * weights[1]).sum(), inputs)
 
-    for got, want in zip(slopes(vertices, joints), slopes(plain_vertices, plain_joints), strict=True):
+    for got, want in zip(
+        slopes(vertices, joints), slopes(plain_vertices, plain_joints), strict=True
+    ):
         torch.testing.assert_close(got, want)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.posture import STANDING_DEG, legs_in_line, photo_turned_deg, standing_legs, trunk_tilt_deg
+from physic_core.body.posture import (
+    STANDING_DEG,
+    legs_in_line,
+    photo_turned_deg,
+    standing_legs,
+    trunk_tilt_deg,
+)
 from physic_core.types import Plane
 
 UP = np.array([0.0, -1.0, 0.0])
@@ -14,25 +20,35 @@ UP = np.array([0.0, -1.0, 0.0])
 
 def turned(degrees: float) -> np.ndarray:
     """Return UP after a rotation about the x axis."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
     return np.array([0.0, -c, s])
 
 
-def body(hip: float = 0.0, knees: tuple[float, float] = (0.0, 0.0), trunk: float = 0.0) -> np.ndarray:
-    """Return joints (55, 3) of a body: trunk and thighs tilted from UP, shanks from the thighs, degrees."""
+def body(
+    hip: float = 0.0, knees: tuple[float, float] = (0.0, 0.0), trunk: float = 0.0
+) -> np.ndarray:
+    """Return joints (55, 3) of a body: trunk and thighs tilted from UP, shanks from the thighs,
+    degrees.
+    """
     joints = np.full((55, 3), np.nan)
     joints[JOINT_INDEX["pelvis"]] = 0.0
     joints[JOINT_INDEX["neck"]] = 0.5 * turned(trunk)
     for side, x, knee in (("left", 0.1, knees[0]), ("right", -0.1, knees[1])):
         joints[JOINT_INDEX[f"{side}_hip"]] = (x, 0.0, 0.0)
         joints[JOINT_INDEX[f"{side}_knee"]] = joints[JOINT_INDEX[f"{side}_hip"]] - 0.4 * turned(hip)
-        joints[JOINT_INDEX[f"{side}_ankle"]] = joints[JOINT_INDEX[f"{side}_knee"]] - 0.4 * turned(hip + knee)
+        joints[JOINT_INDEX[f"{side}_ankle"]] = joints[JOINT_INDEX[f"{side}_knee"]] - 0.4 * turned(
+            hip + knee
+        )
     return joints
 
 
 def test_a_straight_body_stands_on_both_legs() -> None:
     assert standing_legs(body(), UP).tolist() == [True, True]
-    assert standing_legs(np.stack([body(), body(hip=90.0)]), UP).tolist() == [[True, True], [False, False]]
+    assert standing_legs(np.stack([body(), body(hip=90.0)]), UP).tolist() == [
+        [True, True],
+        [False, False],
+    ]
 
 
 def test_a_bent_knee_leaves_the_other_leg_to_stand_on() -> None:
@@ -66,18 +82,23 @@ def test_legs_with_unknown_joints_do_not_stand() -> None:
 
 def test_the_rule_works_in_the_picture() -> None:
     hips, knees, ankles = (np.array([[10.0, y], [-10.0, y]]) for y in (0.0, 40.0, 80.0))
-    assert legs_in_line(hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])).all()
+    assert legs_in_line(
+        hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])
+    ).all()
     assert not legs_in_line(hips, knees, ankles, neck=np.array([80.0, -50.0])).any()
 
 
 def photo_of(*bodies: np.ndarray, degrees: float) -> np.ndarray:
     """Return joints (P, 55, 3), side by side 5 m away, in a picture that is turned clockwise."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
     places = np.array([[x, 0.0, 5.0] for x in range(len(bodies))])[:, None]
     return (np.stack(bodies) + places) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T
 
 
-@pytest.mark.parametrize(("degrees", "said"), [(0, 0), (30, 0), (90, 90), (-90, 90), (75, 90), (180, 180), (150, 180)])
+@pytest.mark.parametrize(
+    ("degrees", "said"), [(0, 0), (30, 0), (90, 90), (-90, 90), (75, 90), (180, 180), (150, 180)]
+)
 def test_a_turned_photo_is_known_by_its_people(degrees: float, said: int) -> None:
     assert photo_turned_deg(photo_of(body(), body(), degrees=degrees), None) == said
 

@@ -20,7 +20,9 @@ from physic_core.geometry.rotations import (
     unit,
 )
 
-VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(lambda v: np.linalg.norm(v) > 1e-2)
+VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(
+    lambda v: np.linalg.norm(v) > 1e-2
+)
 TURN = arrays(np.float64, (3,), elements=st.floats(-1.7, 1.7))
 
 
@@ -34,7 +36,8 @@ def is_rotation(matrix: np.ndarray) -> bool:
 def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> None:
     turn = rotation_between(first, second)
     assert is_rotation(turn)
-    # Directions that are opposite within 1e-8 get half a turn: their sum has no more digits than that.
+    # Directions that are opposite within 1e-8 get half a turn: their sum has no more digits than
+    # that.
     np.testing.assert_allclose(turn @ unit(first), unit(second), atol=1e-7)
     cosine = float(unit(first) @ unit(second))
     assert abs(Rotation.from_matrix(turn).magnitude() - np.arccos(np.clip(cosine, -1, 1))) < 1e-6
@@ -43,9 +46,13 @@ def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> No
 @given(TURN, TURN)
 def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
     both = np.stack([first, second])
-    np.testing.assert_allclose(rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12)
     np.testing.assert_allclose(
-        rotvec_to_rotmat_numpy(rotmat_to_rotvec(rotvec_to_rotmat_numpy(both))), rotvec_to_rotmat_numpy(both), atol=1e-9
+        rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        rotvec_to_rotmat_numpy(rotmat_to_rotvec(rotvec_to_rotmat_numpy(both))),
+        rotvec_to_rotmat_numpy(both),
+        atol=1e-9,
     )
 
 
@@ -53,7 +60,9 @@ def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
 def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
     rotation = rotvec_to_rotmat_numpy(rotvec)
     tilt, angle = swing_twist(rotation, axis)
-    np.testing.assert_allclose(tilt @ rotvec_to_rotmat_numpy(angle * unit(axis)), rotation, atol=1e-8)
+    np.testing.assert_allclose(
+        tilt @ rotvec_to_rotmat_numpy(angle * unit(axis)), rotation, atol=1e-8
+    )
 
 
 @given(TURN, st.integers(0, 100))
@@ -61,17 +70,23 @@ def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, se
     rng = np.random.default_rng(seed)
     source = rng.standard_normal((7, 3))
     target = source @ rotvec_to_rotmat_numpy(rotvec).T
-    np.testing.assert_allclose(nearest_rotation(target.T @ source), rotvec_to_rotmat_numpy(rotvec), atol=1e-9)
+    np.testing.assert_allclose(
+        nearest_rotation(target.T @ source), rotvec_to_rotmat_numpy(rotvec), atol=1e-9
+    )
     assert is_rotation(nearest_rotation((target * [1, 1, -1]).T @ source))
     # In a plane one direction is left open, and is filled up to a rotation.
     flat = source * [1, 1, 0]
     np.testing.assert_allclose(
-        nearest_rotation((flat @ rotvec_to_rotmat_numpy(rotvec).T).T @ flat), rotvec_to_rotmat_numpy(rotvec), atol=1e-6
+        nearest_rotation((flat @ rotvec_to_rotmat_numpy(rotvec).T).T @ flat),
+        rotvec_to_rotmat_numpy(rotvec),
+        atol=1e-6,
     )
 
 
 @given(VECTOR, VECTOR.filter(lambda v: True))
-def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(along: np.ndarray, beside: np.ndarray) -> None:
+def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(
+    along: np.ndarray, beside: np.ndarray
+) -> None:
     if np.linalg.norm(cross(unit(along), unit(beside))) < 1e-3:
         return
     frame = frame_from_axes(along, beside)

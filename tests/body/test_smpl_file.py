@@ -1,4 +1,6 @@
-"""A user's SMPL file: agreement with the package that reads it too, pickles that do no harm, and what is refused."""
+"""A user's SMPL file: agreement with the package that reads it too, pickles that do no harm, and
+what is refused.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ class Select:
     """What chumpy's choices are in a pickle."""
 
     def __init__(self, a: Ch, idxs: np.ndarray, shape: tuple[int, ...]) -> None:
-        self.a, self.idxs, self.preferred_shape = a, idxs, shape
+        self.a = a
+        self.idxs = idxs
+        self.preferred_shape = shape
 
 
 @pytest.fixture
@@ -76,7 +80,9 @@ def pickled(path: Path, thing: object, protocol: int = 2) -> Path:
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4])
-def test_the_published_pickle_is_read(light: dict[str, Any], chumpy: None, tmp_path: Path, protocol: int) -> None:
+def test_the_published_pickle_is_read(
+    light: dict[str, Any], chumpy: None, tmp_path: Path, protocol: int
+) -> None:
     """Sparse regressor, chumpy's shape directions, a dictionary and words that nobody needs."""
     shapes = light["shapedirs"]
     whole = np.concatenate([shapes, shapes + 1], 2)
@@ -100,7 +106,9 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -
     from smplfitter.pt import BodyModel as Peer
 
     rng = np.random.default_rng(1)
-    rotvecs, betas, transl = 0.5 * rng.standard_normal((3, 24, 3)), rng.standard_normal((3, 10)), rng.random((3, 3))
+    rotvecs = 0.5 * rng.standard_normal((3, 24, 3))
+    betas = rng.standard_normal((3, 10))
+    transl = rng.random((3, 3))
     published = {**arrays, "J_regressor": csc_matrix(arrays["J_regressor"])}
     pickled(npz.parent / "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl", published)
     peer = Peer("smpl", "neutral", model_root=str(npz.parent), num_betas=10)
@@ -108,8 +116,12 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -
     theirs = peer(**dict(zip(("pose_rotvecs", "shape_betas", "trans"), given, strict=True)))
     rotations = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(3, 24, 3, 3)
     own = load_smpl(npz)
-    np.testing.assert_allclose(own.vertices(rotations, betas, transl), theirs["vertices"], atol=2e-6)
-    np.testing.assert_allclose(own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6)
+    np.testing.assert_allclose(
+        own.vertices(rotations, betas, transl), theirs["vertices"], atol=2e-6
+    )
+    np.testing.assert_allclose(
+        own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -117,7 +129,10 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -
     [
         ({"v_template": np.zeros((10475, 3))}, " is a SMPL-X file (10475 vertices), not SMPL"),
         ({"weights": np.zeros((6890, 52))}, " is a SMPL+H file (52 joints), not SMPL"),
-        ({"shapedirs": np.zeros((6890, 3))}, ": shapedirs must be (6890, 3, 10 to 300), got (6890, 3)"),
+        (
+            {"shapedirs": np.zeros((6890, 3))},
+            ": shapedirs must be (6890, 3, 10 to 300), got (6890, 3)",
+        ),
         ({"J_regressor": "none", "weights": None}, " lacks the arrays J_regressor, weights"),
     ],
 )

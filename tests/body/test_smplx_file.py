@@ -19,7 +19,10 @@ from physic_core.errors import BodyModelError
 @pytest.fixture
 def small(smplx_arrays: dict[str, Any]) -> dict[str, Any]:
     """A file's arrays whose large ones compress to nothing."""
-    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
+    flat = {
+        "posedirs": np.zeros((10475, 3, 486), np.float16),
+        "shapedirs": np.zeros((10475, 3, 20), np.float16),
+    }
     return {**smplx_arrays, **flat}
 
 
@@ -44,7 +47,9 @@ def pose() -> dict[str, torch.Tensor]:
     }
 
 
-def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
+def test_a_smplx_file_poses_as_the_library_body_models(
+    smplx_v11: Path, pose: dict[str, torch.Tensor]
+) -> None:
     from body_models.smplx.torch import SMPLX
 
     peer = SMPLX(model_path=smplx_v11, flat_hand_mean=True)
@@ -65,10 +70,13 @@ def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11: Path, pose: di
     assert (ours.joints - peer.forward_skeleton(**arguments)[..., :3, 3]).abs().max() < 1e-5
 
 
-def test_both_layouts_are_the_same_body(smplx_v10: Path, smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
+def test_both_layouts_are_the_same_body(
+    smplx_v10: Path, smplx_v11: Path, pose: dict[str, torch.Tensor]
+) -> None:
     rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
     old, new = (
-        load_body(p)(rotations, pose["betas"], pose["transl"], pose["expression"]) for p in (smplx_v10, smplx_v11)
+        load_body(p)(rotations, pose["betas"], pose["transl"], pose["expression"])
+        for p in (smplx_v10, smplx_v11)
     )
     assert torch.equal(old.vertices, new.vertices)
 
@@ -82,7 +90,9 @@ def test_more_shape_components_can_be_loaded(smplx_v11: Path) -> None:
 def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
     model = load_body(smplx_v10)
     output = model(*model.zero_pose())
-    points = dict(zip(("nose", "left_eye", "right_eye"), model.landmarks(output, "coco17")[0], strict=False))
+    points = dict(
+        zip(("nose", "left_eye", "right_eye"), model.landmarks(output, "coco17")[0], strict=False)
+    )
     assert points["left_eye"][0] > 0 > points["right_eye"][0]
     assert set(model.contact_sets) == set(CONTACT_SETS)
     sole = output.vertices[0, model.contact_sets["left_sole"], 1]
@@ -114,8 +124,16 @@ def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path
 @pytest.mark.parametrize(
     ("name", "wrong", "message"),
     [
-        ("shapedirs", np.zeros((10475, 3)), "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)"),
-        ("shapedirs", np.zeros((10475, 3, 11)), "shapedirs has 11 columns, where SMPL-X has 20 or 400"),
+        (
+            "shapedirs",
+            np.zeros((10475, 3)),
+            "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)",
+        ),
+        (
+            "shapedirs",
+            np.zeros((10475, 3, 11)),
+            "shapedirs has 11 columns, where SMPL-X has 20 or 400",
+        ),
     ],
 )
 def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
@@ -127,4 +145,7 @@ def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
 
 
 def test_more_shape_components_than_the_file_has_are_refused(smplx_v10: Path) -> None:
-    assert refusal(smplx_v10, num_betas=16) == ": num_betas is 16, but the file has 10: ask for 0 to 10"
+    assert (
+        refusal(smplx_v10, num_betas=16)
+        == ": num_betas is 16, but the file has 10: ask for 0 to 10"
+    )

@@ -1,4 +1,6 @@
-"""A whole run on a made-up SMPL-X file: bodies come as embedded ones, and who builds on bodies gets the file's."""
+"""A whole run on a made-up SMPL-X file: bodies come as embedded ones, and who builds on bodies gets
+the file's.
+"""
 
 from __future__ import annotations
 
@@ -30,17 +32,25 @@ def world() -> World:
 
 
 def run(world: World, *overrides: str) -> Reconstruction:
-    return reconstruct(world.image, load_config(preset="mock", overrides=["run.cache=false", *overrides]))
+    return reconstruct(
+        world.image, load_config(preset="mock", overrides=["run.cache=false", *overrides])
+    )
 
 
-RULER = ("metric_depth={backend='embedded', options={}}", "contact_prior={backend='embedded', options={}}")
+RULER = (
+    "metric_depth={backend='embedded', options={}}",
+    "contact_prior={backend='embedded', options={}}",
+)
 
 
 def test_scale_and_contact_work_with_a_smplx_body(world: World, file: Path, maps: None) -> None:
-    plain, result = run(world, *RULER), run(world, f"body_model.path={file}", *RULER)
+    plain = run(world, *RULER)
+    result = run(world, f"body_model.path={file}", *RULER)
     assert result.body_model == "smplx"
     assert result.warnings == plain.warnings
-    assert any(note.startswith("bodies converted from 'embedded' to 'smplx'") for note in result.notes)
+    assert any(
+        note.startswith("bodies converted from 'embedded' to 'smplx'") for note in result.notes
+    )
     assert "contact transferred from the mesh 'physic-embedded-1' to 'smplx'" in result.notes
     ratio = np.nanmedian(result.scene.points[..., 2] / plain.scene.points[..., 2])
     assert ratio == pytest.approx(1, abs=0.02)
@@ -50,11 +60,16 @@ def test_scale_and_contact_work_with_a_smplx_body(world: World, file: Path, maps
 def test_a_body_converted_by_its_joints_has_the_same_height(
     embedded: BodyModel, other_model: BodyModel, maps: None
 ) -> None:
-    """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
+    """As the ruler takes it: from the embedded body to the file's, and back by joints that lie
+    elsewhere.
+    """
     world = build_world("stand", 1, (160, 120))
     bodies_of_world = Bodies(world.parameters, "embedded")
     there = convert_with_residuals(bodies_of_world, other_model).bodies
     back = convert_with_residuals(replace_mesh_with_joints(there, other_model), embedded).bodies
     sole = embedded.contact_sets["left_sole"]
-    feet = [posed(embedded, bodies.parameters)[0][0, sole, 1].max() for bodies in (bodies_of_world, back)]
+    feet = [
+        posed(embedded, bodies.parameters)[0][0, sole, 1].max()
+        for bodies in (bodies_of_world, back)
+    ]
     assert feet[1] == pytest.approx(feet[0], abs=0.01)

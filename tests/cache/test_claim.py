@@ -64,7 +64,8 @@ def test_a_folder_that_others_could_write_is_narrowed_and_emptied(
     assert [path.name for path in (root / "results").iterdir()] == ["mine.txt"]
     assert (root / "results").stat().st_mode & 0o777 == 0o700
     assert caplog.messages == [
-        f"others could write to the cache in {root}: now only you can, and its content was discarded"
+        f"others could write to the cache in {root}: now only you can, and its content was "
+        f"discarded"
     ]
 
 
@@ -90,6 +91,7 @@ def test_the_cache_of_another_user_is_not_used(
     assert ResultCache.in_users_folder(1) is None
     assert claim_folder(root / "results") is None
     assert caplog.messages == [
-        f"the cache in {root} is not used, since it belongs to another user: name a folder of your own in PHYSIC_CACHE"
+        f"the cache in {root} is not used, since it belongs to another user: name a folder of "
+        f"your own in PHYSIC_CACHE"
     ]
     assert (root / "results" / KEY.name).is_file()

@@ -36,7 +36,9 @@ def test_info_prints_each_folder_and_its_content(folder: Path):
     fill(folder)
     first, *others = physic("info").output.splitlines()
     assert first == f"{folder}: 4 files, 1.4 MB"
-    assert [one.split()[0] for one in others] == [f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")]
+    assert [one.split()[0] for one in others] == [
+        f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")
+    ]
 
 
 def test_clear_removes_all_entries_and_says_how_many(folder: Path):
@@ -52,10 +54,15 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
         (folder.parent / name).mkdir(parents=True)
         (folder.parent / name / file).write_bytes(bytes(3_000_000))
         (folder.parent / name / "mine.onnx").write_text("not theirs")
-    printed = [f"{folder}: 0 files, 0.0 MB", *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others)]
+    printed = [
+        f"{folder}: 0 files, 0.0 MB",
+        *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others),
+    ]
     assert physic("info").output.splitlines() == printed
     assert len(physic("clear").output.splitlines()) == 4
-    assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {"mine.onnx"}
+    assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {
+        "mine.onnx"
+    }
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])

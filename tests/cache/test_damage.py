@@ -1,4 +1,6 @@
-"""Whatever happens to a file of the cache, its answer is computed again and kept again, and no other is given."""
+"""Whatever happens to a file of the cache, its answer is computed again and kept again, and no
+other is given.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def depth_map() -> DepthMap:
 
 
 def test_a_flipped_bit_in_the_cache_changes_no_result(tmp_path: Path):
-    cache, random, digest = ResultCache(tmp_path, 1 << 30), np.random.default_rng(0), Digester().digest(depth_map())
+    cache = ResultCache(tmp_path, 1 << 30)
+    random = np.random.default_rng(0)
+    digest = Digester().digest(depth_map())
     cache.write(ASKED, depth_map())
     path = tmp_path / ASKED.name
     whole = path.read_bytes()
@@ -89,16 +93,24 @@ def with_document(path: Path, change: Callable[[Any], Any]) -> None:
 
 
 def of_another_question(path: Path) -> None:
-    with_document(path, lambda document: document | {"name": path.name.replace("flipped-0", "flipped-1")})
+    with_document(
+        path, lambda document: document | {"name": path.name.replace("flipped-0", "flipped-1")}
+    )
 
 
 def fewer_rows_in_a_header(path: Path) -> None:
-    rewritten(path, lambda name, data: header(data, b"(18, 24)", b"( 8, 24)") if "depth" in name else data)
+    rewritten(
+        path, lambda name, data: header(data, b"(18, 24)", b"( 8, 24)") if "depth" in name else data
+    )
 
 
 def a_giant_in_a_header(path: Path) -> None:
     def giant(name: str, data: bytes) -> bytes:
-        return header(data, b"(18, 24), } " + b" " * 8, b"(99999999999, 99), }") if "depth" in name else data
+        return (
+            header(data, b"(18, 24), } " + b" " * 8, b"(99999999999, 99), }")
+            if "depth" in name
+            else data
+        )
 
     rewritten(path, giant)
 
@@ -131,32 +143,41 @@ DAMAGES = [
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
 def test_a_damaged_file_is_dropped_and_made_anew(tmp_path: Path, damage: Callable[[Path], None]):
-    cache, asked, answer = ResultCache(tmp_path, 1 << 30), ASKED, depth_map()
+    cache = ResultCache(tmp_path, 1 << 30)
+    asked = ASKED
+    answer = depth_map()
     cache.write(asked, answer)
     path = tmp_path / asked.name
     damage(path)
     assert cache.read(asked) is None
     (note,) = cache.notes
-    assert note.startswith(f"discarded a damaged cache file, and computed its result again: {path} (")
+    assert note.startswith(
+        f"discarded a damaged cache file, and computed its result again: {path} ("
+    )
     assert list(tmp_path.iterdir()) == []
     cache.write(asked, answer)
     assert Digester().digest(cache.read(asked)) == Digester().digest(answer)
 
 
 def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path: Path):
-    cache, asked = ResultCache(tmp_path, 1 << 30), ASKED
+    cache = ResultCache(tmp_path, 1 << 30)
+    asked = ASKED
     path = tmp_path / asked.name
     path.mkdir()
     (path / "mine.txt").write_text("mine")
     assert cache.read(asked) is None
     (note,) = cache.notes
-    assert note.startswith(f"cannot remove a damaged cache file: {path} (it is not a regular file): ")
+    assert note.startswith(
+        f"cannot remove a damaged cache file: {path} (it is not a regular file): "
+    )
     cache.write(asked, depth_map())
     assert "a result of a backend cannot be cached" in cache.notes[1]
     assert (path / "mine.txt").read_text() == "mine"
 
 
-def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_an_archive_that_claims_more_than_memory_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     write_value(tmp_path / "a.npz", np.zeros(100_000))
     monkeypatch.setattr("physic_core.files.npz.MAX_ARRAY_BYTES", 99_999)
     with pytest.raises(DamagedFileError, match="its arrays claim"):
@@ -168,7 +189,8 @@ def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path: Path):
     found = Correspondence(random.integers(0, 9, (7, 3)), random.random((7, 3)), np.ones(7, bool))
     path = tmp_path / "a.map.npz"
     correspondences._write(path, found)
-    whole, digest = path.read_bytes(), Digester().digest(correspondences._read(path, 7, 9))
+    whole = path.read_bytes()
+    digest = Digester().digest(correspondences._read(path, 7, 9))
     for bit in random.integers(0, 8 * len(whole), 500):
         flipped = bytearray(whole)
         flipped[bit // 8] ^= 1 << (bit % 8)

@@ -23,24 +23,72 @@ def keypoints(seed: int = 0) -> Keypoints:
 
 def test_equal_contents_have_one_digest_wherever_they_lie():
     whole = np.arange(24.0).reshape(4, 6)
-    assert digest(whole[:, ::2]) == digest(whole[:, ::2].copy()) == digest(np.asfortranarray(whole[:, ::2]))
+    assert (
+        digest(whole[:, ::2])
+        == digest(whole[:, ::2].copy())
+        == digest(np.asfortranarray(whole[:, ::2]))
+    )
     assert digest(Hints(keypoints=keypoints())) == digest(Hints(keypoints=keypoints()))
     assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
     assert digest((1, "a")) == digest([1, "a"])
 
 
 THINGS = [
-    *(None, True, 1, 1.0, "1", "None", "", (), ((),), (1, 2), ((1,), 2), ("12",), ("1", "2"), {}, {"a": 1}),
-    *(float("nan"), np.float32(1), np.zeros(2), np.zeros((2, 1)), np.zeros((1, 2)), np.zeros(2, np.float32)),
-    *(np.zeros(16, np.uint8), np.zeros(0), np.zeros((0, 4)), np.array(0.0), -np.zeros(2), np.zeros(2, ">f8")),
-    *(keypoints(), keypoints(1), replace(keypoints(), skeleton="coco23"), Hints(keypoints=keypoints())),
-    *(Hints(), Plane(np.zeros(3), 1.0), Intrinsics(1, 1, 1, 1, 2, 2), Intrinsics(1, 1, 1, 1, 2, 2, "EXIF")),
+    *(
+        None,
+        True,
+        1,
+        1.0,
+        "1",
+        "None",
+        "",
+        (),
+        ((),),
+        (1, 2),
+        ((1,), 2),
+        ("12",),
+        ("1", "2"),
+        {},
+        {"a": 1},
+    ),
+    *(
+        float("nan"),
+        np.float32(1),
+        np.zeros(2),
+        np.zeros((2, 1)),
+        np.zeros((1, 2)),
+        np.zeros(2, np.float32),
+    ),
+    *(
+        np.zeros(16, np.uint8),
+        np.zeros(0),
+        np.zeros((0, 4)),
+        np.array(0.0),
+        -np.zeros(2),
+        np.zeros(2, ">f8"),
+    ),
+    *(
+        keypoints(),
+        keypoints(1),
+        replace(keypoints(), skeleton="coco23"),
+        Hints(keypoints=keypoints()),
+    ),
+    *(
+        Hints(),
+        Plane(np.zeros(3), 1.0),
+        Intrinsics(1, 1, 1, 1, 2, 2),
+        Intrinsics(1, 1, 1, 1, 2, 2, "EXIF"),
+    ),
 ]
 
 
 def test_no_two_of_many_things_have_one_digest():
     digests = [digest(thing) for thing in THINGS]
-    assert [(THINGS[a], THINGS[b]) for a, b in combinations(range(len(digests)), 2) if digests[a] == digests[b]] == []
+    assert [
+        (THINGS[a], THINGS[b])
+        for a, b in combinations(range(len(digests)), 2)
+        if digests[a] == digests[b]
+    ] == []
 
 
 def test_one_changed_number_changes_it():
@@ -51,7 +99,8 @@ def test_one_changed_number_changes_it():
 
 
 def test_an_array_that_is_shown_again_is_not_read_again():
-    digester, image = Digester(), np.zeros(9)
+    digester = Digester()
+    image = np.zeros(9)
     first = digester.digest(image)
     assert digester.digest((image, image)) == digest((image, image))
     image += 1  # against the rules, to see that it is not looked at

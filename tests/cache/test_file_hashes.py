@@ -65,7 +65,9 @@ def test_two_changes_within_a_step_of_the_clock_are_both_noticed(
 
 def later(path: Path, *words: str) -> str:
     """Hash a file in another process, some seconds later."""
-    done = subprocess.run([sys.executable, "-c", LATER, path, *words], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", LATER, path, *words], capture_output=True, text=True, check=True
+    )
     return done.stdout.strip()
 
 

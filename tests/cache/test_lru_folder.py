@@ -45,7 +45,11 @@ def test_files_are_listed_from_the_least_recently_used(folder: Path):
 @pytest.mark.parametrize(("limit", "left"), [(400, 4), (399, 3), (200, 2), (0, 0)])
 def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, left: int):
     cache_in(folder).trim(limit)
-    assert names(folder) == [*(f"{i}.result.npz" for i in range(4 - left, 4)), "notes.txt", "reconstruction.npz"]
+    assert names(folder) == [
+        *(f"{i}.result.npz" for i in range(4 - left, 4)),
+        "notes.txt",
+        "reconstruction.npz",
+    ]
 
 
 def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder: Path):
@@ -65,7 +69,9 @@ def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder:
 
 def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
     put(folder, ".8.result.npz.0b.physic-part", 10, 4)
-    assert [file.path.name for file in cache_in(folder).clear()] == [f"{i}.result.npz" for i in range(4)]
+    assert [file.path.name for file in cache_in(folder).clear()] == [
+        f"{i}.result.npz" for i in range(4)
+    ]
     assert names(folder) == ["notes.txt", "reconstruction.npz"]
 
 
@@ -75,7 +81,9 @@ def test_a_cache_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, word: str)
     assert cache_folder("things", "SWITCH") is None
 
 
-def test_the_folder_is_the_environments_the_users_or_the_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_folder_is_the_environments_the_users_or_the_systems(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.delenv("SWITCH", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder("things", "SWITCH") == tmp_path / "physic" / "things"

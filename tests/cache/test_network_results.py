@@ -1,4 +1,6 @@
-"""Outputs of networks in the cache: taken from it for equal inputs of the same network, and computed otherwise."""
+"""Outputs of networks in the cache: taken from it for equal inputs of the same network, and
+computed otherwise.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class Network:
         self.runs += 1
         return OUTPUTS
 
-    def outputs(self, image: np.ndarray = IMAGE, made_of: str = "sha256 CPU") -> tuple[np.ndarray, ...]:
+    def outputs(
+        self, image: np.ndarray = IMAGE, made_of: str = "sha256 CPU"
+    ) -> tuple[np.ndarray, ...]:
         return cached_network_result("depth", made_of, {"image": image}, self)
 
 
@@ -35,7 +39,8 @@ def cache(tmp_path: Path) -> ResultCache:
 def test_equal_inputs_are_not_run_again(cache: ResultCache) -> None:
     network = Network()
     with network_results_in(cache):
-        first, second = network.outputs(), network.outputs(IMAGE.copy())
+        first = network.outputs()
+        second = network.outputs(IMAGE.copy())
     assert network.runs == 1
     for one, other, expected in zip(first, second, OUTPUTS, strict=True):
         np.testing.assert_array_equal(one, expected)
@@ -45,7 +50,11 @@ def test_equal_inputs_are_not_run_again(cache: ResultCache) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [{"image": np.nextafter(IMAGE, np.float32(99))}, {"image": IMAGE.reshape(1, 3, 1, 4)}, {"made_of": "sha256 CUDA"}],
+    [
+        {"image": np.nextafter(IMAGE, np.float32(99))},
+        {"image": IMAGE.reshape(1, 3, 1, 4)},
+        {"made_of": "sha256 CUDA"},
+    ],
     ids=["value", "shape", "network"],
 )
 def test_another_input_or_network_is_run(cache: ResultCache, other: dict) -> None:

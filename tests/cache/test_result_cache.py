@@ -1,4 +1,6 @@
-"""Cached results: the same request to the same backend finds them again to the last bit, and no other request does."""
+"""Cached results: the same request to the same backend finds them again to the last bit, and no
+other request does.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,14 @@ class Depth(interfaces.MetricDepth):
         return self.stated
 
 
-WHO = Provenance("metric_depth", "my depth/1", "my_plugin", "my-dist", "1.0", {"weights": "small"}, "MIT")
+WHO = Provenance(
+    "metric_depth", "my depth/1", "my_plugin", "my-dist", "1.0", {"weights": "small"}, "MIT"
+)
 IMAGE = np.random.default_rng(0).integers(0, 255, (6, 8, 3), np.uint8)
 INPUTS = (IMAGE, Hints(intrinsics=Intrinsics.from_focal(9, 8, 6)))
-ANSWER = DepthMap(np.full((6, 8), np.nan, np.float32), Intrinsics.from_focal(9, 8, 6, "é"), 0.1, ("note", "two"))
+ANSWER = DepthMap(
+    np.full((6, 8), np.nan, np.float32), Intrinsics.from_focal(9, 8, 6, "é"), 0.1, ("note", "two")
+)
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +61,12 @@ def cache(folder: Path) -> ResultCache:
     return ResultCache(folder, 10**6)
 
 
-def ask(cache: ResultCache, who: Provenance = WHO, device: str = "cpu", inputs: tuple[object, ...] = INPUTS):
+def ask(
+    cache: ResultCache,
+    who: Provenance = WHO,
+    device: str = "cpu",
+    inputs: tuple[object, ...] = INPUTS,
+):
     question = cache.key(Depth(), who, device, inputs)
     assert question is not None
     return question
@@ -98,7 +109,9 @@ def test_another_input_has_another_cache_key(cache: ResultCache, other: dict[str
     assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
 
 
-def test_the_version_of_the_interface_is_part_of_the_cache_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_the_version_of_the_interface_is_part_of_the_cache_key(
+    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
+):
     before = ask(cache).name
     monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
     assert ask(cache).name != before
@@ -119,7 +132,9 @@ def test_the_version_of_a_library_is_part_of_the_cache_key(
 
 def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCache, tmp_path: Path):
     weights = tmp_path / "weights.pt"
-    who = replace(WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"})
+    who = replace(
+        WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"}
+    )
     absent = ask(cache, who).name
     weights.write_text("1")
     before = ask(cache, who).name
@@ -129,7 +144,9 @@ def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCac
     assert len({absent, before, ask(cache, who).name}) == 3
 
 
-def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(
+    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
+):
     before = ask(cache).name
     monkeypatch.setattr(Depth, "stated", "revision 2")
     assert ask(cache).name != before
@@ -151,7 +168,9 @@ class MoreDepth(DepthMap):
     more: int = 1
 
 
-NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations__": {"more": "int"}, "more": 1}))
+NAMESAKE = dataclass(frozen=True)(
+    type("DepthMap", (DepthMap,), {"__annotations__": {"more": "int"}, "more": 1})
+)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +183,9 @@ NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations_
     ],
     ids=["subclass", "namesake", "a set", "objects"],
 )
-def test_outputs_of_undocumented_types_are_returned_and_not_cached(cache: ResultCache, folder: Path, answer: DepthMap):
+def test_outputs_of_undocumented_types_are_returned_and_not_cached(
+    cache: ResultCache, folder: Path, answer: DepthMap
+):
     cache.write(ask(cache), answer)
     assert not folder.exists()
     same = canonicalize(answer)
@@ -176,7 +197,12 @@ def test_outputs_of_undocumented_types_are_returned_and_not_cached(cache: Result
 
 def test_a_canonical_result_equals_what_the_cache_returns():
     wide = np.random.default_rng(0).normal(size=(8, 6)).T
-    people = People(np.zeros((0, 6, 8), bool), np.zeros((0, 4)), np.zeros(0), keypoints=Keypoints(wide, wide, "coco17"))
+    people = People(
+        np.zeros((0, 6, 8), bool),
+        np.zeros((0, 4)),
+        np.zeros(0),
+        keypoints=Keypoints(wide, wide, "coco17"),
+    )
     same = canonicalize(people)
     assert same.keypoints is not None
     assert same.keypoints.points.flags.c_contiguous
@@ -240,15 +266,19 @@ for i in range(120):
     cache._written = True
     cache.trim()
 print(cache.notes)
-"""
+"""  # noqa: E501
 
 
 def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
     running = [
-        subprocess.Popen([sys.executable, "-c", HAMMER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [sys.executable, "-c", HAMMER, str(tmp_path)], stdout=subprocess.PIPE, text=True
+        )
         for _ in range(3)
     ]
-    assert [(process.communicate(timeout=300)[0], process.returncode) for process in running] == [("[]\n", 0)] * 3
+    assert [(process.communicate(timeout=300)[0], process.returncode) for process in running] == [
+        ("[]\n", 0)
+    ] * 3
     assert all(path.name.endswith(".result.npz") for path in tmp_path.iterdir())
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 40_000
     assert all(isinstance(answer, Hands) for answer in map(_answer, tmp_path.iterdir()))

@@ -1,4 +1,6 @@
-"""Commands run in a folder of their own, and change the search path of modules for themselves alone."""
+"""Commands run in a folder of their own, and change the search path of modules for themselves
+alone.
+"""
 
 from __future__ import annotations
 

@@ -13,6 +13,9 @@ def empty_reconstruction(**entries: Any) -> Reconstruction:
     """A flat scene without people, 64 x 64 px, 1 m away."""
     points = np.ones((64, 64, 3), np.float32)
     camera = Intrinsics(64, 64, 31.5, 31.5, 64, 64)
-    colors, valid = np.zeros((64, 64, 3), np.uint8), np.ones((64, 64), bool)
+    colors = np.zeros((64, 64, 3), np.uint8)
+    valid = np.ones((64, 64), bool)
     scene = Scene(points, np.zeros_like(points), colors, valid, None, np.zeros((0, 3), np.float32))
-    return Reconstruction(colors, camera, scene, (), np.zeros((0, 3), np.int32), "embedded", "coco17", **entries)
+    return Reconstruction(
+        colors, camera, scene, (), np.zeros((0, 3), np.int32), "embedded", "coco17", **entries
+    )

@@ -32,7 +32,9 @@ def refusal(*arguments: str, code: int = 2) -> str:
 
 def small_result() -> Reconstruction:
     stages = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
-    return empty_reconstruction(warnings=("no floor was found",), notes=("focal length is a default",), stages=stages)
+    return empty_reconstruction(
+        warnings=("no floor was found",), notes=("focal length is a default",), stages=stages
+    )
 
 
 @dataclass
@@ -74,7 +76,14 @@ def names() -> list[str]:
 def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
-    for words in ("no person", "3.2 s", "note: focal length", "warning: no floor", "grade: none", "photo-physic/\n"):
+    for words in (
+        "no person",
+        "3.2 s",
+        "note: focal length",
+        "warning: no floor",
+        "grade: none",
+        "photo-physic/\n",
+    ):
         assert words in done.stdout
     assert done.stderr.startswith("[1/2] people\n[2/2] scene\n")
     assert "--focal-px PX" in done.stderr
@@ -121,7 +130,11 @@ def test_show_prints_what_the_run_printed(pipeline):
 
 @pytest.mark.parametrize(
     ("photo", "code", "message"),
-    [("photos", 3, "it is a folder"), ("https://example.org/a.jpg", 2, "an address"), ("", 2, "empty")],
+    [
+        ("photos", 3, "it is a folder"),
+        ("https://example.org/a.jpg", 2, "an address"),
+        ("", 2, "empty"),
+    ],
 )
 def test_run_refuses_what_is_no_file(photo: str, code: int, message: str):
     Path("photos").mkdir()
@@ -170,7 +183,11 @@ def test_a_run_that_fails_leaves_no_empty_folder_and_the_older_result(pipeline):
     Path("mine/reconstruction.json").write_text("old")
     assert physic(*run("-o", "mine")).exit_code == 3
     done = physic(*run("-o", "mine/new/deep"))
-    assert (done.exit_code, done.stdout, done.stderr) == (3, "", "[1/2] people\nError: no photo at photo.jpg\n")
+    assert (done.exit_code, done.stdout, done.stderr) == (
+        3,
+        "",
+        "[1/2] people\nError: no photo at photo.jpg\n",
+    )
     assert [path.read_text() for path in Path("mine").iterdir()] == ["old"]
 
 
@@ -188,8 +205,14 @@ def test_a_lack_of_memory_is_a_message(pipeline):
         (run("--config", "x.toml"), "--preset cannot be combined with --config"),
         (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
         (run("-o", ""), "'-o' / '--out': it is empty"),
-        (("config", "show", "--preset", "mock", "--config", "x.toml"), "--preset cannot be combined with --config"),
-        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
+        (
+            ("config", "show", "--preset", "mock", "--config", "x.toml"),
+            "--preset cannot be combined with --config",
+        ),
+        (
+            ("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"),
+            "cannot be combined with --config",
+        ),
         (("serve", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
     ],
 )
@@ -246,7 +269,9 @@ class Net(interfaces.Inpainter):
 
 
 def test_the_listing_says_what_a_backend_needs_without_its_import(site, tmp_path, monkeypatch):
-    manifest = MANIFEST.replace("[odd]", '[odd]\ndefault_of = ["inpainter.net"]\nneeds = "a GPU, a key"')
+    manifest = MANIFEST.replace(
+        "[odd]", '[odd]\ndefault_of = ["inpainter.net"]\nneeds = "a GPU, a key"'
+    )
     folder = site.list_weights("physic-lists", manifest).parent
     entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
     site.install("physic-net", "raise ImportError('imported')", entry=entry)
@@ -262,30 +287,47 @@ def test_the_listing_says_what_a_backend_needs_without_its_import(site, tmp_path
     assert state().endswith(" needs a GPU, a key")
 
 
-@pytest.mark.parametrize(("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")])
+@pytest.mark.parametrize(
+    ("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")]
+)
 def test_details_show_the_licences_of_the_default_weights(site, default: str, printed: str):
     folder = site.list_weights("physic-lists", MANIFEST).parent
     entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
     site.install("physic-net", NET.format(default), entry=entry)
     shown = physic("plugins", "show", "net").stdout
-    for words in ("  Fills holes.\n", f"weights   {printed}\n", "homepage  https://example.org/free\n"):
+    for words in (
+        "  Fills holes.\n",
+        f"weights   {printed}\n",
+        "homepage  https://example.org/free\n",
+    ):
         assert words in shown
 
 
 def test_details_show_what_a_backend_is():
     shown = physic("plugins", "show", "telea").stdout
-    for words in ("physic-opencv 0.1.0", "physic_opencv.inpaint:Telea", "ready", "inpaint.py", "radius_px"):
+    for words in (
+        "physic-opencv 0.1.0",
+        "physic_opencv.inpaint:Telea",
+        "ready",
+        "inpaint.py",
+        "radius_px",
+    ):
         assert words in shown
-    assert "Apache-2.0 (MediaPipe Hands)" in physic("plugins", "show", "physic-embedded:embedded").stdout
+    assert (
+        "Apache-2.0 (MediaPipe Hands)"
+        in physic("plugins", "show", "physic-embedded:embedded").stdout
+    )
 
 
 def test_check_prints_ok_or_the_faults():
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
     assert physic("config", "check", "--config", "my.toml").stdout == "my.toml: no errors\n"
-    assert refusal("config", "check", "--config", "my.toml", "--set", "inpainter.backend=telae").startswith(
-        "--set: inpainter.backend: no inpainter named 'telae'; installed: "
+    assert refusal(
+        "config", "check", "--config", "my.toml", "--set", "inpainter.backend=telae"
+    ).startswith("--set: inpainter.backend: no inpainter named 'telae'; installed: ")
+    done = physic(
+        "config", "check", "--config", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz"
     )
-    done = physic("config", "check", "--config", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz")
     assert done.exit_code == 4
     assert "1 thing is missing; a run would stop:\n  body_model.path: no file at " in done.stdout
 
@@ -293,7 +335,8 @@ def test_check_prints_ok_or_the_faults():
 @pytest.mark.parametrize("preset", preset_names())
 def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
     config = load_config(
-        preset=preset, overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"]
+        preset=preset,
+        overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"],
     )
     printed = tomllib.loads(config_toml(config))
     assert load_config(flags={"shown": printed}).as_dict() == config.as_dict()
@@ -316,15 +359,27 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     lines = Path("physic.toml").read_text().splitlines()
     # One # less at the head of every line, as editors do it.
     Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
-    opened, plain = (resolve(load_config(*args, preset=name)) for args, name in ((("open.toml",), None), ((), preset)))
+    opened, plain = (
+        resolve(load_config(*args, preset=name))
+        for args, name in ((("open.toml",), None), ((), preset))
+    )
     assert opened.engine == plain.engine
-    assert (opened.photo, opened.body_model, opened.device) == (plain.photo, plain.body_model, plain.device)
+    assert (opened.photo, opened.body_model, opened.device) == (
+        plain.photo,
+        plain.body_model,
+        plain.device,
+    )
     assert opened.config.run == plain.config.run
-    assert {k: b.provenance for k, b in opened.backends.items()} == {k: b.provenance for k, b in plain.backends.items()}
+    assert {k: b.provenance for k, b in opened.backends.items()} == {
+        k: b.provenance for k, b in plain.backends.items()
+    }
 
 
 def test_config_init_never_overwrites_a_file():
     Path("mine.toml").write_text("mine")
     assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
     assert Path("mine.toml").read_text() == "mine"
-    assert refusal("config", "init", "no/mine.toml") == "no/mine.toml cannot be written: No such file or directory"
+    assert (
+        refusal("config", "init", "no/mine.toml")
+        == "no/mine.toml cannot be written: No such file or directory"
+    )

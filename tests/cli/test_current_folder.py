@@ -1,4 +1,6 @@
-"""No command takes a module from the current folder, whatever the libraries that it uses try to import."""
+"""No command takes a module from the current folder, whatever the libraries that it uses try to
+import.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,15 @@ from physic_testing.worlds import build_world
 
 pytestmark = pytest.mark.slow
 
-ALWAYS = ("IPython", "cupy", "sitecustomize", "usercustomize", "pydantic_settings", "colorama", "physic_mine")
+ALWAYS = (
+    "IPython",
+    "cupy",
+    "sitecustomize",
+    "usercustomize",
+    "pydantic_settings",
+    "colorama",
+    "physic_mine",
+)
 """Names that may be tried elsewhere, if not on this machine."""
 
 RECORD = """
@@ -43,11 +53,19 @@ raise ImportError("a module of the current folder was imported")
 
 
 def python(folder: Path, *arguments: str, code: int = 0) -> str:
-    environment = os.environ | {"PHYSIC_CACHE": "off", "POISON_MARKER": str(folder.parent / "marker")}
+    environment = os.environ | {
+        "PHYSIC_CACHE": "off",
+        "POISON_MARKER": str(folder.parent / "marker"),
+    }
     for name in ("PYTHONPATH", "PYTHONSAFEPATH"):
         environment.pop(name, None)
     done = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == code, done.stderr
     return done.stdout
@@ -59,7 +77,9 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     folder = tmp_path_factory.mktemp("clean") / "here"
     folder.mkdir()
     photo(folder)
-    names: dict[str, list[str]] = json.loads(python(folder, "-P", "-c", RECORD, *RUN).splitlines()[-1])
+    names: dict[str, list[str]] = json.loads(
+        python(folder, "-P", "-c", RECORD, *RUN).splitlines()[-1]
+    )
     return names
 
 
@@ -69,7 +89,15 @@ SMALL = (
     "relative_pointmap.options.short_side=154",
     "segmenter.options.tile_fractions=[]",
 )
-RUN = ("run", "photo.png", "-o", "out", "--preset", "light-cpu", *(word for one in SMALL for word in ("--set", one)))
+RUN = (
+    "run",
+    "photo.png",
+    "-o",
+    "out",
+    "--preset",
+    "light-cpu",
+    *(word for one in SMALL for word in ("--set", one)),
+)
 COMMANDS = [
     RUN,
     ("plugins",),
@@ -86,7 +114,9 @@ def photo(folder: Path) -> None:
 
 @pytest.fixture
 def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
-    """A folder in which every name that a run imports or tries to import is a module that leaves a mark."""
+    """A folder in which every name that a run imports or tries to import is a module that leaves a
+    mark.
+    """
     folder = tmp_path / "here"
     folder.mkdir()
     photo(folder)
@@ -105,7 +135,11 @@ def test_a_module_of_the_current_folder_would_be_noticed(poisoned: Path):
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
 def test_physic_imports_nothing_of_the_current_folder(poisoned: Path, command: tuple[str, ...]):
     script = Path(sys.executable).with_name("physic")
-    start = [str(script)] if script.is_file() else ["-P", "-c", "from physic_core.cli import main; main()"]
+    start = (
+        [str(script)]
+        if script.is_file()
+        else ["-P", "-c", "from physic_core.cli import main; main()"]
+    )
     python(poisoned, *start, *command)
     assert not (poisoned.parent / "marker").exists(), (poisoned.parent / "marker").read_text()
 
@@ -114,7 +148,9 @@ def test_physic_imports_nothing_of_the_current_folder(poisoned: Path, command: t
 def test_python_m_physic_core_imports_nothing_of_the_current_folder(
     poisoned: Path, names: dict[str, list[str]], command: tuple[str, ...]
 ):
-    """Python itself takes modules from there until the first line of ours is reached: its own library only."""
+    """Python itself takes modules from there until the first line of ours is reached: its own
+    library only.
+    """
     for name in sys.stdlib_module_names:
         (poisoned / f"{name}.py").unlink(missing_ok=True)
     (poisoned / "physic_core.py").unlink()

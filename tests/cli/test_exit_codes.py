@@ -34,7 +34,10 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
 
     monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
     done = physic("run", "photo.jpg", "--preset", "mock")
-    assert (done.exit_code, done.stderr) == (exit_code(getattr(errors, name)("x")), "Error: no good\n")
+    assert (done.exit_code, done.stderr) == (
+        exit_code(getattr(errors, name)("x")),
+        "Error: no good\n",
+    )
 
 
 def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch):
@@ -68,7 +71,8 @@ class Newer(Odd):
     written_for = 2
 """
 ENTRIES = "\n".join(
-    f"{name} = physic_odd:{name.capitalize()}" for name in ("lacking", "odd", "unbuilt", "absent", "newer")
+    f"{name} = physic_odd:{name.capitalize()}"
+    for name in ("lacking", "odd", "unbuilt", "absent", "newer")
 )
 
 
@@ -80,7 +84,19 @@ ENTRIES = "\n".join(
         (("config", "check", "--preset", "mock", "--set", "run.device=cuda"), 2),
         (("config", "check", "--preset", "mock", "--set", "inpainter.backend=lacking"), 4),
         # What a user has to bring first is the files.
-        (("config", "check", "--preset", "mock", "--set", "inpainter.backend=lacking", "--set", "run.device=cuda"), 4),
+        (
+            (
+                "config",
+                "check",
+                "--preset",
+                "mock",
+                "--set",
+                "inpainter.backend=lacking",
+                "--set",
+                "run.device=cuda",
+            ),
+            4,
+        ),
         (("config", "check", "--preset", "mock", "--set", "inpainter.backend=unbuilt"), 5),
         *(
             ((*command, name), 5)

@@ -66,7 +66,9 @@ def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
         ("number", "the command 'number' of physic-hello 1.0 should be a click.Command"),
     ],
 )
-def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(plugin: Any, name: str, message: str):
+def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(
+    plugin: Any, name: str, message: str
+):
     done = physic(name)
     assert (done.exit_code, done.stdout, message in done.stderr) == (5, "", True)
     assert physic("hello").exit_code == 0
@@ -82,14 +84,22 @@ def test_help_imports_no_command(plugin: Any):
         "banned = {'torch', 'numpy', 'pydantic', 'physic_hello_commands', 'physic_core.cli.run'}\n"
         "print('imported:', sorted(banned & set(sys.modules)))\n"
     )
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(plugin.folder)!r})\n{code}"]
+    command = [
+        sys.executable,
+        "-c",
+        f"import sys; sys.path.insert(0, {str(plugin.folder)!r})\n{code}",
+    ]
     for arguments in (["--help"], ["plugins", "--help"]):
-        done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=True, timeout=120)
+        done = subprocess.run(
+            [*command, *arguments], capture_output=True, text=True, check=True, timeout=120
+        )
         assert "hello" in done.stdout
         assert done.stdout.endswith("imported: []\n")
 
 
-def test_a_restriction_hides_the_commands_of_other_plugins(plugin: Any, monkeypatch: pytest.MonkeyPatch):
+def test_a_restriction_hides_the_commands_of_other_plugins(
+    plugin: Any, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-hello")
     assert physic("hello").exit_code == 0
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
@@ -105,11 +115,19 @@ def test_a_misspelt_command_names_the_nearest(plugin: Any):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_known_command_that_is_not_installed_names_its_distribution(name: str, monkeypatch: pytest.MonkeyPatch):
+def test_a_known_command_that_is_not_installed_names_its_distribution(
+    name: str, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic(*name.split())
     assert done.exit_code == 2
     error = " ".join(done.stderr.split())
-    assert f"Error: 'physic {name}' is a command of {COMMANDS[name]}, which is not installed, or hidden" in error
+    assert (
+        f"Error: 'physic {name}' is a command of {COMMANDS[name]}, which is not installed, or "
+        f"hidden" in error
+    )
     assert error.endswith(how_to_install(COMMANDS[name]))
-    assert how_to_install("physic-testing") == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
+    assert (
+        how_to_install("physic-testing")
+        == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
+    )

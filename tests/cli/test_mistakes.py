@@ -1,4 +1,6 @@
-"""Mistakes of users: one message that says what is wrong, and the exit code of its kind, from every command."""
+"""Mistakes of users: one message that says what is wrong, and the exit code of its kind, from every
+command.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def _files() -> None:
         os.mkfifo(f"pipe.{suffix}")
 
 
-def commands(group: click.Group = main, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+def commands(
+    group: click.Group = main, words: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], click.Command]]:
     """Yield the words and the object of every command."""
     context = click.Context(group)
     for name in group.list_commands(context):
@@ -56,9 +60,13 @@ def test_no_command_takes_a_web_address_for_a_path_or_nan_for_a_number():
     checked = 0
     for words, command in commands():
         for parameter in command.params:
-            wrong = {"path": WEB, "file": WEB, "directory": WEB, "float": "nan", "float range": "nan"}.get(
-                parameter.type.name
-            )
+            wrong = {
+                "path": WEB,
+                "file": WEB,
+                "directory": WEB,
+                "float": "nan",
+                "float range": "nan",
+            }.get(parameter.type.name)
             if wrong is not None:
                 checked += 1
                 with pytest.raises(click.BadParameter):
@@ -76,22 +84,24 @@ MISTAKES = [
     (INPUT, "not a regular file", ("run", "pipe.png")),
     *((INPUT, "no such file", (*RUN, option, f"none.{kind}")) for option, kind in
       (("--depth", "npy"), ("--pointmap", "npz"), ("--keypoints", "csv"))),
-    *((INPUT, "a folder", (*RUN, option, "folder")) for option in ("--depth", "--pointmap", "--keypoints")),
+    *((INPUT, "a folder", (*RUN, option, "folder")) for option in ("--depth", "--pointmap", "--keypoints")),  # noqa: E501
     *((INPUT, "not a regular file", (*RUN, option, f"pipe.{kind}")) for option, kind in
       (("--depth", "npy"), ("--pointmap", "npz"), ("--keypoints", "json"))),
     *((INPUT, "link to itself", (*RUN, option, f"loop.{kind}")) for option, kind in
       (("--depth", "npy"), ("--pointmap", "npz"), ("--keypoints", "csv"))),
-    (INPUT, "no such file", ("config", "check", "--preset", "mock", "--set", "photo.depth=none.npy")),
-    (INPUT, "--set: metric_depth.options.path", (*RUN, "--set", "metric_depth.backend=file", "--set",
+    (INPUT, "no such file", ("config", "check", "--preset", "mock", "--set", "photo.depth=none.npy")),  # noqa: E501
+    (INPUT, "--set: "
+            "metric_depth.options.path", (*RUN, "--set", "metric_depth.backend=file", "--set",
                                                   "metric_depth.options.path=none.npy")),
     (WEIGHTS, "none.npz", (*RUN, "--set", "body_model.path=none.npz")),
     (INPUT, "not a regular file", (*RUN, "--set", "body_model.path=pipe.npz")),
     (INPUT, "link to itself", (*RUN, "--set", "body_model.path=loop.npz")),
     *((USAGE, "link to itself", (*command, "--config", f"loop.{kind}")) for kind in ("toml", "json")
       for command in (("run", "a.png"), ("config", "show"), ("batch", "a.png", "-o", "many"))),
-    *((USAGE, "not a regular file", ("config", "check", "--config", f"pipe.{kind}")) for kind in ("toml", "json")),
+    *((USAGE, "not a regular file", ("config", "check", "--config", f"pipe.{kind}")) for kind in ("toml", "json")),  # noqa: E501
     (USAGE, "a folder", ("run", "a.png", "--config", "folder")),
-    (USAGE, "--stature: photo.stature: a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 170; 170 cm are "
+    (USAGE, "--stature: photo.stature: a stature should be 0.4 to 2.6 metres, or 0 where unknown "
+            "(got 170; 170 cm are "
             "1.7 metres)", (*RUN, "--stature", "170")),
     (USAGE, "170 cm are 1.7 metres", (*SCENE, "--stature", "170")),
     (USAGE, "0 to 120 years", (*RUN, "--age", "300")),
@@ -108,7 +118,8 @@ MISTAKES = [
     (INPUT, "link to itself", (*SCENE, "--cameras", "loop.toml")),
     *((USAGE, "should not be true or false (got true)", (*RUN, "--set", f"{key}=true")) for key in
       ("run.threads", "photo.focal_px", "photo.max_side", "run.cache_mb")),
-    (USAGE, "photo.stature: should not be true or false (got [true])", (*RUN, "--set", "photo.stature=[true]")),
+    (USAGE, "photo.stature: should not be true or false "
+            "(got [true])", (*RUN, "--set", "photo.stature=[true]")),
     (USAGE, "metric_depth.options.noise: should not be true or false", (*RUN, "--set",
                                                                          "metric_depth.options.noise=false")),
     (USAGE, "outside the upright photo of 160 x 120 px", (*RUN, "--person", "999,9")),
@@ -128,9 +139,13 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(
-    ("code", "words", "arguments"), MISTAKES, ids=[" ".join(arguments) for _, _, arguments in MISTAKES]
+    ("code", "words", "arguments"),
+    MISTAKES,
+    ids=[" ".join(arguments) for _, _, arguments in MISTAKES],
 )
-def test_a_mistake_is_one_message_with_the_code_of_its_kind(code: int, words: str, arguments: tuple[str, ...]):
+def test_a_mistake_is_one_message_with_the_code_of_its_kind(
+    code: int, words: str, arguments: tuple[str, ...]
+):
     if arguments[0] == "export":
         save_reconstruction(empty_reconstruction(), "result", "numbers")
     done = physic(*arguments)

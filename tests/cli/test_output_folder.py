@@ -1,4 +1,6 @@
-"""Where `physic run` writes: a folder of its own for each photo, and never over the user's files."""
+"""Where `physic run` writes: a folder of its own for each photo, and never over the user's
+files.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def folder_of(done: Result) -> str:
     return line.removeprefix("results: ").partition("/")[0]
 
 
-def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with_overwrite(asked: list[Path]):
+def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with_overwrite(
+    asked: list[Path],
+):
     for _ in range(2):
         assert folder_of(run(photo("x/a.jpg"))) == "a-physic"
     done = run(photo("y/a.jpg"))
@@ -65,6 +69,9 @@ def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(
     Path("link.png").symlink_to("out/preview.png")
     for name in ("out/preview.png", "link.png"):
         done = run(name, "-o", "out", *overwrite)
-        assert "preview.png there is the photo itself; combined.glb there is not of an earlier run" in done.stderr
+        assert (
+            "preview.png there is the photo itself; combined.glb there is not of an earlier run"
+            in done.stderr
+        )
     assert asked == []
     assert Path("out/preview.png").read_text() == "out/preview.png"

@@ -33,12 +33,19 @@ def printed(*arguments: str, code: int = 0) -> str:
     return done.output
 
 
-def process(*arguments: str, shell: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
+def process(
+    *arguments: str, shell: str = "", **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Run ``python -m physic_core`` in a process of its own, with redirections of a shell."""
     words = [sys.executable, "-m", "physic_core", *arguments]
     command = ["sh", "-c", f'"$@" {shell}', "sh", *words]
     return subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=300, env=os.environ | environment
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        env=os.environ | environment,
     )
 
 
@@ -74,19 +81,25 @@ def test_a_batch_escapes_names():
 
 
 def test_messages_and_logs_of_plugins_are_escaped(site: Any):
-    source = f"import logging\nlogging.warning('warned %s', {TITLE!r})\nraise ValueError({TITLE!r})\n"
+    source = (
+        f"import logging\nlogging.warning('warned %s', {TITLE!r})\nraise ValueError({TITLE!r})\n"
+    )
     site.install("physic-odd", source)
     row = next(line for line in printed("plugins").splitlines() if "physic-odd" in line)
     assert f"ValueError: {SHOWN} (physic_odd.py:3)" in row
     # In this process pytest takes the log.
-    site.install("physic-other", source.replace("logging.warning", "logging.getLogger('mine').warning"))
+    site.install(
+        "physic-other", source.replace("logging.warning", "logging.getLogger('mine').warning")
+    )
     done = process("plugins", PYTHONPATH=str(site.folder), PYTHONSAFEPATH="1")
     assert f"warned {SHOWN}\n" in done.stderr
     assert TITLE not in done.stdout + done.stderr
 
 
 def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: Path):
-    """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in buffers are written."""
+    """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in
+    buffers are written.
+    """
     start = (
         "import atexit, tempfile, sys\n"
         "from physic_core.cli.process import main_of_process\n"
@@ -106,7 +119,9 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: 
     )
 
     def run(*arguments: str) -> tuple[int, str]:
-        done = subprocess.run([sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False
+        )
         return done.returncode, done.stdout
 
     code, shown = run("config", "check", "--preset", "mock")

@@ -12,7 +12,15 @@ import pytest
 from physic_core import Reconstruction, save_reconstruction
 from physic_core.cli.result_summary import summary_text
 from physic_core.io.results import ResultRecord, read_record
-from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
+from physic_core.types import (
+    BodyContact,
+    CheckResult,
+    CheckState,
+    ContactPartner,
+    Grade,
+    Support,
+    UnposedPerson,
+)
 
 
 def check(name: str, state: CheckState, value: float | None, label: str) -> CheckResult:
@@ -22,7 +30,8 @@ def check(name: str, state: CheckState, value: float | None, label: str) -> Chec
 @pytest.fixture
 def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
     made = make()
-    floor, own = ContactPartner("floor", "floor"), ContactPartner("self", person=0, part="head")
+    floor = ContactPartner("floor", "floor")
+    own = ContactPartner("self", person=0, part="head")
     feet = tuple(BodyContact(f"{side}_foot", floor, 0.9, 200) for side in ("left", "right"))
     support = Support("balanced", feet, -0.05, (0.0, 0.0, 3.0))
     first, second = made.people
@@ -35,7 +44,9 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
             contacts=(
                 *feet,
                 BodyContact("right_hand", own, 0.8, 9),
-                BodyContact("left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9),
+                BodyContact(
+                    "left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9
+                ),
                 BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
             ),
             contact=np.arange(vertices) < vertices / 4,
@@ -58,7 +69,9 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
         replace(check("support", CheckState.UNKNOWN, None, "Supported"), person=2),
     )
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
-    result = replace(made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=())
+    result = replace(
+        made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=()
+    )
     save_reconstruction(result, tmp_path, "numbers")
     return read_record(tmp_path)
 
@@ -71,8 +84,10 @@ def test_a_person_is_a_row(record: ResultRecord):
     room = len(touches)
     assert summary_text(record, Path("out")).splitlines()[1:6] == [
         f"person  grade     distance      {'likely contact':<{room}}  why",
-        f"0       good      3.0 ± 0.2 m   {touches}  balanced: left foot on floor, right foot on floor",
-        f"1       doubtful  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % (limit 3.5 %); "
+        f"0       good      3.0 ± 0.2 m   {touches}  balanced: left foot on floor, right foot on "
+        f"floor",
+        f"1       doubtful  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % "
+        f"(limit 3.5 %); "
         "Lean angle: 50 % (limit 3.5 %)",
         f"2       bad       -             {'-':<{room}}  not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",

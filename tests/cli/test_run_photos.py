@@ -1,4 +1,6 @@
-"""``physic run`` as a whole, with the mock backends: odd photos give results, bad ones a message and nothing else."""
+"""``physic run`` as a whole, with the mock backends: odd photos give results, bad ones a message
+and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +40,14 @@ def run(photo: str, *arguments: str) -> Result:
 
 @pytest.mark.parametrize(
     ("make", "message"),
-    [(lambda path: path.write_text("a letter"), "not an image"), (lambda path: path.mkdir(), "it is a folder")],
+    [
+        (lambda path: path.write_text("a letter"), "not an image"),
+        (lambda path: path.mkdir(), "it is a folder"),
+    ],
 )
-def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], object], message: str):
+def test_a_bad_photo_is_one_message_and_leaves_nothing(
+    make: Callable[[Path], object], message: str
+):
     make(Path("a.jpg"))
     before = sorted(Path().iterdir())
     done = run("a.jpg")
@@ -86,7 +93,9 @@ DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.h
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_save_option_of_run_chooses_these_files(world: World, arguments: tuple[str, ...], names: list[str]):
+def test_save_option_of_run_chooses_these_files(
+    world: World, arguments: tuple[str, ...], names: list[str]
+):
     Image.fromarray(world.image).save("a.png")
     assert run("a.png", *arguments).exit_code == 0
     assert sorted(path.name for path in Path("new/out").iterdir()) == names
@@ -141,7 +150,11 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World):
         finally:
             process.kill()
     assert process.returncode == 130
-    assert {path.name for path in Path().iterdir()} - {"__pycache__"} == {"a.png", "asleep", "sleeper.py"}
+    assert {path.name for path in Path().iterdir()} - {"__pycache__"} == {
+        "a.png",
+        "asleep",
+        "sleeper.py",
+    }
 
 
 def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
@@ -152,8 +165,11 @@ def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
         assert done.stderr.count("--focal-px PX") == lines
 
 
-def test_what_runs_the_networks_is_printed_only_with_verbose(world: World, monkeypatch: pytest.MonkeyPatch):
-    plain, root = MockInpainter.infer, logging.getLogger()
+def test_what_runs_the_networks_is_printed_only_with_verbose(
+    world: World, monkeypatch: pytest.MonkeyPatch
+):
+    plain = MockInpainter.infer
+    root = logging.getLogger()
     before = root.level, list(root.handlers)
 
     def infer(self: MockInpainter, *asked: Any) -> Any:

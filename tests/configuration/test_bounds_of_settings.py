@@ -35,7 +35,9 @@ def extremes(model: type[BaseModel]) -> Iterator[tuple[tuple[str, ...], Any]]:
         yield from of_field(field, schema.get("$defs", {}), (name,))
 
 
-def of_field(field: Any, parts: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def of_field(
+    field: Any, parts: Any, path: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], Any]]:
     if "$ref" in field:
         field = parts[field["$ref"].rpartition("/")[2]]
     for alternative in field.get("anyOf", []):
@@ -43,23 +45,35 @@ def of_field(field: Any, parts: Any, path: tuple[str, ...]) -> Iterator[tuple[tu
     if field.get("type") == "object":
         for name, inner in field.get("properties", {}).items():
             yield from of_field(inner, parts, (*path, name))
-    elif "enum" not in field and "const" not in field and field.get("type") in ("integer", "number", "array"):
+    elif (
+        "enum" not in field
+        and "const" not in field
+        and field.get("type") in ("integer", "number", "array")
+    ):
         for greatest in (False, True):
             yield path, extreme(field, greatest)
 
 
 def extreme(field: Any, greatest: bool) -> Any:
-    """The least or the greatest value that a JSON Schema allows; of a list, the shortest or the longest one."""
+    """The least or the greatest value that a JSON Schema allows; of a list, the shortest or the
+    longest one.
+    """
     if "enum" in field:
         return field["enum"][-1 if greatest else 0]
     if field["type"] == "array":
         if "prefixItems" in field:
             return [extreme(item, greatest) for item in field["prefixItems"]]
-        return [extreme(field["items"], greatest)] * (field["maxItems"] if greatest else field.get("minItems", 0))
+        return [extreme(field["items"], greatest)] * (
+            field["maxItems"] if greatest else field.get("minItems", 0)
+        )
     if greatest and "multipleOf" in field:
         return field["maximum"] // field["multipleOf"] * field["multipleOf"]
     if greatest:
-        return field.get("maximum", math.inf) if "exclusiveMaximum" not in field else below(field["exclusiveMaximum"])
+        return (
+            field.get("maximum", math.inf)
+            if "exclusiveMaximum" not in field
+            else below(field["exclusiveMaximum"])
+        )
     return field["minimum"] if "minimum" in field else -below(-field["exclusiveMinimum"])
 
 
@@ -74,7 +88,9 @@ def numbers(value: Any) -> list[float]:
 @pytest.mark.parametrize("model", models())
 def test_every_setting_is_bounded(model: type[BaseModel]):
     for path, value in extremes(model):
-        assert path[-1] in INFINITE or all(isinstance(n, str) or math.isfinite(n) for n in numbers(value)), path
+        assert path[-1] in INFINITE or all(
+            isinstance(n, str) or math.isfinite(n) for n in numbers(value)
+        ), path
         if model is PhotoSettings:  # its settings need each other
             continue
         table: Any = value

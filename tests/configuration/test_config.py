@@ -59,7 +59,9 @@ def test_every_preset_names_the_distribution_of_each_backend(name: str):
         ("mock", {}),
     ],
 )
-def test_options_stay_with_a_backend_whichever_way_it_is_named(backend: str, options: dict[str, int]):
+def test_options_stay_with_a_backend_whichever_way_it_is_named(
+    backend: str, options: dict[str, int]
+):
     config = load_config(preset="light-cpu", overrides=[f"relative_pointmap.backend={backend}"])
     assert config.relative_pointmap.options == options
 
@@ -73,10 +75,18 @@ def test_a_file_may_extend_another_beside_it(write):
 
 def test_later_layers_win_and_each_value_knows_its_source(write):
     file = write("[photo]\nmax_side = 800\nmask_growth = 0.01\n")
-    config = load_config(file, overrides=["photo.max_side=900"], flags={"--device": {"run": {"device": "cuda"}}})
+    config = load_config(
+        file, overrides=["photo.max_side=900"], flags={"--device": {"run": {"device": "cuda"}}}
+    )
     assert config.photo.max_side == 900
-    assert [config.source(f"photo.{name}") for name in ("max_side", "mask_growth")] == ["--set", "config.toml"]
-    assert [config.source(path) for path in ("run.device", "engine.preset")] == ["--device", "default"]
+    assert [config.source(f"photo.{name}") for name in ("max_side", "mask_growth")] == [
+        "--set",
+        "config.toml",
+    ]
+    assert [config.source(path) for path in ("run.device", "engine.preset")] == [
+        "--device",
+        "default",
+    ]
     assert config.source("segmenter.backend") == "preset embedded"
 
 
@@ -117,13 +127,22 @@ def test_a_body_model_path_is_relative_to_its_file(write):
 @pytest.mark.parametrize("preset", engine_preset_names())
 def test_a_config_accepts_every_preset_of_the_engine(preset):
     known = engine_preset(preset)
-    said = {stage: asdict(getattr(known, stage)) for stage in ("scene", "placement", "joint", "contact")}
+    said = {
+        stage: asdict(getattr(known, stage)) for stage in ("scene", "placement", "joint", "contact")
+    }
     assert as_config({"engine": {"preset": preset, **said}}).engine.settings() == known
 
 
 def test_engine_overrides_reach_the_settings():
-    changes = ["scene.floor=off", "joint.frozen=['root']", "placement.robust_m=inf", "joint.optimiser.steps=40"]
-    settings = load_config(overrides=["engine.preset=paper", *(f"engine.{one}" for one in changes)]).engine.settings()
+    changes = [
+        "scene.floor=off",
+        "joint.frozen=['root']",
+        "placement.robust_m=inf",
+        "joint.optimiser.steps=40",
+    ]
+    settings = load_config(
+        overrides=["engine.preset=paper", *(f"engine.{one}" for one in changes)]
+    ).engine.settings()
     assert type(settings.scene) is type(engine_preset("paper").scene)
     assert (settings.scene.floor, settings.placement.robust_m) == ("off", float("inf"))
     assert (settings.joint.frozen, settings.joint.optimiser.steps) == (("root",), 40)
@@ -150,8 +169,15 @@ def test_a_variable_goes_over_the_file_and_under_an_override(write):
         "PHYSIC_PLUGINS": "none of this",
     }
     config = load_config(file, overrides=["photo.mask_growth=0.03"], environment=variables)
-    assert (config.photo.max_side, config.photo.mask_growth, config.run.device) == (900, 0.03, "cpu")
-    assert (config.inpainter.backend, config.inpainter.options) == ("navier-stokes", {"radius_px": 7.0})
+    assert (config.photo.max_side, config.photo.mask_growth, config.run.device) == (
+        900,
+        0.03,
+        "cpu",
+    )
+    assert (config.inpainter.backend, config.inpainter.options) == (
+        "navier-stokes",
+        {"radius_px": 7.0},
+    )
     assert config.source("photo.max_side") == "PHYSIC__PHOTO__MAX_SIDE"
     assert config.source("photo.mask_growth") == "--set"
 
@@ -160,11 +186,15 @@ def test_the_environment_of_the_process_is_read(monkeypatch):
     monkeypatch.setenv("PHYSIC__INPAINTER__BACKEND", "telea")
     assert load_config().inpainter.backend == "telea"
     assert as_config("mock").inpainter.backend == "telea"
-    assert as_config({"inpainter": {"backend": "navier-stokes"}}).inpainter.backend == "navier-stokes"
+    assert (
+        as_config({"inpainter": {"backend": "navier-stokes"}}).inpainter.backend == "navier-stokes"
+    )
 
 
 def test_a_variable_that_is_wrong_is_named():
-    assert "PHYSIC__PHOTO__MAX_SID: photo.max_sid: unknown" in refusal(environment={"PHYSIC__PHOTO__MAX_SID": "900"})
+    assert "PHYSIC__PHOTO__MAX_SID: photo.max_sid: unknown" in refusal(
+        environment={"PHYSIC__PHOTO__MAX_SID": "900"}
+    )
     assert "PHYSIC__PHOTO____MAX_SIDE" in refusal(environment={"PHYSIC__PHOTO____MAX_SIDE": "900"})
 
 
@@ -172,7 +202,9 @@ def written(config: Config) -> str:
     """A reconstruction.json with a configuration, as a run writes it."""
     tables = config.as_dict()
     tables["engine"]["placement"] = {"robust_m": "Infinity"}
-    Path("reconstruction.json").write_text(json.dumps({"schema": "physic.reconstruction", "config": tables}))
+    Path("reconstruction.json").write_text(
+        json.dumps({"schema": "physic.reconstruction", "config": tables})
+    )
     return "reconstruction.json"
 
 
@@ -219,7 +251,11 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ("photo.intrinsics=[1, 2, 3]", "photo.intrinsics.3", "missing"),
         ("photo={focal_px=9, intrinsics=[9, 9, 4, 4]}", "photo", "both focal_px and intrinsics"),
         ("photo.distortion=[0, 0, 0, 0, 0]", "photo", "distortion without intrinsics"),
-        ("photo={intrinsics=[9, 9, 4, 4], distortion=[0, 0, 0, 0, inf]}", "photo.distortion.4", "should be"),
+        (
+            "photo={intrinsics=[9, 9, 4, 4], distortion=[0, 0, 0, 0, inf]}",
+            "photo.distortion.4",
+            "should be",
+        ),
         ("photo.person=[3, 4]", "photo.person.0", "tuple"),
         ("photo.box=[[1, 2, 3]]", "photo.box.0.3", "missing"),
         ("inpainter=telea", "inpainter", "'telea'"),
@@ -228,10 +264,16 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ("engine.preset=papr", "engine.preset", "paper"),
         ("engine.scen.floor=off", "engine.scen", "Did you mean 'scene'?"),
         ("engine.scene.carve_m=nan", "engine.scene.carve_m", "nan"),
-        ("engine.joint.optimiser.refresh_steps=0", "engine.joint.optimiser.refresh_steps", "equal to 1"),
+        (
+            "engine.joint.optimiser.refresh_steps=0",
+            "engine.joint.optimiser.refresh_steps",
+            "equal to 1",
+        ),
     ],
 )
-def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override: str, path: str, word: str):
+def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(
+    override: str, path: str, word: str
+):
     message = refusal(overrides=[override])
     assert message.startswith(f"--set: {path}: ")
     assert word in message
@@ -243,7 +285,9 @@ def test_a_device_is_called_as_torch_calls_it(device: str):
 
 
 def test_a_preset_that_does_not_exist_is_named_with_those_that_do(write):
-    assert "light-cpu, mock, open, open-body, paper. Did you mean 'embedded'?" in refusal(preset="embeded")
+    assert "light-cpu, mock, open, open-body, paper. Did you mean 'embedded'?" in refusal(
+        preset="embeded"
+    )
     assert "config.toml extends 'splendid': no preset" in refusal(write('extends = "splendid"\n'))
 
 
@@ -254,7 +298,9 @@ def test_a_file_that_cannot_be_read_is_named_with_the_file_that_extends_it(write
     assert "config.toml is not valid TOML" in refusal(write("inpainter:\n  backend: telea\n"))
     Path("config.toml").write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in refusal("config.toml")
-    assert "result.json is not the reconstruction.json of a run" in refusal(write("{}", "result.json"))
+    assert "result.json is not the reconstruction.json of a run" in refusal(
+        write("{}", "result.json")
+    )
 
 
 def test_files_that_extend_each_other_are_refused(write):

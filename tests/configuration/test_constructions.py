@@ -25,7 +25,10 @@ ONCE = Counter(dict.fromkeys(INTERFACES, 1))
 
 @pytest.fixture
 def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """How often a backend of each interface is constructed. Nobody is found, so that no run takes long."""
+    """How often a backend of each interface is constructed.
+
+    Nobody is found, so that no run takes long.
+    """
     counts: Counter[str] = Counter()
     plain = Backend.__init__
 
@@ -48,7 +51,9 @@ def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "photo.png"
 
 
-def test_a_run_of_the_command_line_constructs_each_backend_once(constructed: Counter[str], photo: str):
+def test_a_run_of_the_command_line_constructs_each_backend_once(
+    constructed: Counter[str], photo: str
+):
     done = CliRunner().invoke(main, ["run", photo, "--preset", "mock", "--no-cache"])
     assert "nobody was found" in done.output
     assert constructed == ONCE

@@ -1,4 +1,6 @@
-"""Energies of plugins: found by name, checked, and named with their distribution where they are missing."""
+"""Energies of plugins: found by name, checked, and named with their distribution where they are
+missing.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ SOFT = replace(engine_preset(), scene=replace(engine_preset().scene, far_m=7.0))
 
 
 def install(site: Any, distribution: str, name: str, target: str) -> None:
-    source = "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_engine_presets():\n"
+    source = (
+        "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_engine_presets():\n"
+    )
     site.install(distribution, f"{source}    return [PluginItem({name!r}, {target!r})]\n")
 
 
@@ -42,7 +46,9 @@ def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -
 def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
     for distribution in ("physic-one", "physic-two"):
         install(site, distribution, "twice", "physic_soft_preset:SOFT")
-    with pytest.raises(ConfigError, match="'twice' is offered by physic-one and physic-two: uninstall one of them"):
+    with pytest.raises(
+        ConfigError, match="'twice' is offered by physic-one and physic-two: uninstall one of them"
+    ):
         load_config(overrides=["engine.preset=twice"])
 
 
@@ -53,7 +59,9 @@ def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
         ("math:pi", "EngineSettings, got float"),
     ],
 )
-def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site: Any, target: str, message: str) -> None:
+def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(
+    site: Any, target: str, message: str
+) -> None:
     install(site, "physic-broken", "broken", target)
     with pytest.raises(PluginError, match=message):
         engine_preset("broken")
@@ -61,7 +69,12 @@ def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site: Any, targ
 
 def test_an_energy_of_a_missing_distribution_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
-    done = CliRunner().invoke(main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"])
+    done = CliRunner().invoke(
+        main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"]
+    )
     assert done.exit_code == 2
-    assert "the engine preset 'release' needs physic-paper, which is not installed, or hidden" in done.output
+    assert (
+        "the engine preset 'release' needs physic-paper, which is not installed, or hidden"
+        in done.output
+    )
     assert engine_preset_names() == ("default",)

@@ -1,4 +1,6 @@
-"""Missing files of chosen backends are reported at once, before any computation, by every command that needs them."""
+"""Missing files of chosen backends are reported at once, before any computation, by every command
+that needs them.
+"""
 
 from __future__ import annotations
 
@@ -137,7 +139,9 @@ def saying(answer: object) -> type[interfaces.Backend]:
             raise answer
         return answer
 
-    return type("Own", (interfaces.MetricDepth,), {"missing": say, "infer": lambda self, image, hints: None})
+    return type(
+        "Own", (interfaces.MetricDepth,), {"missing": say, "infer": lambda self, image, hints: None}
+    )
 
 
 @pytest.mark.parametrize(
@@ -155,7 +159,10 @@ def test_an_invalid_result_of_missing_is_a_backend_error(answer: object, says: s
 
 
 def test_a_wrong_missing_method_is_named_by_every_command(site):
-    kinds = {name: type("Own", (base,), {"infer": lambda self, *a: None}) for name, base in INTERFACES.items()}
+    kinds = {
+        name: type("Own", (base,), {"infer": lambda self, *a: None})
+        for name, base in INTERFACES.items()
+    }
     site.put(kinds | {"metric_depth": saying(None)})
     config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
     says = "missing() must return a tuple of texts, got None"
@@ -174,7 +181,14 @@ def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():
             socket.create_connection(("example.org", 443), timeout=1)
         return ()
 
-    kind = type("Own", (interfaces.MetricDepth,), {"missing": look, "infer": lambda self, image, hints: None})
+    kind = type(
+        "Own",
+        (interfaces.MetricDepth,),
+        {"missing": look, "infer": lambda self, image, hints: None},
+    )
     report = check_backend(kind, size=(96, 72))
     failure = next(f for f in report.failures if f.check == "loads_or_reports_what_is_missing")
-    assert (failure.expected, failure.got) == ("missing() to use no network", "it requests example.org")
+    assert (failure.expected, failure.got) == (
+        "missing() to use no network",
+        "it requests example.org",
+    )

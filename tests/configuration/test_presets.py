@@ -1,4 +1,6 @@
-"""What the presets paper, best and open-body lack is listed, each with how to get it, before the photo is read."""
+"""What the presets paper, best and open-body lack is listed, each with how to get it, before the
+photo is read.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +14,38 @@ from physic_core.cli import main
 SHARED = ("vitpose-h-wholebody", "wilor-mini", "https://github.com/warmshao/WiLoR-mini")
 LACKING = {
     "paper": (
-        *("grounding-dino-base-hf", "sam2.1-hiera-large-hf", "omnieraser", "depth-pro-hf", "moge-1-vitl", "camerahmr"),
+        *(
+            "grounding-dino-base-hf",
+            "sam2.1-hiera-large-hf",
+            "omnieraser",
+            "depth-pro-hf",
+            "moge-1-vitl",
+            "camerahmr",
+        ),
         *("deco", "https://github.com/PRIS-CV/Omnieraser", "https://github.com/microsoft/MoGe"),
         *("https://github.com/pixelite1201/CameraHMR", "https://github.com/sha2nkt/deco"),
         *("hf download black-forest-labs/FLUX.1-dev", "https://smpl.is.tue.mpg.de", *SHARED),
     ),
     "best": (
         *("sam3-hf", "big-lama", "moge-2-vitl-normal", "sam-3d-body-dinov3"),
-        *("https://github.com/facebookresearch/sam-3d-body", "https://github.com/facebookresearch/dinov3", *SHARED),
+        *(
+            "https://github.com/facebookresearch/sam-3d-body",
+            "https://github.com/facebookresearch/dinov3",
+            *SHARED,
+        ),
     ),
     "open-body": ("moge-2-vitl-normal", "sam2.1-hiera-large", "rtmw3d-x", "big-lama"),
 }
 """Preset -> weights, code and files that it lacks where nothing is here."""
-WAYS = ("physic weights fetch", "register at", "pip install", "git clone", "hf download", "https://", "a machine with")
+WAYS = (
+    "physic weights fetch",
+    "register at",
+    "pip install",
+    "git clone",
+    "hf download",
+    "https://",
+    "a machine with",
+)
 
 
 def physic(*arguments: str) -> Result:

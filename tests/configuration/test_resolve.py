@@ -18,10 +18,16 @@ class DepthOptions(interfaces.Options):
     mode: str = Field("fast", description="speed")
 
 
-def backend(interface: str, options: type[interfaces.Options] = interfaces.Options) -> type[interfaces.Backend]:
+def backend(
+    interface: str, options: type[interfaces.Options] = interfaces.Options
+) -> type[interfaces.Backend]:
     """A class that implements an interface with a method that does nothing."""
     base = INTERFACES[interface]
-    return type("Own", (base,), {"infer": lambda self, *args: None, "Options": options, "weights_license": "MIT (Own)"})
+    return type(
+        "Own",
+        (base,),
+        {"infer": lambda self, *args: None, "Options": options, "weights_license": "MIT (Own)"},
+    )
 
 
 @pytest.fixture
@@ -67,7 +73,10 @@ def test_faults_of_names_and_options_are_reported_together(own):
     own()
     tables = {
         "inpainter": {"backend": "onw"},
-        "metric_depth": {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}},
+        "metric_depth": {
+            "backend": "own",
+            "options": {"resolution_level": 12, "resolution_levle": 3},
+        },
     }
     lines = refusal(config(**tables)).splitlines()
     for start, word in (
@@ -110,7 +119,8 @@ def test_a_method_that_can_be_called_passes(own, infer: Any):
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")]
+    ("fault", "said"),
+    [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")],
 )
 def test_a_constructor_that_fails_is_named(own, fault: BaseException, said: str):
     def fail(self: Any, options: Any) -> None:

@@ -1,4 +1,6 @@
-"""A clean Python environment with nothing of this project in it but the wheels that a test puts there."""
+"""A clean Python environment with nothing of this project in it but the wheels that a test puts
+there.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,15 @@ class Environment:
 
     def run(self, command: str, cwd: Path, code: int = 0) -> str:
         """What a shell command prints; it has to end with ``code``."""
-        own = {"PATH": f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}", "VIRTUAL_ENV": str(self.folder)}
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("PHYSIC", "PYTHON", "PIP_", "PYTEST"))}
+        own = {
+            "PATH": f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+            "VIRTUAL_ENV": str(self.folder),
+        }
+        kept = {
+            k: v
+            for k, v in os.environ.items()
+            if not k.startswith(("PHYSIC", "PYTHON", "PIP_", "PYTEST"))
+        }
         done = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", command],
             cwd=cwd,
@@ -46,7 +55,14 @@ class Environment:
 
     def install(self, *wheels: Path) -> None:
         """Put wheels in, without what they require: that is there."""
-        command = [sys.executable, "-m", "pip", "--python", str(self.folder / "bin" / "python"), "install"]
+        command = [
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            str(self.folder / "bin" / "python"),
+            "install",
+        ]
         quiet = ["--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
         subprocess.run([*command, *quiet, *map(str, wheels)], check=True, timeout=300)
 
@@ -76,7 +92,9 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment(tmp_path: Path, wheels: Path) -> Environment:
     """Nothing of this project; of its dependencies what this Python has, by links."""
     folder = tmp_path / "venv"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True, timeout=300)
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True, timeout=300
+    )
     (site,) = folder.glob("lib/python*/site-packages")
     for installed in {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}:
         for entry in Path(installed).iterdir():
@@ -86,10 +104,15 @@ def environment(tmp_path: Path, wheels: Path) -> Environment:
             ):
                 (site / entry.name).symlink_to(entry)
     # The build backend is there, and an isolated build would have to fetch it.
-    pip = f'#!/bin/sh\nstep=$1; shift\nexec "{folder}/bin/python" -m pip "$step" --no-build-isolation "$@"\n'
+    pip = (
+        f'#!/bin/sh\nstep=$1; shift\nexec "{folder}/bin/python" -m pip "$step" '
+        f'--no-build-isolation "$@"\n'
+    )
     (folder / "bin" / "pip").write_text(pip)
     (folder / "bin" / "pip").chmod(0o755)
-    (folder / "bin" / "pytest").write_text(f'#!/bin/sh\nexec "{folder}/bin/python" -m pytest "$@"\n')
+    (folder / "bin" / "pytest").write_text(
+        f'#!/bin/sh\nexec "{folder}/bin/python" -m pytest "$@"\n'
+    )
     (folder / "bin" / "pytest").chmod(0o755)
     return Environment(
         folder,

@@ -1,4 +1,6 @@
-"""The node of ComfyUI, loaded as ComfyUI loads a folder of custom nodes; ComfyUI itself is not installed."""
+"""The node of ComfyUI, loaded as ComfyUI loads a folder of custom nodes; ComfyUI itself is not
+installed.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def nodes(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         os.makedirs(os.path.join(folder, subfolder), exist_ok=True)
         return os.path.join(folder, subfolder), name, 1, subfolder, prefix
 
-    paths = SimpleNamespace(get_output_directory=lambda: str(tmp_path), get_save_image_path=save_path)
+    paths = SimpleNamespace(
+        get_output_directory=lambda: str(tmp_path), get_save_image_path=save_path
+    )
     monkeypatch.setitem(sys.modules, "folder_paths", paths)
     folder = repository / "contrib" / "physic-comfyui"
     spec = spec_from_file_location(str(folder), folder / "__init__.py")
@@ -36,12 +40,16 @@ def nodes(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_batch_gives_pictures_masks_files_and_contacts(nodes: ModuleType, tmp_path: Path):
     config = tmp_path / "mock.toml"
-    config.write_text('extends = "mock"\n[run]\ncache = false\n[engine.joint.optimiser]\nsteps = 3\n')
+    config.write_text(
+        'extends = "mock"\n[run]\ncache = false\n[engine.joint.optimiser]\nsteps = 3\n'
+    )
     world = build_world("sit_side_by_side", 0, (160, 120))
     batch = torch.from_numpy(world.image.astype(np.float32) / 255)[None].repeat(2, 1, 1, 1)
     node = nodes.NODE_CLASS_MAPPINGS["PhysicReconstruct"]
     assert set(node.INPUT_TYPES()["required"]) == {"image", "preset", "focal_px", "filename_prefix"}
-    done = getattr(node(), node.FUNCTION)(image=batch, preset=str(config), focal_px=0.0, filename_prefix="physic/scene")
+    done = getattr(node(), node.FUNCTION)(
+        image=batch, preset=str(config), focal_px=0.0, filename_prefix="physic/scene"
+    )
     assert len(done) == len(node.RETURN_TYPES) == len(node.RETURN_NAMES) == len(node.OUTPUT_IS_LIST)
     overlay, depth, masks, paths, contacts = done
     assert overlay.shape == depth.shape == batch.shape
@@ -59,8 +67,15 @@ def test_a_batch_gives_pictures_masks_files_and_contacts(nodes: ModuleType, tmp_
 
 def test_the_workflow_links_outputs_of_the_node(nodes: ModuleType, repository: Path):
     workflow = json.loads((repository / "contrib/physic-comfyui/workflow.json").read_text())
-    (own,) = (key for key, one in workflow.items() if one["class_type"] in nodes.NODE_CLASS_MAPPINGS)
+    (own,) = (
+        key for key, one in workflow.items() if one["class_type"] in nodes.NODE_CLASS_MAPPINGS
+    )
     node = nodes.NODE_CLASS_MAPPINGS[workflow[own]["class_type"]]
     assert workflow[own]["inputs"].keys() == node.INPUT_TYPES()["required"].keys()
-    links = [value for one in workflow.values() for value in one["inputs"].values() if isinstance(value, list)]
+    links = [
+        value
+        for one in workflow.values()
+        for value in one["inputs"].values()
+        if isinstance(value, list)
+    ]
     assert sorted(slot for key, slot in links if key == own) == list(range(len(node.RETURN_TYPES)))

@@ -1,4 +1,6 @@
-"""The example plugins as their users get them: a wheel in an environment without this repository."""
+"""The example plugins as their users get them: a wheel in an environment without this
+repository.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,20 @@ from physic_core.interfaces import INTERFACES
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_wheel_of_the_example_is_listed_and_passes_the_kit(environment, build, wheels, tmp_path):
+def test_the_wheel_of_the_example_is_listed_and_passes_the_kit(
+    environment, build, wheels, tmp_path
+):
     """That of the inpainter; the tutorial installs and runs what the other example holds."""
-    folder, interface, backend = ROOT / "contrib" / "physic-example-inpaint", "inpainter", "pull-push"
-    environment.install(*wheels.glob("physic_core-*.whl"), *wheels.glob("physic_testing-*.whl"), build(folder))
+    folder = ROOT / "contrib" / "physic-example-inpaint"
+    interface = "inpainter"
+    backend = "pull-push"
+    environment.install(
+        *wheels.glob("physic_core-*.whl"), *wheels.glob("physic_testing-*.whl"), build(folder)
+    )
     _, *rows = environment.run("physic plugins", tmp_path).splitlines()
-    assert [row.split()[:2] for row in rows if row.startswith(tuple(INTERFACES))] == [[interface, backend]]
+    assert [row.split()[:2] for row in rows if row.startswith(tuple(INTERFACES))] == [
+        [interface, backend]
+    ]
     (report,) = json.loads(environment.run(f"physic plugins check {backend} --json", tmp_path))
     assert report["ok"], report
     assert (report["counts"]["failed"], report["counts"]["xfailed"]) == (0, 0)

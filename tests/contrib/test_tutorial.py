@@ -27,20 +27,30 @@ class Block:
 
 def blocks() -> list[Block]:
     found = re.finditer(
-        r"(?P<before>[^\n]*)\n\n^```(?P<language>\w+)\n(?P<text>.*?)^```", PAGE.read_text(), re.M | re.S
+        r"(?P<before>[^\n]*)\n\n^```(?P<language>\w+)\n(?P<text>.*?)^```",
+        PAGE.read_text(),
+        re.M | re.S,
     )
     return [
-        Block(m["language"], m["text"], "".join(re.findall(r"`([\w./-]+\.(?:py|toml))`", m["before"])[-1:]))
+        Block(
+            m["language"],
+            m["text"],
+            "".join(re.findall(r"`([\w./-]+\.(?:py|toml))`", m["before"])[-1:]),
+        )
         for m in found
     ]
 
 
 def spaced(text: str) -> str:
-    """A line without what differs from machine to machine: numbers, except counts of checks, and widths of columns."""
+    """A line without what differs from machine to machine: numbers, except counts of checks, and
+    widths of columns.
+    """
     return re.sub(r"\s+", " ", text if " checks: " in text else NUMBER.sub("N", text)).strip()
 
 
-def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, wheels: Path, tmp_path: Path):
+def test_the_tutorial_holds_from_the_first_block_to_the_last(
+    environment: Any, wheels: Path, tmp_path: Path
+):
     first, *rest = blocks()
     assert first.text.splitlines() == [
         "python3 -m venv .venv",
@@ -50,7 +60,8 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, w
     ]
     assert all((ROOT / name).exists() for name in re.findall(r"~/physic/(\S+)", first.text))
     environment.install(*wheels.glob("*.whl"))
-    folder, said = tmp_path / "empty", ""
+    folder = tmp_path / "empty"
+    said = ""
     folder.mkdir()
     for block in rest:
         if block.language == "sh":
@@ -68,4 +79,7 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, w
 
 def test_the_example_is_what_the_tutorial_makes():
     (backend,) = (block.text for block in blocks() if block.file == "physic_stature.py")
-    assert backend == (ROOT / "contrib" / "physic-example-depth" / "physic_example_depth.py").read_text()
+    assert (
+        backend
+        == (ROOT / "contrib" / "physic-example-depth" / "physic_example_depth.py").read_text()
+    )

@@ -1,4 +1,6 @@
-"""Backends of installed plugins: listed without an import, found by name, checked when they are imported."""
+"""Backends of installed plugins: listed without an import, found by name, checked when they are
+imported.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ def load(interface: str, name: str) -> type:
 def test_an_offer_names_its_distribution_and_version(site):
     site.offer("physic-one", "inpainter", "one", version="1.2")
     offer = find_backend("inpainter", "one")
-    assert (offer.interface, offer.target, offer.owner) == ("inpainter", "physic_one:B", "physic-one 1.2")
+    assert (offer.interface, offer.target, offer.owner) == (
+        "inpainter",
+        "physic_one:B",
+        "physic-one 1.2",
+    )
     assert str(offer) == "inpainter 'one' (physic-one 1.2)"
     assert offer in list_backends()
     assert offer in list_backends("inpainter")
@@ -52,12 +58,16 @@ def test_the_catalog_says_what_the_plugins_of_the_project_offer():
     assert {name: owner for name, owner in BACKENDS.items() if owner in offered.values()} == offered
 
 
-# ---- a backend that is slow or broken costs only whoever uses it -----------------------------------------------------
+# ---- a backend that is slow or broken costs only whoever uses it
+# -----------------------------------------------------
 
 
 def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
     site.install(
-        "physic-slow", f"raise SystemExit(3)\n{FILL}", entry="slow = physic_slow:Fill", group="physic.inpainter"
+        "physic-slow",
+        f"raise SystemExit(3)\n{FILL}",
+        entry="slow = physic_slow:Fill",
+        group="physic.inpainter",
     )
     Image.fromarray(np.zeros((24, 32, 3), np.uint8)).save(tmp_path / "photo.png")
     code = (
@@ -66,26 +76,40 @@ def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
         "try:\n    main(sys.argv[1:])\n"
         "finally:\n    print('imported:', 'physic_slow' in sys.modules)\n"
     )
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(site.folder)!r})\n{code}"]
+    command = [
+        sys.executable,
+        "-c",
+        f"import sys; sys.path.insert(0, {str(site.folder)!r})\n{code}",
+    ]
     run = ["run", "photo.png", "--preset", "mock", "-o", "out", "--set", "inpainter.backend=telea"]
     for arguments in (["--help"], ["plugins"], run):
-        done = subprocess.run([*command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [*command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
         assert done.stdout.endswith("imported: False\n"), (arguments, done.stdout, done.stderr)
-        assert done.returncode == (3 if arguments is run else 0), done.stderr  # the photo shows no person
+        # the photo shows no person
+        assert done.returncode == (3 if arguments is run else 0), done.stderr
 
 
-# ---- hostile backends are named when they are used -------------------------------------------------------------------
+# ---- hostile backends are named when they are used
+# -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("source", "words"),
     [
         ("import sys; sys.exit(3)", ("cannot be imported", "SystemExit: 3 (physic_bad.py:1)")),
-        ("raise RuntimeError('boom')", ("cannot be imported", "RuntimeError: boom (physic_bad.py:1)")),
+        (
+            "raise RuntimeError('boom')",
+            ("cannot be imported", "RuntimeError: boom (physic_bad.py:1)"),
+        ),
         ("import no_such_module", ("'no_such_module' (physic_bad.py:1)",)),
         ("", ("AttributeError", "no attribute 'B'")),
         ("B = 3", ("is not a subclass of physic_core.interfaces.Inpainter",)),
-        ("from physic_core.interfaces import MetricDepth as B", ("is not a subclass of physic_core.interfaces.Inp",)),
+        (
+            "from physic_core.interfaces import MetricDepth as B",
+            ("is not a subclass of physic_core.interfaces.Inp",),
+        ),
         ("from physic_core.interfaces import Inpainter as B", ("has no method infer",)),
         (
             FILL.replace("Fill", "B").replace("image, mask", "image"),
@@ -93,7 +117,17 @@ def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
         ),
         (FILL.replace("Fill", "B"), ("written_for = 1",)),
     ],
-    ids=["exit", "raises", "needs", "no class", "no type", "interface", "abstract", "signature", "no version"],
+    ids=[
+        "exit",
+        "raises",
+        "needs",
+        "no class",
+        "no type",
+        "interface",
+        "abstract",
+        "signature",
+        "no version",
+    ],
 )
 def test_a_hostile_backend_is_named_with_the_fault(site, source: str, words: tuple[str, ...]):
     site.install("physic-bad", source, entry="bad = physic_bad:B", group="physic.inpainter")
@@ -107,7 +141,9 @@ def test_a_hostile_backend_is_named_with_the_fault(site, source: str, words: tup
 
 
 @pytest.mark.parametrize(("api", "older"), [(0, "physic-new"), (2, "physic-core")])
-def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(site, api: int, older: str):
+def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(
+    site, api: int, older: str
+):
     site.offer("physic-new", "inpainter", "new", api=api)
     said = message(BackendError, load, "inpainter", "new")
     assert f"version {api} of the interface inpainter" in said
@@ -115,7 +151,9 @@ def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(sit
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(site, monkeypatch, interface: str):
+def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(
+    site, monkeypatch, interface: str
+):
     for other in INTERFACES:
         site.offer(f"third-party-{other.replace('_', '-')}", other, "theirs")
     monkeypatch.setattr(INTERFACES[interface], "api", INTERFACES[interface].api + 1)
@@ -136,14 +174,19 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
         assert find_backend("inpainter", written).distribution == "physic-b"
 
 
-# ---- names that are not there ----------------------------------------------------------------------------------------
+# ---- names that are not there
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("plugins", "name", "words"),
     [
         (None, "telae", ("installed: ", "Did you mean 'telea'?", sys.executable)),
-        ("physic-mock", "telea", ("PHYSIC_PLUGINS='physic-mock' hides", "`pip install -e plugins/physic-opencv`")),
+        (
+            "physic-mock",
+            "telea",
+            ("PHYSIC_PLUGINS='physic-mock' hides", "`pip install -e plugins/physic-opencv`"),
+        ),
         (None, "my-inpainter", ("pip install -e",)),
         (None, "wilor", ("'wilor' is the name of a hand_estimator",)),
         (None, "physic-embedded:telea", ("'telea' comes from physic-opencv",)),
@@ -151,14 +194,17 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
         (None, "physic-embeded:embedded", ("'embedded' comes from physic-embedded",)),
     ],
 )
-def test_a_missing_name_says_what_there_is_and_where_it_comes_from(monkeypatch, plugins, name: str, words: Any):
+def test_a_missing_name_says_what_there_is_and_where_it_comes_from(
+    monkeypatch, plugins, name: str, words: Any
+):
     if plugins is not None:
         monkeypatch.setenv("PHYSIC_PLUGINS", plugins)
     said = message(BackendNotFoundError, find_backend, "inpainter", name)
     assert all(word in said for word in (f"'{name}'", *words)), said
 
 
-# ---- classes that no plugin offers -----------------------------------------------------------------------------------
+# ---- classes that no plugin offers
+# -----------------------------------------------------------------------------------
 
 
 def test_a_class_is_named_without_packaging_and_says_its_interface(site):
@@ -182,11 +228,21 @@ def test_a_class_that_is_called_but_is_no_backend_is_refused():
     [
         ("no_such_module:C", "", "beside a config, only the module that it names is found"),
         ("json:Nothing", "", "no attribute 'Nothing'"),
-        ("my_failing_module:C", "import sys; sys.exit(3)", "SystemExit: 3 (my_failing_module.py:1)"),
-        ("my_failing_module:C", "import no_such_module", "'no_such_module' (my_failing_module.py:1)"),
+        (
+            "my_failing_module:C",
+            "import sys; sys.exit(3)",
+            "SystemExit: 3 (my_failing_module.py:1)",
+        ),
+        (
+            "my_failing_module:C",
+            "import no_such_module",
+            "'no_such_module' (my_failing_module.py:1)",
+        ),
     ],
 )
-def test_a_target_that_cannot_be_imported_names_the_cause(tmp_path, monkeypatch, target, source, expected):
+def test_a_target_that_cannot_be_imported_names_the_cause(
+    tmp_path, monkeypatch, target, source, expected
+):
     (tmp_path / "my_failing_module.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
     said = message(BackendError, load, "inpainter", target)

@@ -6,7 +6,14 @@ import pytest
 
 from physic_core.discovery.error_text import did_you_mean, similar_names
 
-NAMES = ("big-lama", "lama-carve", "moge-2-vitl-normal", "moge-2-vits-normal", "sam2.1-hiera-tiny", "sam3-hf")
+NAMES = (
+    "big-lama",
+    "lama-carve",
+    "moge-2-vitl-normal",
+    "moge-2-vits-normal",
+    "sam2.1-hiera-tiny",
+    "sam3-hf",
+)
 
 
 @pytest.mark.parametrize(

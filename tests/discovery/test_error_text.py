@@ -1,4 +1,6 @@
-"""Errors of plugins name the file and the line in which they arose, in every command and in pytest."""
+"""Errors of plugins name the file and the line in which they arose, in every command and in
+pytest.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,8 @@ def caught(call: Any, *arguments: Any) -> BaseException:
     raise AssertionError("it raised nothing")
 
 
-# ---- the place -------------------------------------------------------------------------------------------------------
+# ---- the place
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
@@ -93,8 +96,12 @@ def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
     import physic_deep  # type: ignore[import-not-found]
     import physic_deep.nets.depth  # type: ignore[import-not-found]
 
-    assert describe_error(caught(physic_deep.nets.depth.infer), "physic_deep").endswith("(physic_deep/nets/depth.py:2)")
-    assert describe_error(caught(physic_deep.load), "physic_deep").endswith(" (physic_deep/__init__.py:3)")
+    assert describe_error(caught(physic_deep.nets.depth.infer), "physic_deep").endswith(
+        "(physic_deep/nets/depth.py:2)"
+    )
+    assert describe_error(caught(physic_deep.load), "physic_deep").endswith(
+        " (physic_deep/__init__.py:3)"
+    )
 
 
 def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
@@ -102,11 +109,14 @@ def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
     here = f"test_error_text.py:{caught.__code__.co_firstlineno + 2})"
     assert describe_error(caught(__import__, "physic_gone"), "physic_gone").endswith(here)
     # Python writes the place of a syntax error itself.
-    assert describe_error(caught(__import__, "physic_typo"), "physic_typo").endswith("(physic_typo.py, line 1)")
+    assert describe_error(caught(__import__, "physic_typo"), "physic_typo").endswith(
+        "(physic_typo.py, line 1)"
+    )
     assert describe_error(RuntimeError(), "physic_typo") == "RuntimeError"
 
 
-# ---- in every command ------------------------------------------------------------------------------------------------
+# ---- in every command
+# ------------------------------------------------------------------------------------------------
 
 
 def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool):
@@ -120,7 +130,9 @@ def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
     assert ("traceback" in found) is debug
 
 
-def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(broken: Path, debug: bool, monkeypatch):
+def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(
+    broken: Path, debug: bool, monkeypatch
+):
     source = BROKEN.replace("    return [", "    1 / 0\n    return [")
     (broken / "physic_broken.py").write_text(source)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
@@ -131,13 +143,24 @@ def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(brok
 
 
 @pytest.mark.parametrize("debug", [True], indirect=True)
-def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
+def test_a_run_names_the_line_and_shows_the_traceback_on_demand(
+    broken: Path, debug: bool, tmp_path: Path
+):
     from PIL import Image
 
     from physic_testing import build_world
 
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save(tmp_path / "photo.png")
-    arguments = ["photo.png", "--preset", "mock", "--set", "inpainter.backend=raises", "-o", "out", "--no-cache"]
+    arguments = [
+        "photo.png",
+        "--preset",
+        "mock",
+        "--set",
+        "inpainter.backend=raises",
+        "-o",
+        "out",
+        "--no-cache",
+    ]
     done = subprocess.run(
         [sys.executable, "-c", "from physic_core.cli import main; main()", "run", *arguments],
         cwd=tmp_path,

@@ -1,4 +1,6 @@
-"""Classes in files of the user's own: the file that is named is loaded, and nothing that lies beside it."""
+"""Classes in files of the user's own: the file that is named is loaded, and nothing that lies
+beside it.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,15 @@ class MyDepth(MetricDepth):
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder])  # "" is the current folder
-    path, modules = list(sys.path), set(sys.modules)
+    # "" is the current folder
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder])
+    path = list(sys.path)
+    modules = set(sys.modules)
     yield
     assert sys.path == path
-    for name in [name for name in sys.modules if name.partition(".")[0] in NAMES and name not in modules]:
+    for name in [
+        name for name in sys.modules if name.partition(".")[0] in NAMES and name not in modules
+    ]:
         del sys.modules[name]
 
 
@@ -51,7 +57,8 @@ def kind(file: Path | None = None, *overrides: str) -> type:
     return type(plan.backends["metric_depth"].backend)
 
 
-# ---- where it is looked up -------------------------------------------------------------------------------------------
+# ---- where it is looked up
+# -------------------------------------------------------------------------------------------
 
 
 def test_the_class_of_a_config_lies_beside_the_config(tmp_path: Path):
@@ -78,12 +85,17 @@ def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch: pytest.
 def test_a_name_may_hold_its_folder(tmp_path: Path, name: str):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
-    assert kind(config(tmp_path / "configs", name.format(tmp_path / "elsewhere"))).__name__ == "MyDepth"
+    assert (
+        kind(config(tmp_path / "configs", name.format(tmp_path / "elsewhere"))).__name__
+        == "MyDepth"
+    )
 
 
 def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     Path("own_depth.py").write_text(DEPTH)
-    tables = load_config(preset="mock", overrides=["metric_depth.backend=own_depth:MyDepth"]).as_dict()
+    tables = load_config(
+        preset="mock", overrides=["metric_depth.backend=own_depth:MyDepth"]
+    ).as_dict()
     (tmp_path / "out").mkdir()
     result = tmp_path / "out" / "reconstruction.json"
     result.write_text(json.dumps({"config": tables}))
@@ -108,7 +120,8 @@ def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[
     assert "BROKEN" not in done.output
 
 
-# ---- what it may be --------------------------------------------------------------------------------------------------
+# ---- what it may be
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
@@ -116,7 +129,9 @@ def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
     (package / "inner").mkdir(parents=True)
     (package / "__init__.py").write_text("from . import first\nstarted = []\n")
     (package / "first.py").write_text("")
-    (package / "inner" / "depth.py").write_text("def late():\n    from .. import second\n    return second.value\n")
+    (package / "inner" / "depth.py").write_text(
+        "def late():\n    from .. import second\n    return second.value\n"
+    )
     (package / "second.py").write_text("value = 7")
     assert load_module(tmp_path, "own_package.inner.depth").late() == 7
 
@@ -128,11 +143,15 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
     (folder / "own_depth.py").write_text("import own_helper\n" + DEPTH)
     with pytest.raises(BackendError) as caught:
         kind(file)
-    assert "No module named 'own_helper' (own_depth.py:1); beside a config, only the module" in str(caught.value)
+    assert "No module named 'own_helper' (own_depth.py:1); beside a config, only the module" in str(
+        caught.value
+    )
     assert "own_depth" not in sys.modules
 
 
-@pytest.mark.parametrize(("name", "whose"), [("colorsys", "colorsys.py"), ("click", "click/__init__.py")])
+@pytest.mark.parametrize(
+    ("name", "whose"), [("colorsys", "colorsys.py"), ("click", "click/__init__.py")]
+)
 def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, whose: str):
     (tmp_path / f"{name}.py").write_text(DEPTH)
     with pytest.raises(ImportError) as caught:
@@ -140,7 +159,11 @@ def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, w
     assert str(caught.value).startswith(f"another module is called {name} (")
     assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
     with pytest.raises(BackendError, match=f"another module is called {name} "):
-        resolve(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]))
+        resolve(
+            load_config(
+                preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]
+            )
+        )
 
 
 def test_two_files_of_one_name_are_refused(tmp_path: Path):

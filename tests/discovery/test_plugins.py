@@ -19,7 +19,9 @@ GOOD = HOOK + "    return [PluginItem('good', 'm:c')]\n"
 
 def names() -> list[str]:
     """The commands of plugins that are no part of the project."""
-    return [found.record.name for found in find_items("physic_commands") if found.version != "0.1.0"]
+    return [
+        found.record.name for found in find_items("physic_commands") if found.version != "0.1.0"
+    ]
 
 
 def causes() -> list[str]:
@@ -56,7 +58,11 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
         assert word in cause
     done = CliRunner().invoke(main, ["plugins"])
     assert done.exit_code == 0
-    assert [line for line in done.stdout.splitlines() if line.startswith("BROKEN: physic-c 1.0 (SystemExit: 3")]
+    assert [
+        line
+        for line in done.stdout.splitlines()
+        if line.startswith("BROKEN: physic-c 1.0 (SystemExit: 3")
+    ]
     assert CliRunner().invoke(main, ["--help"]).exit_code == 0
 
 
@@ -82,7 +88,10 @@ def test_a_hook_that_fails_takes_no_other_hook_of_its_plugin_away(site):
 
 def test_a_name_that_a_plugin_offers_lazily_is_not_looked_up(site):
     """As of a package that imports its classes at their first use."""
-    lazy = "def __dir__(): return ['Heavy', 'physic_commands']\ndef __getattr__(name): raise SystemExit(name)\n"
+    lazy = (
+        "def __dir__(): return ['Heavy', 'physic_commands']\ndef __getattr__(name): raise "
+        "SystemExit(name)\n"
+    )
     site.install("physic-lazy", GOOD + lazy)
     assert (names(), causes()) == (["good"], [])
 
@@ -109,7 +118,8 @@ def test_a_misspelt_group_is_a_row(site, group: str, words: str):
     assert words in cause
 
 
-# ---- restrictions ----------------------------------------------------------------------------------------------------
+# ---- restrictions
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(site, monkeypatch):
@@ -137,7 +147,8 @@ def test_a_restriction_to_what_is_not_there_is_reported(site, monkeypatch):
     assert "physic-bood" in cause
 
 
-# ---- lists of weights ------------------------------------------------------------------------------------------------
+# ---- lists of weights
+# ------------------------------------------------------------------------------------------------
 
 NET = """
 [net]
@@ -166,7 +177,11 @@ def test_a_list_of_weights_is_read_without_importing_its_package(site):
     ("text", "target", "says"),
     [
         (NET.replace('license = "MIT"\n', ""), "physic_nets.weights", "license"),
-        (NET, "physic_nets.no_such_folder", "there is no folder of the package physic_nets.no_such_folder"),
+        (
+            NET,
+            "physic_nets.no_such_folder",
+            "there is no folder of the package physic_nets.no_such_folder",
+        ),
         (NET, "no_such_package", "there is no folder of the package no_such_package"),
     ],
     ids=["no licence", "no folder", "no package"],

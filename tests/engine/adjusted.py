@@ -1,4 +1,6 @@
-"""Settings and problems with some values changed, for tests: ``adjusted(joint, contact__weight=0.0)``."""
+"""Settings and problems with some values changed, for tests: ``adjusted(joint,
+contact__weight=0.0)``.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,11 @@ def without_photo(problem: JointProblem) -> JointProblem:
 def in_float64(problem: JointProblem) -> JointProblem:
     """Return the problem with body and all numbers in double precision."""
     tensors = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    double = {n: t.double() for n, t in tensors.items() if isinstance(t, torch.Tensor) and t.is_floating_point()}
+    double = {
+        n: t.double()
+        for n, t in tensors.items()
+        if isinstance(t, torch.Tensor) and t.is_floating_point()
+    }
     return replace(problem, model=problem.model.to(dtype=torch.float64), **double)
 
 

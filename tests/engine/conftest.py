@@ -1,4 +1,6 @@
-"""Small scenes with a known answer: people of the embedded body on a floor, before a wall, on or behind boxes."""
+"""Small scenes with a known answer: people of the embedded body on a floor, before a wall, on or
+behind boxes.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_testing.worlds import BLAZEPOSE
 
 FLOOR_Y = 1.3  # the camera looks level, this high over the floor
-WIDTH, HEIGHT, FOCAL = 320, 240, 280.0
+WIDTH = 320
+HEIGHT = 240
+FOCAL = 280.0
 
 
 @dataclass(frozen=True)
@@ -58,9 +62,14 @@ def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
 def cast(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     """Depth (H, W), inf where nothing, and the face that is hit (H, W), by one ray a pixel."""
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
-    ray = np.stack([(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1).reshape(-1, 3)
-    face = RayMeshIntersector(mesh).intersects_first(np.zeros_like(ray), ray / np.linalg.norm(ray, axis=1)[:, None])
-    normal, corner = mesh.face_normals[face], mesh.triangles[face, 0]
+    ray = np.stack(
+        [(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1
+    ).reshape(-1, 3)
+    face = RayMeshIntersector(mesh).intersects_first(
+        np.zeros_like(ray), ray / np.linalg.norm(ray, axis=1)[:, None]
+    )
+    normal = mesh.face_normals[face]
+    corner = mesh.triangles[face, 0]
     depth = (normal * corner).sum(1) / (normal * ray).sum(1)
     depth = np.where(face >= 0, depth, np.inf)
     return depth.reshape(HEIGHT, WIDTH), face.reshape(HEIGHT, WIDTH)
@@ -73,8 +82,9 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
         boxes: Sequence[tuple[Sequence[float], Sequence[float]]] = (),
         stands_at: float = FLOOR_Y,
     ) -> Stage:
-        """People as (bends, place x, y, z), lowered or raised until their lowest vertex is at ``stands_at``; boxes as
-        (low, high) corners."""
+        """People as (bends, place x, y, z), lowered or raised until their lowest vertex is at
+        ``stands_at``; boxes as (low, high) corners.
+        """
         rotations = torch.stack([upright(bends) for bends, _ in people])
         count = len(people)
         transl = torch.tensor([list(t) for _, t in people], dtype=torch.float32)
@@ -89,15 +99,21 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
         nearest = depth.copy()
         human = np.full((HEIGHT, WIDTH), np.nan)
         for i in range(count):
-            mine, _ = cast(trimesh.Trimesh(output.vertices[i].numpy(), body.faces.numpy(), process=False))
+            mine, _ = cast(
+                trimesh.Trimesh(output.vertices[i].numpy(), body.faces.numpy(), process=False)
+            )
             front = mine < nearest
-            nearest, owner = np.where(front, mine, nearest), np.where(front, i, owner)
+            nearest = np.where(front, mine, nearest)
+            owner = np.where(front, i, owner)
             human = np.where(front, mine, human)
         masks = torch.from_numpy(np.stack([owner == i for i in range(count)]))
         v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
-        ray = np.stack([(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1)
+        ray = np.stack(
+            [(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1
+        )
         known = np.isfinite(depth)
-        points, normals = (ray * depth[..., None])[known], room.face_normals[face][known]
+        points = (ray * depth[..., None])[known]
+        normals = room.face_normals[face][known]
         K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
         landmarks = body.landmarks(output, BLAZEPOSE)
         keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]

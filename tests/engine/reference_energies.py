@@ -1,4 +1,6 @@
-"""Surface energies by the equations of the terms, one operation after another: the slow twin of the fused ones."""
+"""Surface energies by the equations of the terms, one operation after another: the slow twin of the
+fused ones.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from physic_paper.terms.printed_regularisation import mesh_energy
 
 
 def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
-    """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
+    """Return L_c (Eq.
+
+    6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
 
     Args:
         squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
@@ -26,9 +30,17 @@ def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
 
 
 def depth_energy(
-    z: Tensor, log_map_depth: Tensor, weight: Tensor, log_scale: Tensor, offset: Tensor, sigma: float, rho: RobustLoss
+    z: Tensor,
+    log_map_depth: Tensor,
+    weight: Tensor,
+    log_scale: Tensor,
+    offset: Tensor,
+    sigma: float,
+    rho: RobustLoss,
 ) -> Tensor:
-    """Return L_d (Eq. 4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, (B,).
+    """Return L_d (Eq.
+
+    4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, (B,).
 
     The mean does not depend on the resolution. It is 0 for a person without vertices.
 
@@ -40,13 +52,19 @@ def depth_energy(
         offset: (B,) log of the ratio between the depth map at the person and the scene's depth.
         sigma: expected difference between the logarithms.
     """
-    residual = (z.clamp(min=MIN_DEPTH_M).log() - log_map_depth - log_scale - offset[:, None]) / sigma
+    residual = (
+        z.clamp(min=MIN_DEPTH_M).log() - log_map_depth - log_scale - offset[:, None]
+    ) / sigma
     total = (weight * rho(residual.square())).sum(-1)
     return total / weight.sum(-1).clamp(min=1e-9)
 
 
-def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss) -> Tensor:
-    """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
+def penetration_energy(
+    signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss
+) -> Tensor:
+    """Return L_i (Eq.
+
+    7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
 
     Args:
         signed: (B, V) metres, negative inside.
@@ -59,7 +77,12 @@ def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: floa
 
 
 def reference_surface_energies(
-    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor
+    data: SurfaceInputs,
+    vertices: Tensor,
+    pelvis: Tensor,
+    root: Tensor,
+    log_scale: Tensor,
+    offset: Tensor,
 ) -> tuple[Tensor, Tensor]:
     """Arguments and result as of ``surface_energies``."""
     scale = log_scale.exp()[:, None]
@@ -72,7 +95,15 @@ def reference_surface_energies(
         height = height_over_plane(vertices, data.floor_normal, data.floor_offset * scale) / scale
     if data.depth is not None:
         s = data.depth
-        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale[:, None], offset, s.sigma, s.rho)
+        mean = depth_energy(
+            vertices[..., 2],
+            data.log_map_depth,
+            s.weight,
+            log_scale[:, None],
+            offset,
+            s.sigma,
+            s.rho,
+        )
         energies["depth"] = s.weight.sum(1) * mean
     if data.contact is not None:
         s = data.contact
@@ -84,10 +115,14 @@ def reference_surface_energies(
     if data.floor is not None:
         s = data.floor
         # Invisible legs give the scale no gradient: they use the scale at the last refresh.
-        invisible = (height * scale + data.floor_offset * (data.last_scale - scale)) / scale.detach()
+        invisible = (
+            height * scale + data.floor_offset * (data.last_scale - scale)
+        ) / scale.detach()
         above = torch.where(data.eligible, height, invisible)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
     relative = root_relative(vertices, pelvis, root)
     energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
-    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles]
+    lowest = [
+        lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles
+    ]
     return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)

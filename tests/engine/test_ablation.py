@@ -61,7 +61,11 @@ def test_each_row_adds_one_term_to_the_row_before():
 def test_every_row_runs_and_tells_its_terms(standing, row):
     full = row.settings(engine_preset("default"))
     # As the pipeline does where stage 1 looks for no floor.
-    problem = replace(standing.problem, floor_normal=None) if full.scene.floor == "off" else standing.problem
+    problem = (
+        replace(standing.problem, floor_normal=None)
+        if full.scene.floor == "off"
+        else standing.problem
+    )
     settings = adjusted(full.joint, optimiser__steps=8, optimiser__refresh_steps=4)
     result = optimize(problem, settings)
     assert result.failures == ("",)
@@ -70,6 +74,10 @@ def test_every_row_runs_and_tells_its_terms(standing, row):
         "contact": settings.contact.weight,
         "penetration": settings.penetration.weight,
         "depth": settings.depth.weight if hasattr(settings, "depth") else 0.0,
-        "floor": settings.floor.weight if hasattr(settings, "floor") and full.scene.floor != "off" else 0.0,
+        "floor": settings.floor.weight
+        if hasattr(settings, "floor") and full.scene.floor != "off"
+        else 0.0,
     }
-    assert {name for name in wanted if name in result.losses} == {name for name, weight in wanted.items() if weight}
+    assert {name for name in wanted if name in result.losses} == {
+        name for name, weight in wanted.items() if weight
+    }

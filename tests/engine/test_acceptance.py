@@ -18,13 +18,18 @@ GOALS = torch.tensor([[0.3, -0.2, 2.5], [0.8, 0.1, 3.4]]).double()
 
 
 class Two:
-    """Pulls each of two people to a goal, in units of the scene's scale, which has a goal of its own."""
+    """Pulls each of two people to a goal, in units of the scene's scale, which has a goal of its
+    own.
+    """
 
     def __init__(self, *, scale=None, wall=None, after_refresh=None):
         eye = torch.eye(3).double().expand(2, 55, 3, 3)
         frozen = ["root", "pose", "hands", "betas", "offset", *([] if scale else ["scale"])]
         self.state = State(eye, torch.zeros(2, 2).double(), STARTS, STARTS, frozen=frozen)
-        self.goals, self.wall, self.after_refresh, self.scale = GOALS.clone(), wall, after_refresh, scale
+        self.goals = GOALS.clone()
+        self.wall = wall
+        self.after_refresh = after_refresh
+        self.scale = scale
 
     def refresh(self):
         if self.after_refresh is not None:
@@ -47,7 +52,9 @@ class Two:
 
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
 def test_only_the_person_who_ends_worse_returns_to_the_start(settings):
-    """The last update of the first person's view makes their start better than what they have reached."""
+    """The last update of the first person's view makes their start better than what they have
+    reached.
+    """
     energy = Two(after_refresh=STARTS[0])
     trace = replace(settings, refresh_steps=settings.steps).minimise(energy)
     places = energy.places()
@@ -81,7 +88,9 @@ def test_a_person_with_nan_energy_is_held_and_the_other_converges():
 def test_where_all_end_better_the_end_stays(settings):
     energy = Two(scale=0.1)
     trace = replace(settings, steps=200).minimise(energy)
-    torch.testing.assert_close(energy.places(), GOALS * torch.exp(torch.tensor(0.1)), atol=0.02, rtol=0)
+    torch.testing.assert_close(
+        energy.places(), GOALS * torch.exp(torch.tensor(0.1)), atol=0.02, rtol=0
+    )
     assert sum(trace.end.values()) < 0.01 * sum(trace.start.values())
 
 
@@ -97,7 +106,9 @@ def test_the_one_scale_is_the_one_with_the_lowest_total():
 
 
 def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
-    """The first gains and the second loses by their common way, and to part would cost more than either."""
+    """The first gains and the second loses by their common way, and to part would cost more than
+    either.
+    """
 
     class Bound(Two):
         def __call__(self):
@@ -123,7 +134,8 @@ def test_people_of_one_group_keep_their_common_end():
         energy.goals[1] = energy.places()[1]
         energy.state.values["translation"][0] -= 0.1
     end = energy.state.pack()
-    alone, together = [], []
+    alone = []
+    together = []
     for groups, places in ((None, alone), (torch.tensor([0, 0]), together)):
         energy.state.load(end)
         revert_if_worse(energy, end, start, groups)

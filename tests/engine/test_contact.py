@@ -6,7 +6,11 @@ import pytest
 import torch
 import trimesh
 
-from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, surface_distances
+from physic_core.engine.contact.distance import (
+    ContactSurfaces,
+    distance_along_normal,
+    surface_distances,
+)
 from physic_core.geometry.neighbors import NearestPointSearch
 
 RADIUS = 0.1
@@ -23,7 +27,9 @@ def plane(spacing=0.01, half=0.5):
 def sphere(gap):
     """Over y = 1 by ``gap``."""
     mesh = trimesh.creation.icosphere(4, RADIUS)
-    return torch.tensor(mesh.vertices, dtype=torch.float32) + torch.tensor([0.003, 1 - RADIUS - gap, 2.004])
+    return torch.tensor(mesh.vertices, dtype=torch.float32) + torch.tensor(
+        [0.003, 1 - RADIUS - gap, 2.004]
+    )
 
 
 def distances(vertices, scene, floor=None):

@@ -1,4 +1,6 @@
-"""Partners of contact: floor, classified and unclassified surfaces, other people, and the list by body part."""
+"""Partners of contact: floor, classified and unclassified surfaces, other people, and the list by
+body part.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ import torch
 from physic_core.engine.contact.distance import SurfaceDistances
 from physic_core.engine.contact.features import KINDS, Distances
 from physic_core.engine.contact.objects import ObjectDistances
-from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
+from physic_core.engine.contact.partner import (
+    HIDDEN,
+    HIDDEN_SEAT,
+    VertexContacts,
+    assign_partners,
+    body_contacts,
+)
 from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
@@ -16,7 +24,8 @@ from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
-UP, BACK = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
+UP = torch.tensor([0.0, -1.0, 0.0])
+BACK = torch.tensor([0.0, 0.0, -1.0])
 
 
 def square(height: float, x: float = 0.0) -> torch.Tensor:
@@ -26,7 +35,9 @@ def square(height: float, x: float = 0.0) -> torch.Tensor:
     return torch.stack([a + x, torch.full_like(a, -height), b + 2], -1).reshape(-1, 3)
 
 
-def parts_of(*squares: tuple[torch.Tensor, str, bool], normal: torch.Tensor = UP) -> tuple[torch.Tensor, SceneParts]:
+def parts_of(
+    *squares: tuple[torch.Tensor, str, bool], normal: torch.Tensor = UP
+) -> tuple[torch.Tensor, SceneParts]:
     points = torch.cat([points for points, _, _ in squares])
     label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
     seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
@@ -36,7 +47,8 @@ def parts_of(*squares: tuple[torch.Tensor, str, bool], normal: torch.Tensor = UP
 
 
 def test_surfaces_of_one_class_that_are_apart_have_different_ids():
-    near, far = square(0.45), square(0.45, x=1.0)
+    near = square(0.45)
+    far = square(0.45, x=1.0)
     _, parts = parts_of((near, "seat", True), (far, "seat", True))
     assert len(set(parts.surface[: len(near)].tolist())) == 1
     assert parts.surface[0] != parts.surface[-1]
@@ -45,7 +57,9 @@ def test_surfaces_of_one_class_that_are_apart_have_different_ids():
 
 def test_hidden_points_get_the_nearest_visible_class_and_raised_ones_are_not_floor():
     _, parts = parts_of(
-        (square(0.0), "floor", True), (square(0.45, x=0.4), "seat", True), (square(0.45), "floor", False)
+        (square(0.0), "floor", True),
+        (square(0.45, x=0.4), "seat", True),
+        (square(0.45), "floor", False),
     )
     assert parts.ground[:400].all()
     assert {NAMES[label] for label in parts.label[-400:].tolist()} == {"seat"}
@@ -71,12 +85,17 @@ def test_points_without_a_class_are_surfaces_by_their_connection():
     assert len(parts.surface.unique()) == 2
 
 
-FLOOR_PARTNER, SEAT_PARTNER = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
+FLOOR_PARTNER = ContactPartner("floor", "floor")
+SEAT_PARTNER = ContactPartner("scene", "seat", id=2)
 SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0}, {})
 
 
-def assigned(touched: list[int], scene: list[float], floor: list[float], point: list[int]) -> list[ContactPartner]:
-    """Partners of vertices that touch things, near a floor and a seat, skin of person 1, and object 4."""
+def assigned(
+    touched: list[int], scene: list[float], floor: list[float], point: list[int]
+) -> list[ContactPartner]:
+    """Partners of vertices that touch things, near a floor and a seat, skin of person 1, and object
+    4.
+    """
     _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
     count = len(touched)
     one = torch.ones(1, count, dtype=torch.int64)
@@ -98,22 +117,33 @@ def test_each_contact_vertex_has_its_partner():
         [far, far, 0.0, far, far, far, far, far, far],
         [0, 500, 0, 500, 500, 0, 0, 500, 0],
     )
-    floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=0)
-    skin = [ContactPartner("person", person=1, part="left_hand"), ContactPartner("self", part="left_hand")]
+    floor = ContactPartner("floor", "floor")
+    seat = ContactPartner("scene", "seat", id=0)
+    skin = [
+        ContactPartner("person", person=1, part="left_hand"),
+        ContactPartner("self", part="left_hand"),
+    ]
     hidden = [ContactPartner("hidden", "seat"), ContactPartner("hidden")]
     item_partner = ContactPartner("object", "object", id=4)
     assert found == [floor, seat, floor, *skin, *hidden, item_partner, ContactPartner("")]
 
 
-@pytest.mark.parametrize(("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")])
-def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label: str, facing: float, name: str):
+@pytest.mark.parametrize(
+    ("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")]
+)
+def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(
+    label: str, facing: float, name: str
+):
     _, parts = parts_of((square(0.45), label, True), normal=BACK)
-    far, touched = torch.full((1, 4), torch.inf), torch.zeros(1, 4, dtype=torch.int64)
+    far = torch.full((1, 4), torch.inf)
+    touched = torch.zeros(1, 4, dtype=torch.int64)
     skin = SkinDistances(far, touched, touched)
     surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])
     down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
     regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
-    table, _ = assign_partners(touched, Distances(down, surface, parts, skin, skin, None), regions, UP)
+    table, _ = assign_partners(
+        touched, Distances(down, surface, parts, skin, skin, None), regions, UP
+    )
     assert [partner.surface for partner in table] == [name]
 
 
@@ -136,13 +166,20 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
         BodyContact("left_foot", FLOOR_PARTNER, 0.5, 4),
     )
     assert [str(one) for one in contacts] == ["buttocks: seat, 0.80", "left foot: floor, 0.50"]
-    assert body_contacts(vertex_contacts(index, None, dent), table, regions, SAME_ODDS)[0].probability is None
+    assert (
+        body_contacts(vertex_contacts(index, None, dent), table, regions, SAME_ODDS)[0].probability
+        is None
+    )
 
 
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
     names = ("left_hand", "head", "left_upper_arm", "torso")
-    table = tuple(ContactPartner("self", part=name) for name in ("head", "left_hand", "torso", "left_upper_arm"))
-    index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)  # the last: the torso touches the head
+    table = tuple(
+        ContactPartner("self", part=name)
+        for name in ("head", "left_hand", "torso", "left_upper_arm")
+    )
+    # the last: the torso touches the head
+    index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)
     regions = ContactRegions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
     person = vertex_contacts(index, torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4))
     contacts = body_contacts(person, table, regions, SAME_ODDS)

@@ -1,4 +1,6 @@
-"""Contact of body parts with the scene: distances, and what the photo and the posture say beside them."""
+"""Contact of body parts with the scene: distances, and what the photo and the posture say beside
+them.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,11 @@ def touch(given):
 
 
 def raised(given, height: float):
-    return replace(given, plane=(given.plane[0], given.plane[1] + height), surfaces=over(given.surfaces, height))
+    return replace(
+        given,
+        plane=(given.plane[0], given.plane[1] + height),
+        surfaces=over(given.surfaces, height),
+    )
 
 
 def over(surfaces, height: float):
@@ -51,7 +57,8 @@ def test_each_outer_vertex_belongs_to_one_part(body):
 
 
 def test_parts_touch_less_the_farther_the_scene_is(person):
-    near, far = touch(person)[1], touch(raised(person, 0.1))[1]
+    near = touch(person)[1]
+    far = touch(raised(person, 0.1))[1]
     assert near["left_foot"] > far["left_foot"]
     assert near["seat"] == far["seat"]
 
@@ -63,14 +70,19 @@ def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
     sole = height < 0.01
     assert vertices[foot].max() <= parts["left_foot"]
     assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
-    assert vertices[foot][sole].mean() > vertices[foot][(height > 0.04) & (height < 0.06)].mean() + 0.2
+    assert (
+        vertices[foot][sole].mean() > vertices[foot][(height > 0.04) & (height < 0.06)].mean() + 0.2
+    )
     assert vertices[contact_parts(person.model)["left_hand"]].max() <= parts["left_hand"]
     assert vertices[~person.model.outer].max() == 0
 
 
 @pytest.mark.parametrize("part", ["left_foot", "right_hand", "seat"])
 def test_parts_with_their_own_depth_beside_them_touch_more(person, part):
-    near, far = (touch(replace(person, stance=replace(person.stance, beside=np.full((1, 5), b))))[1] for b in (0, 0.3))
+    near, far = (
+        touch(replace(person, stance=replace(person.stance, beside=np.full((1, 5), b))))[1]
+        for b in (0, 0.3)
+    )
     assert near[part] > far[part]
 
 
@@ -81,19 +93,31 @@ def test_without_a_stance_feet_are_those_of_an_average_person(person):
 def test_level_thighs_make_a_seat_likely_even_where_the_depth_has_lost_it(person):
     joints = person.joints.clone()
     for side in ("left", "right"):
-        hip, knee = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_knee"]
+        hip = JOINT_INDEX[f"{side}_hip"]
+        knee = JOINT_INDEX[f"{side}_knee"]
         joints[:, knee] = joints[:, hip] + torch.tensor([0.0, 0.0, 0.4])
-    upright, seated = touch(person)[1]["seat"], touch(replace(person, joints=joints))[1]["seat"]
+    upright = touch(person)[1]["seat"]
+    seated = touch(replace(person, joints=joints))[1]["seat"]
     assert upright < 0.15
     assert seated > 0.3
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):
-    """A person in the air who sits: the seat, which the picture shows, is hidden, and listed from one half on."""
-    bends = {f"{side}_{joint}": (sign * 1.6, 0, 0) for side in SIDES for joint, sign in (("hip", -1), ("knee", 1))}
+    """A person in the air who sits: the seat, which the picture shows, is hidden, and listed from
+    one half on.
+    """
+    bends = {
+        f"{side}_{joint}": (sign * 1.6, 0, 0)
+        for side in SIDES
+        for joint, sign in (("hip", -1), ("knee", 1))
+    }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     sits = replace(
-        alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), replace(Stance.unknown(1), beside=np.zeros((1, 5)))),
+        alone(
+            body,
+            (torch.tensor([0.0, -1.0, 0.0]), 3.0),
+            replace(Stance.unknown(1), beside=np.zeros((1, 5))),
+        ),
         vertices=stage.vertices,
         joints=stage.joints,
     )
@@ -107,14 +131,18 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
 def cut_at_the_knees(given):
     """The same person, of whom a picture shows nothing below the hips but hands."""
     observed = given.observed.clone()
-    observed[:, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]] = False
+    observed[
+        :, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]
+    ] = False
     legs = given.part("leg", "foot") | contact_parts(given.model)["seat"]
     return replace(given, observed=observed, in_mask=~legs[None])
 
 
 def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
-    cut, apart = cut_at_the_knees(person), cut_at_the_knees(raised(person, 0.1))
-    found, seen = touch(cut)[1], touch(person)[1]
+    cut = cut_at_the_knees(person)
+    apart = cut_at_the_knees(raised(person, 0.1))
+    found = touch(cut)[1]
+    seen = touch(person)[1]
     assert {name: found[name] for name in ("left_foot", "seat")} == {
         name: touch(apart)[1][name] for name in ("left_foot", "seat")
     }
@@ -127,13 +155,16 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
 
 
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
-    measured, cut = solve_contact(person, METHOD), solve_contact(cut_at_the_knees(person), METHOD)
+    measured = solve_contact(person, METHOD)
+    cut = solve_contact(cut_at_the_knees(person), METHOD)
     assert {one.part for one in measured.contacts[0]} >= {"left_foot", "right_foot"}
     assert not any(one.assumed for one in measured.contacts[0])
     feet = [one for one in cut.contacts[0] if one.part.endswith("foot")]
     assert len(feet) == 2
     assert all(one.assumed for one in feet)
-    assert [one.probability for one in feet] == pytest.approx([float(cut.parts["left_foot"][0])] * 2, abs=1e-4)
+    assert [one.probability for one in feet] == pytest.approx(
+        [float(cut.parts["left_foot"][0])] * 2, abs=1e-4
+    )
     vertices = cut.probability[0, contact_parts(person.model)["left_foot"]]
     assert vertices.max() <= cut.parts["left_foot"][0] + 0.02
     assert [bool(one.unseen["seat"][0]) for one in (measured, cut)] == [False, True]
@@ -142,5 +173,10 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
 def test_unseen_hands_hold_nothing(person):
     observed = person.observed.clone()
     observed[:, [JOINT_INDEX[f"{side}_wrist"] for side in SIDES]] = False
-    gone = replace(person, observed=observed, in_mask=torch.zeros_like(person.prior, dtype=torch.bool))
-    assert all(float(solve_contact(gone, METHOD).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY for side in SIDES)
+    gone = replace(
+        person, observed=observed, in_mask=torch.zeros_like(person.prior, dtype=torch.bool)
+    )
+    assert all(
+        float(solve_contact(gone, METHOD).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY
+        for side in SIDES
+    )

@@ -1,4 +1,6 @@
-"""The probability of contact: the fitted file, the logistic model, and the gap that vertices of a part share."""
+"""The probability of contact: the fitted file, the logistic model, and the gap that vertices of a
+part share.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.geometry.neighbors import NearestPointSearch
 
-LINEAR = ContactModel({"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {})
+LINEAR = ContactModel(
+    {"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {}
+)
 OWN_BODY = KINDS.index("own body")
 
 
@@ -28,18 +32,24 @@ def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside: 
     columns = {"own body": {"constant": torch.ones(1, 1), "outside": torch.full((1, 1), outside)}}
     found = LINEAR.probabilities(columns)
     assert found.shape == (len(KINDS), 1, 1)
-    assert float(found[OWN_BODY, 0, 0]) == pytest.approx(1 / (1 + math.exp(2 * outside - 1)), rel=1e-4)
+    assert float(found[OWN_BODY, 0, 0]) == pytest.approx(
+        1 / (1 + math.exp(2 * outside - 1)), rel=1e-4
+    )
     assert int(found.count_nonzero()) == 1
 
 
 def test_the_probability_of_a_part_follows_from_its_surest_vertices():
-    assert LINEAR.part_probability(torch.tensor([0.5]), on_skin=False) == pytest.approx(1 / (1 + math.exp(0.5)))
+    assert LINEAR.part_probability(torch.tensor([0.5]), on_skin=False) == pytest.approx(
+        1 / (1 + math.exp(0.5))
+    )
     assert 0.5 < LINEAR.part_probability(torch.ones(3), on_skin=False) < 1
 
 
 def test_skin_is_touched_less_often_in_photos_than_in_worlds():
     likely = torch.tensor([0.5])
-    assert LINEAR.part_probability(likely, on_skin=True) < LINEAR.part_probability(likely, on_skin=False)
+    assert LINEAR.part_probability(likely, on_skin=True) < LINEAR.part_probability(
+        likely, on_skin=False
+    )
 
 
 def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
@@ -53,7 +63,8 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
 def alone(body, plane=None, stance=None) -> ContactInput:
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
-    empty, none = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3)), torch.zeros(0, dtype=torch.int64)
+    empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
+    none = torch.zeros(0, dtype=torch.int64)
     return ContactInput(
         model=body,
         vertices=posed.vertices,
@@ -72,7 +83,9 @@ def test_up_is_that_of_an_upright_camera_without_a_floor(body):
 
 
 @pytest.mark.parametrize(("scene", "kind"), [(0.1, OWN_BODY), (0.9, -1)])
-def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypatch, scene: float, kind: int):
+def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(
+    body, monkeypatch, scene: float, kind: int
+):
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)
@@ -83,7 +96,9 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypa
     assert on_floor.any()
     likely = torch.full_like(near.surface.scene, scene), {}
     monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
-    monkeypatch.setattr("physic_core.engine.contact.method.scene_contact", lambda given, near: likely)
+    monkeypatch.setattr(
+        "physic_core.engine.contact.method.scene_contact", lambda given, near: likely
+    )
     monkeypatch.setattr("physic_core.engine.contact.method.contact_parts", lambda body: {})
     assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
 
@@ -100,7 +115,11 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
     )
     found = solve_contact(given, replace(engine_preset("default").contact, skin_threshold=0.0))
     thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
-    touched = {found.partners[number].kind for number in found.partner[:, thighs].unique().tolist() if number >= 0}
+    touched = {
+        found.partners[number].kind
+        for number in found.partner[:, thighs].unique().tolist()
+        if number >= 0
+    }
     assert "person" in touched
     for support in found.supports:
         on_people = {one.part for one in support.contacts if one.partner.kind == "person"}

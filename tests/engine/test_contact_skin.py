@@ -9,7 +9,8 @@ from physic_core.engine.contact.skin import own_distances, people_distances
 from physic_core.geometry.mesh import vertex_normals
 
 RADIUS_M = 0.15
-FRONT, BACK = torch.tensor([0.0, 0.0, -1.0]), torch.tensor([0.0, 0.0, 1.0])
+FRONT = torch.tensor([0.0, 0.0, -1.0])
+BACK = torch.tensor([0.0, 0.0, 1.0])
 
 
 def sheet(depth: float, normal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -42,17 +43,22 @@ def test_people_whose_vertices_are_not_finite_touch_no_other_person():
     points, normals = sheet(0.0, FRONT)
     bodies = torch.stack([points, torch.full_like(points, torch.nan)])
     outer = torch.ones(len(points), dtype=torch.bool)
-    assert torch.isinf(people_distances(bodies, normals.expand_as(bodies), outer, RADIUS_M).distance).all()
+    assert torch.isinf(
+        people_distances(bodies, normals.expand_as(bodies), outer, RADIUS_M).distance
+    ).all()
 
 
 def own(rest_gap: float, part: int) -> torch.Tensor:
     """Distances of two sheets of one body, 3 cm apart, and ``rest_gap`` in the rest pose."""
     (a, along_a), (b, along_b) = sheet(0.0, BACK), sheet(0.03, FRONT)
-    vertices, rest = torch.cat([a, b]), torch.cat([a, b + torch.tensor([0.0, 0.0, rest_gap])])
+    vertices = torch.cat([a, b])
+    rest = torch.cat([a, b + torch.tensor([0.0, 0.0, rest_gap])])
     parts = torch.tensor([0] * 400 + [part] * 400)
     outer = torch.ones(800, dtype=torch.bool)
     outer[0] = False
-    return own_distances(vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest, RADIUS_M).distance[0]
+    return own_distances(
+        vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest, RADIUS_M
+    ).distance[0]
 
 
 def test_outer_vertices_have_a_distance_to_other_parts_of_the_own_body():
@@ -72,7 +78,14 @@ def test_a_hand_on_the_thigh_touches_the_leg_and_a_rest_pose_touches_nothing(bod
     rest = body(*body.zero_pose(1)).vertices
     posed = make_stage([(bends, (0.0, 0.0, 3.0))]).vertices
     at_rest, touching = (
-        own_distances(one, vertex_normals(one, body.faces), body.outer, body.part_of_vertex, rest[0].to(one), 0.08)
+        own_distances(
+            one,
+            vertex_normals(one, body.faces),
+            body.outer,
+            body.part_of_vertex,
+            rest[0].to(one),
+            0.08,
+        )
         for one in (rest, posed)
     )
     assert (at_rest.distance > 0.02).all()

@@ -19,7 +19,9 @@ def test_only_named_classes_give_way():
     label = torch.arange(-1, len(SURFACE_NAMES))
     none = torch.zeros(len(label), dtype=torch.int64)
     near = SurfaceDistances(
-        torch.zeros(1, len(label)), torch.full((1, len(label)), torch.inf), torch.arange(len(label))[None]
+        torch.zeros(1, len(label)),
+        torch.full((1, len(label)), torch.inf),
+        torch.arange(len(label))[None],
     )
     give = largest_dents(near, SceneParts(SURFACE_NAMES, label, none, none.bool()))[0]
     assert set(GIVE_M) < set(SURFACE_NAMES)
@@ -33,7 +35,9 @@ def dent(height: float, give: float) -> float:
 
 
 @given(st.floats(-0.14, 0.14), st.sampled_from([0.02, 0.08]))
-def test_a_dent_is_as_deep_as_the_vertex_and_no_deeper_than_the_surface_allows(height: float, give: float):
+def test_a_dent_is_as_deep_as_the_vertex_and_no_deeper_than_the_surface_allows(
+    height: float, give: float
+):
     assert dent(height, give) == pytest.approx(min(max(-height, 0.0), give))
 
 

@@ -1,4 +1,6 @@
-"""The engine on another device than the CPU: what runs at every step touches that device alone, and CUDA agrees."""
+"""The engine on another device than the CPU: what runs at every step touches that device alone, and
+CUDA agrees.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,11 @@ import torch
 from torch.overrides import TorchFunctionMode
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, surface_distances
+from physic_core.engine.contact.distance import (
+    ContactSurfaces,
+    distance_along_normal,
+    surface_distances,
+)
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block, total_energy
 from physic_core.engine.joint.solve import optimize
@@ -21,13 +27,18 @@ from physic_core.geometry.neighbors import NearestPointSearch
 from .adjusted import adjusted, in_float64, with_options
 
 DEFAULT = engine_preset("default").joint
-HERE = {"default": DEFAULT, "points": with_options(engine_preset("prox").joint, nearest_every_step=False)}
+HERE = {
+    "default": DEFAULT,
+    "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
+}
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
 
 @pytest.fixture(scope="module")
 def two(make_stage):
-    return make_stage([({}, (-0.3, 0.0, 3.5)), ({}, (0.3, 0.0, 3.9))], boxes=[((0.5, 0.7, 3.0), (1.0, 1.3, 4.0))])
+    return make_stage(
+        [({}, (-0.3, 0.0, 3.5)), ({}, (0.3, 0.0, 3.9))], boxes=[((0.5, 0.7, 3.0), (1.0, 1.3, 4.0))]
+    )
 
 
 def relocated(thing, device, memo):
@@ -35,14 +46,18 @@ def relocated(thing, device, memo):
     if id(thing) in memo:
         return memo[id(thing)][0]
     if isinstance(thing, torch.Tensor):
-        new = torch.empty(thing.shape, dtype=thing.dtype, device=device, requires_grad=thing.requires_grad)
+        new = torch.empty(
+            thing.shape, dtype=thing.dtype, device=device, requires_grad=thing.requires_grad
+        )
     elif isinstance(thing, dict):
         new = {key: relocated(value, device, memo) for key, value in thing.items()}
     elif isinstance(thing, tuple) and hasattr(thing, "_fields"):
         new = type(thing)(*(relocated(value, device, memo) for value in thing))
     elif isinstance(thing, (list, tuple)):
         new = type(thing)(relocated(value, device, memo) for value in thing)
-    elif type(thing).__module__.startswith(("physic_core", "physic_paper")) and hasattr(thing, "__dict__"):
+    elif type(thing).__module__.startswith(("physic_core", "physic_paper")) and hasattr(
+        thing, "__dict__"
+    ):
         new = copy.copy(thing)
         for name, value in vars(thing).items():
             object.__setattr__(new, name, relocated(value, device, memo))
@@ -61,14 +76,27 @@ def test_an_evaluation_stays_on_one_device(two, name):
     found = there()
     assert set(found) == set(expected)
     assert all(value.device.type == "meta" for value in found.values())
-    gradients = torch.autograd.grad(total_energy(found), there.state.parameters(), allow_unused=True)
+    gradients = torch.autograd.grad(
+        total_energy(found), there.state.parameters(), allow_unused=True
+    )
     assert all(g.device.type == "meta" for g in gradients if g is not None)
 
 
 class HostReads(TorchFunctionMode):
     """Counts the reads of tensors that make the processor wait for another device."""
 
-    READS = ("tolist", "item", "numpy", "cpu", "__array__", "__bool__", "__float__", "__int__", "__index__", "nonzero")
+    READS = (
+        "tolist",
+        "item",
+        "numpy",
+        "cpu",
+        "__array__",
+        "__bool__",
+        "__float__",
+        "__int__",
+        "__index__",
+        "nonzero",
+    )
 
     def __init__(self):
         super().__init__()
@@ -102,10 +130,13 @@ def test_cuda_has_the_cpus_energy(two, name):
     here, there = (JointEnergy(as_double(two.problem, d), settings) for d in ("cpu", "cuda"))
     for energy in (here, there):
         packed = energy.state.pack()
-        noise = torch.randn(len(packed), generator=torch.Generator().manual_seed(0), dtype=packed.dtype)
+        noise = torch.randn(
+            len(packed), generator=torch.Generator().manual_seed(0), dtype=packed.dtype
+        )
         energy.state.load(packed + 0.01 * noise.to(packed))
         energy.refresh()
-    mine, theirs = here(), there()
+    mine = here()
+    theirs = there()
     for term, value in mine.items():
         torch.testing.assert_close(theirs[term].cpu(), value, rtol=1e-6, atol=1e-8)
 
@@ -113,7 +144,10 @@ def test_cuda_has_the_cpus_energy(two, name):
 @needs_cuda
 def test_cuda_ends_where_the_cpu_does(two):
     problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
-    here, there = (optimize(as_double(problem, d), adjusted(DEFAULT, optimiser__steps=30)) for d in ("cpu", "cuda"))
+    here, there = (
+        optimize(as_double(problem, d), adjusted(DEFAULT, optimiser__steps=30))
+        for d in ("cpu", "cuda")
+    )
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
     assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
 
@@ -136,12 +170,16 @@ def test_cuda_gives_the_places_and_distances_of_the_cpu(two):
                 transl=problem.transl0 + shift,
                 outer=model.outer,
             ),
-            PeopleObservations(problem.keypoints, problem.keypoint_confidence, nothing, problem.masks),
+            PeopleObservations(
+                problem.keypoints, problem.keypoint_confidence, nothing, problem.masks
+            ),
             problem.K,
         )
         scene = NearestPointSearch(problem.scene_points, problem.scene_normals)
         plane = (problem.floor_normal, problem.floor_offset)
-        surfaces = ContactSurfaces(scene, torch.arange(len(problem.scene_points), device=device), plane)
+        surfaces = ContactSurfaces(
+            scene, torch.arange(len(problem.scene_points), device=device), plane
+        )
         distance = surface_distances(body.vertices, surfaces, distance_along_normal).nearest
         assert placed.transl.device.type == distance.device.type == device
         answers.append((placed.transl.cpu(), distance.cpu()))

@@ -39,13 +39,19 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
     outer = area[:, body.outer].sum()
     torch.testing.assert_close(thinned.sum(), outer)
     for part in range(len(body.part_names)):
-        rows, whole = body.part_of_vertex[ids] == part, (body.part_of_vertex == part) & body.outer
+        rows = body.part_of_vertex[ids] == part
+        whole = (body.part_of_vertex == part) & body.outer
         torch.testing.assert_close(thinned[:, rows].sum(), area[:, whole].sum(), rtol=1e-4, atol=0)
 
 
 def test_thinning_changes_the_energy_little(standing):
-    problem = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0]))
-    thin, full = (JointEnergy(problem, adjusted(SETTINGS, visibility__vertex_spacing_m=s))() for s in (0.02, 0.0))
+    problem = replace(
+        standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0])
+    )
+    thin, full = (
+        JointEnergy(problem, adjusted(SETTINGS, visibility__vertex_spacing_m=s))()
+        for s in (0.02, 0.0)
+    )
     for name in ("contact", "floor", "soles"):
         assert thin[name].item() == pytest.approx(full[name].item(), rel=0.05), name
 
@@ -53,7 +59,11 @@ def test_thinning_changes_the_energy_little(standing):
 def test_a_segment_is_observed_when_its_end_is(body):
     observed = torch.ones(1, 55, dtype=torch.bool)
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
-    unseen = [n for n, o in zip(body.part_names, observed_parts(body.part_names, observed)[0], strict=True) if not o]
+    unseen = [
+        n
+        for n, o in zip(body.part_names, observed_parts(body.part_names, observed)[0], strict=True)
+        if not o
+    ]
     assert sorted(unseen) == ["left_foot", "left_lower_leg", "right_hand", "right_lower_arm"]
     nothing = observed_parts(body.part_names, torch.zeros(1, 55, dtype=torch.bool))
     assert not nothing.any()
@@ -78,15 +88,22 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     keypoints[0, 1, 0] = torch.nan
     confidence = standing.problem.keypoint_confidence.clone()
     confidence[0, 2] = 0.2
-    energy = JointEnergy(replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS)
+    energy = JointEnergy(
+        replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS
+    )
     weight = energy.context.keypoints.weight[0]
     assert weight[:4].tolist() == pytest.approx([0, 0, 0, 1])
 
 
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
-    occlusion, vertices = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context), standing.vertices
+    occlusion = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context)
+    vertices = standing.vertices
     first = occlusion(vertices)[0].clone()
-    rough = vertices + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0)) - 0.005
+    rough = (
+        vertices
+        + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0))
+        - 0.005
+    )
     fresh = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context)(rough)[0]
     assert not torch.equal(fresh, first)
     assert torch.equal(occlusion(rough)[0], first)
@@ -109,13 +126,14 @@ def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
 
 
 def test_a_thinned_cloud_stands_for_the_whole(standing):
-    whole, thinned = (
-        HumanPoints.from_problem(standing.problem, most=0),
-        HumanPoints.from_problem(standing.problem, most=2000),
-    )
+    whole = HumanPoints.from_problem(standing.problem, most=0)
+    thinned = HumanPoints.from_problem(standing.problem, most=2000)
     assert len(thinned.points[0]) <= 2000 < len(whole.points[0])
-    vertices, facing = standing.vertices[:, ::7], torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
-    few, all_points = (c(vertices + 0.1, facing, torch.tensor(0.0)).item() for c in (thinned, whole))
+    vertices = standing.vertices[:, ::7]
+    facing = torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
+    few, all_points = (
+        c(vertices + 0.1, facing, torch.tensor(0.0)).item() for c in (thinned, whole)
+    )
     assert few == pytest.approx(all_points, rel=0.1)
 
 

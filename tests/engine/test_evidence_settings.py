@@ -1,4 +1,6 @@
-"""Settings that change what counts as evidence: whose mask, which keypoints, which contacts, how each is weighed."""
+"""Settings that change what counts as evidence: whose mask, which keypoints, which contacts, how
+each is weighed.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_ke
 
 from .adjusted import adjusted, term_of
 
-JOINT, PAPER, RELEASE, PROX = (engine_preset(name).joint for name in ("default", "paper", "release", "prox"))
+JOINT, PAPER, RELEASE, PROX = (
+    engine_preset(name).joint for name in ("default", "paper", "release", "prox")
+)
 
 
 @pytest.fixture(scope="module")
@@ -47,18 +51,29 @@ def test_confidence_counts_by_its_power(standing):
     once, twice = (confident_keypoints(problem, power=power).weight for power in (1.0, 2.0))
     torch.testing.assert_close(twice, 0.6 * once)
     assert torch.equal(JointEnergy(problem, PROX).context.keypoints.weight, twice)
-    plain, halved = (replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5}))
-    full, half = (confident_keypoints(replace(problem, skeleton=skeleton)).weight for skeleton in (plain, halved))
-    torch.testing.assert_close(half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names]))
+    plain, halved = (
+        replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5})
+    )
+    full, half = (
+        confident_keypoints(replace(problem, skeleton=skeleton)).weight
+        for skeleton in (plain, halved)
+    )
+    torch.testing.assert_close(
+        half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names])
+    )
 
 
 def test_the_union_of_masks_makes_hidden_people_visible(behind):
-    own, union = (JointEnergy(behind.problem, joint).snapshot.visibility for joint in (PAPER, RELEASE))
+    own, union = (
+        JointEnergy(behind.problem, joint).snapshot.visibility for joint in (PAPER, RELEASE)
+    )
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 
 
 def test_contact_vertices_may_penetrate_in_the_released_code_alone(make_stage):
-    stage = make_stage([({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.0, 3.0), (0.5, 1.3, 4.0))], stands_at=1.02)
+    stage = make_stage(
+        [({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.0, 3.0), (0.5, 1.3, 4.0))], stands_at=1.02
+    )
     spared, plain = (JointEnergy(stage.problem, joint) for joint in (RELEASE, PAPER))
     contact = plain.context.is_contact
     assert (plain.weights["penetration"][contact] > 0).any()
@@ -82,14 +97,19 @@ def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing
     energy = JointEnergy(off, PROX)
     assert term_of(energy, ReprojectionByAxisTerm)
     robust = partial(robust_loss, "geman_mcclure", c=100.0)
-    want = sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0)) * energy.context.keypoints.weight
+    want = (
+        sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0))
+        * energy.context.keypoints.weight
+    )
     assert energy()["reprojection"].item() == pytest.approx(float(want.sum()), rel=1e-3)
 
 
 @pytest.mark.parametrize("preset", ["release", "prox"])
 def test_other_energies_than_ours_go_down(standing, preset):
     joint = engine_preset(preset).joint
-    start = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
+    start = replace(
+        standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, -0.05, 0.1])
+    )
     result = optimize(start, adjusted(joint, optimiser__steps=24, optimiser__refresh_steps=8))
     begin, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.7 * begin

@@ -1,4 +1,6 @@
-"""A person whose evidence is broken loses themself at most: the others end where they would have ended alone."""
+"""A person whose evidence is broken loses themself at most: the others end where they would have
+ended alone.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,14 @@ from physic_core.engine.joint.state import PARAMETER_GROUPS
 from .adjusted import adjusted
 
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
-DEFAULT = adjusted(engine_preset("default").joint, optimiser__steps=30, optimiser__refresh_steps=15, frozen=("scale",))
-NAN, INF = float("nan"), float("inf")
+DEFAULT = adjusted(
+    engine_preset("default").joint,
+    optimiser__steps=30,
+    optimiser__refresh_steps=15,
+    frozen=("scale",),
+)
+NAN = float("nan")
+INF = float("inf")
 
 
 @pytest.fixture(scope="module")

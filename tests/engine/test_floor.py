@@ -1,4 +1,6 @@
-"""The floor search: found under noise, furniture and people-shaped holes; not found where there is none."""
+"""The floor search: found under noise, furniture and people-shaped holes; not found where there is
+none.
+"""
 
 from __future__ import annotations
 
@@ -16,26 +18,39 @@ from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
 
-ROWS, COLUMNS = 180, 240
-RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)))
+ROWS = 180
+COLUMNS = 240
+RAYS = pixel_rays(
+    ROWS,
+    COLUMNS,
+    intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)),
+)
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 NONE = torch.zeros_like(ALL)
 PERSON = NONE.clone()
 PERSON[60:165, 100:130] = True
 
 
-def fit_floor(points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Any) -> FloorSearch:
+def fit_floor(
+    points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Any
+) -> FloorSearch:
     return engine_floor.find_floor(points, valid, FloorEvidence(**evidence), normals)
 
 
 def noise(seed: int = 0) -> Tensor:
-    return torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+    return torch.randn(
+        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
+    )
 
 
 def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
-    """Normal of a level floor, seen by a camera that looks down by ``pitch_deg`` and is rolled by ``roll_deg``."""
-    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
-    side, down = math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)
+    """Normal of a level floor, seen by a camera that looks down by ``pitch_deg`` and is rolled by
+    ``roll_deg``.
+    """
+    pitch = math.radians(pitch_deg)
+    roll = math.radians(roll_deg)
+    side = math.sin(roll) * math.cos(pitch)
+    down = math.cos(roll) * math.cos(pitch)
     return torch.tensor([side, -down, -math.sin(pitch)], dtype=torch.float64)
 
 
@@ -50,8 +65,13 @@ def room(normal: Tensor, camera_height: float = 1.5, wall: float = 6.0) -> tuple
     floor = meet(normal, camera_height)
     depth = torch.minimum(floor, torch.full_like(floor, wall))
     on_floor = floor <= wall
-    for rows, columns, z in ((slice(60, 120), slice(10, 50), 3.5), (slice(80, 140), slice(180, 230), 2.5)):
-        depth[rows, columns] = torch.minimum(depth[rows, columns], torch.tensor(z, dtype=torch.float64))
+    for rows, columns, z in (
+        (slice(60, 120), slice(10, 50), 3.5),
+        (slice(80, 140), slice(180, 230), 2.5),
+    ):
+        depth[rows, columns] = torch.minimum(
+            depth[rows, columns], torch.tensor(z, dtype=torch.float64)
+        )
         on_floor[rows, columns] &= floor[rows, columns] <= depth[rows, columns]
     return depth, on_floor
 
@@ -63,7 +83,9 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 @pytest.mark.parametrize("pitch", [5.0, 15.0, 35.0])
 @pytest.mark.parametrize("roll", [0.0, -12.0])
 @pytest.mark.parametrize("masked", [False, True])
-def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch: float, roll: float, masked: bool) -> None:
+def test_the_floor_of_a_furnished_room_is_found_under_noise(
+    pitch: float, roll: float, masked: bool
+) -> None:
     normal = up(pitch, roll)
     depth, on_floor = room(normal)
     points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
@@ -90,7 +112,9 @@ def test_the_resolution_does_not_matter(factor: int) -> None:
 def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
     normal = up(12)
     depth, _ = room(normal)
-    filled = torch.where(PERSON, torch.minimum(depth, torch.tensor(3.0, dtype=torch.float64)), depth)
+    filled = torch.where(
+        PERSON, torch.minimum(depth, torch.tensor(3.0, dtype=torch.float64)), depth
+    )
     plane = fit_floor(RAYS * filled[..., None], ALL, hole=PERSON).plane
     assert angle_deg(plane.normal, normal) < 0.3
     assert plane.offset == pytest.approx(1.5, abs=0.02)
@@ -111,12 +135,16 @@ def test_feet_keep_the_horizon_and_set_the_height() -> None:
     normal = up(12)
     seen = meet(normal, 1.8).clamp(max=20)
     near_feet = (slice(120, 160), slice(90, 140))
-    seen[near_feet] = meet(normal, 1.5)[near_feet]  # the ground that the people stand on lies nearer
+    # the ground that the people stand on lies nearer
+    seen[near_feet] = meet(normal, 1.5)[near_feet]
     feet = torch.tensor([[110.0, 140.0], [120.0, 142.0]])
     plain = fit_floor(RAYS * seen[..., None], ALL).plane
     moved = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
     assert (plain.offset, plain.reanchored) == (pytest.approx(1.8, abs=0.02), 1.0)
-    assert (moved.offset, moved.reanchored) == (pytest.approx(1.5, abs=0.02), pytest.approx(1.2, abs=0.01))
+    assert (moved.offset, moved.reanchored) == (
+        pytest.approx(1.5, abs=0.02),
+        pytest.approx(1.2, abs=0.01),
+    )
     assert torch.equal(plain.normal, moved.normal)
 
 
@@ -135,7 +163,8 @@ def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
 def test_a_floor_that_furniture_mostly_hides_is_found() -> None:
     normal = up(20)
     depth = meet(normal, 1.5).clamp(max=8)
-    boxes = 1.0 + 0.3 * ((torch.arange(COLUMNS) // 12) % 5)  # a row of cupboards, no two at one depth
+    # a row of cupboards, no two at one depth
+    boxes = 1.0 + 0.3 * ((torch.arange(COLUMNS) // 12) % 5)
     crowded = torch.minimum(depth, boxes.double().expand(ROWS, COLUMNS))
     crowded[:, 90:150] = depth[:, 90:150]
     points = RAYS * crowded[..., None]
@@ -146,7 +175,8 @@ def test_a_floor_that_furniture_mostly_hides_is_found() -> None:
 
 def test_a_mask_on_a_table_is_not_followed() -> None:
     normal = up(25)
-    table, floor = meet(normal, 0.7), meet(normal, 1.5).clamp(max=12)
+    table = meet(normal, 0.7)
+    floor = meet(normal, 1.5).clamp(max=12)
     on_table = NONE.clone()
     on_table[95:140, 60:180] = True
     points = RAYS * torch.where(on_table, table, floor)[..., None]
@@ -172,9 +202,14 @@ def test_points_at_infinity_and_wrong_validity_change_nothing() -> None:
     assert not plane.inliers[0].any()
 
 
-def walled(normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0) -> tuple[Tensor, Tensor]:
-    """Depth (H, W) of a floor between two upright walls that stand square to each other, and where the floor is."""
-    askew, floor = math.radians(askew_deg), meet(normal, camera_height)
+def walled(
+    normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0
+) -> tuple[Tensor, Tensor]:
+    """Depth (H, W) of a floor between two upright walls that stand square to each other, and where
+    the floor is.
+    """
+    askew = math.radians(askew_deg)
+    floor = meet(normal, camera_height)
     ahead = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
     ahead = torch.nn.functional.normalize(ahead - (ahead @ normal) * normal, dim=0)
     right = torch.linalg.cross(ahead, normal)
@@ -188,7 +223,8 @@ def walled(normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0) 
 def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills: bool) -> None:
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
-    on_floor, counter = depth < 20, NONE.clone()
+    on_floor = depth < 20
+    counter = NONE.clone()
     counter[100:, :110] = True
     depth[counter] *= 0.6
     mask = on_floor & ~counter
@@ -214,18 +250,24 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
     plain = fit_floor(points, ALL, mask=mask).plane
     moved = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
     assert (plain.offset, plain.reanchored) == (pytest.approx(1.5, abs=0.01), 1.0)
-    assert (moved.offset, moved.reanchored) == (pytest.approx(1.35, abs=0.01), pytest.approx(1 / 0.9, abs=0.005))
+    assert (moved.offset, moved.reanchored) == (
+        pytest.approx(1.35, abs=0.01),
+        pytest.approx(1 / 0.9, abs=0.005),
+    )
     assert moved.source == "floor mask"
     assert torch.equal(plain.normal, moved.normal)
 
 
-def test_the_floor_is_looked_at_within_a_window_round_the_feet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_floor_is_looked_at_within_a_window_round_the_feet(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     mask = depth < 20
     mask[100:, 90:150] = False  # 30 pixels to either side of the foot
     depth[100:, 60:180] *= 0.95
-    points, feet = RAYS * depth[..., None], torch.tensor([[120.0, 145.0]])
+    points = RAYS * depth[..., None]
+    feet = torch.tensor([[120.0, 145.0]])
     near = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
     monkeypatch.setattr(floor, "FEET_WINDOW", 0.2)
     wide = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
@@ -252,8 +294,12 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) ->
     assert float((on_floor & ~on_table)[72:].double().mean()) < 0.4
 
 
-@pytest.mark.parametrize(("pitch", "roll", "masked"), [(55, 0, True), (50, -15, True), (55, 5, False)])
-def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch: float, roll: float, masked: bool) -> None:
+@pytest.mark.parametrize(
+    ("pitch", "roll", "masked"), [(55, 0, True), (50, -15, True), (55, 5, False)]
+)
+def test_a_camera_that_looks_down_steeply_sees_the_floor(
+    pitch: float, roll: float, masked: bool
+) -> None:
     """The up direction is first looked for round the camera's own, and finds the walls' there."""
     depth, on_floor = walled(up(pitch, roll), 3.0)
     points = RAYS * (depth + 0.004 * depth * noise())[..., None]
@@ -263,7 +309,9 @@ def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch: float, roll: flo
 
 
 def two_levels() -> tuple[Tensor, Tensor]:
-    """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below, and the sand."""
+    """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below,
+    and the sand.
+    """
     normal = up(12)
     sand = NONE.clone()
     sand[:, 160:] = True
@@ -272,7 +320,9 @@ def two_levels() -> tuple[Tensor, Tensor]:
 
 
 def beside(column: int, stands: float = 0.85) -> GroundAtSoles:
-    rows, columns = torch.meshgrid(torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij")
+    rows, columns = torch.meshgrid(
+        torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij"
+    )
     return GroundAtSoles(rows.flatten(), columns.flatten(), stands)
 
 
@@ -288,7 +338,9 @@ def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label() -> 
 def test_ground_beside_people_who_do_not_stand_moves_no_floor() -> None:
     points, sand = two_levels()
     labels = {"no_ground": sand}
-    found = fit_floor(points, ALL, **labels, soles=(beside(165, stands=0.05), beside(195, stands=0.05)))
+    found = fit_floor(
+        points, ALL, **labels, soles=(beside(165, stands=0.05), beside(195, stands=0.05))
+    )
     assert found.plane.offset == pytest.approx(1.9, abs=0.05)
 
 

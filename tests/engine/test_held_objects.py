@@ -11,13 +11,15 @@ from physic_core.pipeline.backend_results import select_held_objects
 from physic_core.types import Keypoints, People
 
 K = torch.tensor([[200.0, 0.0, 60.0], [0.0, 200.0, 50.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
-RADIUS, AWAY = 0.15, 2.0
+RADIUS = 0.15
+AWAY = 2.0
 
 
 def ball() -> tuple[torch.Tensor, torch.Tensor]:
     """Mask (1, H, W) and depth (H, W) of a ball on the optical axis, in front of a wall."""
     row, column = torch.meshgrid(torch.arange(100.0), torch.arange(120.0), indexing="ij")
-    x, y = ((column - 60) / 200).double(), ((row - 50) / 200).double()
+    x = ((column - 60) / 200).double()
+    y = ((row - 50) / 200).double()
     along = 1 + x.square() + y.square()
     root = AWAY**2 - along * (AWAY**2 - RADIUS**2)
     depth = torch.where(root > 0, (AWAY - root.clamp(min=0).sqrt()) / along, 4.0)
@@ -34,7 +36,13 @@ def distances(points: list[list[float]], ratio: float = 1.0) -> list[float]:
 
 def test_the_hidden_side_of_an_object_is_as_far_behind_as_the_object_is_wide():
     front, side, back, inside, far = distances(
-        [[0, 0, AWAY - 0.2], [0.2, 0, AWAY], [0, 0, AWAY + 0.2], [0, 0, AWAY + 0.1], [0, 0, AWAY - 0.4]]
+        [
+            [0, 0, AWAY - 0.2],
+            [0.2, 0, AWAY],
+            [0, 0, AWAY + 0.2],
+            [0, 0, AWAY + 0.1],
+            [0, 0, AWAY - 0.4],
+        ]
     )
     assert [front, side, back] == pytest.approx([0.05] * 3, abs=0.015)
     assert inside == pytest.approx(-0.05, abs=0.015)
@@ -51,7 +59,9 @@ def test_a_vertex_in_the_first_column_of_the_picture_can_be_inside_an_object():
     mask, depth = ball()
     camera = K.clone()
     camera[0, 2] = 0.0
-    right_half = HeldObjects(mask[..., 60:], depth[:, 60:], torch.ones(1, dtype=torch.float64), camera)
+    right_half = HeldObjects(
+        mask[..., 60:], depth[:, 60:], torch.ones(1, dtype=torch.float64), camera
+    )
     vertices = torch.tensor([[[0, 0, AWAY - 0.12]]], dtype=torch.float64)
     assert float(object_distances(vertices, right_half, 0.15).distance) < 0
 

@@ -14,20 +14,30 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.placement import method, terms
-from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
+from physic_core.engine.placement.place import (
+    PeopleObservations,
+    PlacedBodies,
+    Placement,
+    place_bodies,
+)
 from physic_core.engine.placement.solve import (
     PhotoPoints,
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
 )
-from physic_core.engine.placement.terms import PlacementProblem, closed_form_translation, gauss_newton
+from physic_core.engine.placement.terms import (
+    PlacementProblem,
+    closed_form_translation,
+    gauss_newton,
+)
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers, translation
 from physic_paper.placement import PaperPlacement
 
-DEFAULT, PAPER = engine_preset("default").placement, engine_preset("paper").placement
+DEFAULT = engine_preset("default").placement
+PAPER = engine_preset("paper").placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
 UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 
@@ -35,7 +45,8 @@ UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 def sphere(count: int = 2500) -> Tensor:
     """(count, 3) points spread evenly over the unit sphere."""
     k = torch.arange(count, dtype=torch.float64) + 0.5
-    polar, turn = torch.acos(1 - 2 * k / count), math.pi * (1 + math.sqrt(5)) * k
+    polar = torch.acos(1 - 2 * k / count)
+    turn = math.pi * (1 + math.sqrt(5)) * k
     return torch.stack((polar.sin() * turn.cos(), polar.cos(), polar.sin() * turn.sin()), -1)
 
 
@@ -52,18 +63,24 @@ FLOOR = {"floor": (UP, 0.45 + 0.85), "soles": SOLES}
 class Picture:
     """Two ellipsoids seen by a camera of a given width."""
 
-    def __init__(self, columns: int = 320, farther: float = 1.0, settings: method.PlacementMethod = DEFAULT) -> None:
+    def __init__(
+        self, columns: int = 320, farther: float = 1.0, settings: method.PlacementMethod = DEFAULT
+    ) -> None:
         rows = columns * 3 // 4
         focal = 0.8 * columns
         self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
         rays = pixel_rays(rows, columns, self.K)
-        masks, self.points = [], []
+        masks = []
+        self.points = []
         for centre in TRUE:
-            a, b = ((rays / AXES) ** 2).sum(-1), -(rays / AXES * (centre / AXES)).sum(-1)
+            a = ((rays / AXES) ** 2).sum(-1)
+            b = -(rays / AXES * (centre / AXES)).sum(-1)
             inside = b**2 - a * (((centre / AXES) ** 2).sum() - 1)
             masks.append(inside > 0)
             near = (-b - inside.clamp(min=0).sqrt()) / a
-            self.points.append(human_points(rays * (near * farther)[..., None], inside > 0, inside > 0, settings))
+            self.points.append(
+                human_points(rays * (near * farther)[..., None], inside > 0, inside > 0, settings)
+            )
         self.masks = torch.stack(masks)
         self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
         self.confidence = torch.ones(2, 17, dtype=torch.float64)
@@ -110,7 +127,9 @@ def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed: int) -> None:
-    """The best fit to half of the keypoints and to points off by thousands of pixels is a body without a size."""
+    """The best fit to half of the keypoints and to points off by thousands of pixels is a body
+    without a size.
+    """
     draws = torch.Generator().manual_seed(seed)
     picture = Picture()
     picture.keypoints[1, :9] += 3000 * torch.randn(9, 2, generator=draws, dtype=torch.float64)
@@ -126,17 +145,27 @@ def test_the_papers_solver_finds_the_place_too() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) -> None:
-    """Points that lie elsewhere than the keypoints say, from starts that are far off and from starts that fit."""
+    """Points that lie elsewhere than the keypoints say, from starts that are far off and from
+    starts that fit.
+    """
     draws = torch.Generator().manual_seed(seed)
     picture = Picture(160, farther=(0.75, 1.3)[seed % 2], settings=PAPER)
-    picture.keypoints += 0.7 * torch.randn(picture.keypoints.shape, generator=draws, dtype=torch.float64)
+    picture.keypoints += 0.7 * torch.randn(
+        picture.keypoints.shape, generator=draws, dtype=torch.float64
+    )
     spread = torch.tensor([[0.2], [0.002]], dtype=torch.float64)
     came = TRUE + spread * torch.randn(TRUE.shape, generator=draws, dtype=torch.float64)
-    start = {"transl": came, "vertices": VERTICES + came[:, None], "landmarks": LANDMARKS + came[:, None]}
+    start = {
+        "transl": came,
+        "vertices": VERTICES + came[:, None],
+        "landmarks": LANDMARKS + came[:, None],
+    }
 
     def misses(transl: Tensor) -> Tensor:
         """(2, 2) px of each person: root mean square and median."""
-        off = (project(LANDMARKS + transl[:, None], picture.K) - picture.keypoints) / torch.tensor([4.0, 3.0])
+        off = (project(LANDMARKS + transl[:, None], picture.K) - picture.keypoints) / torch.tensor(
+            [4.0, 3.0]
+        )
         distance = torch.linalg.vector_norm(off, dim=-1)
         px = torch.linalg.vector_norm(off * torch.tensor([4.0, 3.0]), dim=-1)
         return torch.stack((distance.square().mean(-1).sqrt(), px.median(-1).values), -1)
@@ -180,16 +209,25 @@ def test_a_person_that_fails_does_not_change_the_other(settings: method.Placemen
     placed = picture.place(settings, vertices=broken)
     assert torch.equal(placed.transl[1], good)
     assert torch.equal(placed.transl[0], START[0])
-    assert placed.diagnostics[0]["problem"] == "the body has non-finite vertices: its translation was not changed"
+    assert (
+        placed.diagnostics[0]["problem"]
+        == "the body has non-finite vertices: its translation was not changed"
+    )
     assert placed.diagnostics[1]["problem"] is None
 
 
-def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_union_of_masks_and_the_released_reprojection_place_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     released = engine_preset("release").placement
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
     near = TRUE + torch.tensor([0.05, -0.05, 0.15])
-    start = {"transl": near, "vertices": VERTICES + near[:, None], "landmarks": LANDMARKS + near[:, None]}
+    start = {
+        "transl": near,
+        "vertices": VERTICES + near[:, None],
+        "landmarks": LANDMARKS + near[:, None],
+    }
     placed = picture.place(released, **start)
     with monkeypatch.context() as patch:
         patch.setattr(translation, "_LINE_SEARCH", None)
@@ -199,7 +237,10 @@ def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch:
     union = [d["facing_vertices"] for d in placed.diagnostics]
     for i in (0, 1):
         only = picture.masks & (torch.arange(2) == i)[:, None, None]
-        assert picture.place(released, masks=only, **start).diagnostics[i]["facing_vertices"] <= union[i]
+        assert (
+            picture.place(released, masks=only, **start).diagnostics[i]["facing_vertices"]
+            <= union[i]
+        )
 
 
 def test_few_keypoints_leave_it_to_the_points() -> None:
@@ -207,8 +248,12 @@ def test_few_keypoints_leave_it_to_the_points() -> None:
     picture.confidence[0, 2:] = 0.1
     picture.keypoints[0, 5] = math.nan
     near = TRUE + torch.tensor([0.02, 0.0, 0.1])
-    placed = picture.place(transl=near, vertices=VERTICES + near[:, None], landmarks=LANDMARKS + near[:, None])
-    assert placed.diagnostics[0]["problem"].startswith("2 keypoints have confidence 0.3 or more, but 3 are needed")
+    placed = picture.place(
+        transl=near, vertices=VERTICES + near[:, None], landmarks=LANDMARKS + near[:, None]
+    )
+    assert placed.diagnostics[0]["problem"].startswith(
+        "2 keypoints have confidence 0.3 or more, but 3 are needed"
+    )
     assert error_cm(placed)[0] < 2
     assert error_cm(placed)[1] < 0.1
 
@@ -218,7 +263,9 @@ def test_few_points_leave_it_to_the_keypoints() -> None:
     picture.points[0] = picture.points[0][:10]
     placed = picture.place()
     facing = placed.diagnostics[0]["facing_vertices"]
-    problem = f"10 points and {facing} camera-facing vertices of the person, but 50 of each are needed"
+    problem = (
+        f"10 points and {facing} camera-facing vertices of the person, but 50 of each are needed"
+    )
     assert placed.diagnostics[0]["problem"].startswith(problem)
     assert error_cm(placed).max() < 0.1
 
@@ -265,7 +312,9 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
         ahead = x.clone()
         ahead[axis] += step
         for now, then in zip(term.residuals(x), term.residuals(ahead), strict=True):
-            torch.testing.assert_close((then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5)
+            torch.testing.assert_close(
+                (then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5
+            )
 
 
 def test_closed_form_is_exact_for_exact_keypoints() -> None:
@@ -275,7 +324,9 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
     assert found[3] == 0
 
 
-def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(terms, "ITERATIONS", 1)
     person = subject()
     term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
@@ -283,7 +334,8 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypa
     def energy(x: Tensor) -> float:
         return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
 
-    values, x = [], torch.zeros(4, dtype=torch.float64)
+    values = []
+    x = torch.zeros(4, dtype=torch.float64)
     for _ in range(5):
         values.append(energy(x))
         x = gauss_newton([term], x, (0, 2))
@@ -291,11 +343,14 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypa
     assert (x[1], x[3]) == (0.0, 0.0)
 
 
-ROWS, COLUMNS = 90, 120
+ROWS = 90
+COLUMNS = 120
 RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(100.0, 100.0, 59.5, 44.5, TRUE[0, 0]))
 PERSON = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
 PERSON[20:80, 45:75] = True
-BACKGROUND = torch.minimum(1.5 / RAYS[..., 1].clamp(min=0.05), torch.tensor(6.0, dtype=torch.float64))
+BACKGROUND = torch.minimum(
+    1.5 / RAYS[..., 1].clamp(min=0.05), torch.tensor(6.0, dtype=torch.float64)
+)
 EVERYWHERE = torch.ones_like(PERSON)
 
 
@@ -314,13 +369,16 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
     placed = move_photo_points_to_scene(relative, found, None)
-    torch.testing.assert_close(placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64))
+    torch.testing.assert_close(
+        placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64)
+    )
 
 
 def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -> None:
     scene = BACKGROUND.clone()
     photo = torch.where(PERSON, 4.2, scene)
-    photo = torch.where(photo > 5, photo * 1.3, photo)  # the far wall, most of the picture, came out farther
+    # the far wall, most of the picture, came out farther
+    photo = torch.where(photo > 5, photo * 1.3, photo)
     assert float((photo > 5).double().mean()) > 0.5
 
     def scale(settings: method.PlacementMethod) -> float:
@@ -351,18 +409,24 @@ def test_without_a_common_background_no_person_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
     found = align(scene, scene, people=EVERYWHERE)
     assert found.inlier_share == 0
-    assert len(human_points(move_photo_points_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
+    assert (
+        len(human_points(move_photo_points_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
+    )
 
 
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[20:80, 45] = 3.0  # mixed pixels inside the mask
-    points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000))
+    points = human_points(
+        RAYS * depth[..., None], EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000)
+    )
     assert points[:, 2].unique().tolist() == [2.0]
     assert len(points) > 0.85 * int(PERSON.sum())
 
 
-def test_a_speck_of_background_in_the_mask_is_no_human_point(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_speck_of_background_in_the_mask_is_no_human_point(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[50:52, 60:62] = 5.0
     monkeypatch.setattr(outliers, "KNN_SHARE", 0.1)

@@ -1,4 +1,6 @@
-"""The joint optimisation puts people where they belong, on floors and seats, out of surfaces, and lets be the rest."""
+"""The joint optimisation puts people where they belong, on floors and seats, out of surfaces, and
+lets be the rest.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,13 @@ SITTING = {
 
 
 def moved(problem, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
-    """The problem with its people shifted by metres, and every joint turned at random by so many radians."""
+    """The problem with its people shifted by metres, and every joint turned at random by so many
+    radians.
+    """
     noise = turn * torch.randn(len(problem), 54, 3, generator=torch.Generator().manual_seed(seed))
-    rotations = torch.cat([problem.rotations0[:, :1], problem.rotations0[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1)
+    rotations = torch.cat(
+        [problem.rotations0[:, :1], problem.rotations0[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1
+    )
     return replace(problem, transl0=problem.transl0 + torch.tensor(by), rotations0=rotations)
 
 
@@ -56,7 +62,8 @@ def lowest_sole_m(result, problem):
     """Height of the lower sole over the floor."""
     height = problem.floor_offset * result.scene_scale - result.vertices[..., 1]
     return min(
-        float(lowest_height(height[:, problem.model.contact_sets[f"{side}_sole"]])) for side in ("left", "right")
+        float(lowest_height(height[:, problem.model.contact_sets[f"{side}_sole"]]))
+        for side in ("left", "right")
     )
 
 
@@ -133,7 +140,9 @@ def test_a_foot_in_the_air_stays_there(make_stage):
 
 
 def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
-    stage = make_stage([({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
+    stage = make_stage(
+        [({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12
+    )
     result = optimize(stage.problem, SETTINGS)
     assert error_mm(result, stage) < 15
 
@@ -149,25 +158,34 @@ def hide_legs(problem):
 def are_on_legs(energy):
     """(V,) whether each vertex of the energy is on a leg."""
     model = energy.problem.model
-    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
+    legs = torch.tensor(
+        [name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names]
+    )
     return legs[model.part_of_vertex[energy.context.ids]]
 
 
 def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
-    """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
+    """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull
+    or push.
+    """
     problem = standing.problem
     observed = hide_legs(problem)
     cut = replace(problem, observed=observed, floor_offset=0.9)
     energy = JointEnergy(cut, SETTINGS)
     on_legs = are_on_legs(energy)
-    for weight in (energy.weights["contact"], energy.weights["floor"], energy.weights["penetration"]):
+    for weight in (
+        energy.weights["contact"],
+        energy.weights["floor"],
+        energy.weights["penetration"],
+    ):
         assert (weight[0, on_legs] == 0).all()
     assert (energy.weights["soles"] == 0).all()
     for unseen_weight in (0.4, 0.0):
         monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", unseen_weight)
         result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
-    assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
+    # knees, ankles, heels, toes
+    assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()
 
 
 def test_unseen_feet_just_under_the_floor_are_lifted_and_the_scale_stays(standing):
@@ -228,7 +246,8 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
         scene_points=problem.scene_points.repeat(4, 1),
         scene_normals=problem.scene_normals.repeat(4, 1),
     )
-    coarse_terms, fine_terms = JointEnergy(problem, SETTINGS)(), JointEnergy(fine, SETTINGS)()
+    coarse_terms = JointEnergy(problem, SETTINGS)()
+    fine_terms = JointEnergy(fine, SETTINGS)()
     for name, value in coarse_terms.items():
         assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
 
@@ -237,21 +256,31 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
     "settings",
     [
         *(engine_preset(name).joint for name in ("default", "paper", "release", "prox")),
-        adjusted(engine_preset("paper").joint, reprojection__reduction="mean", regularisation__visible_weight=0.0),
+        adjusted(
+            engine_preset("paper").joint,
+            reprojection__reduction="mean",
+            regularisation__visible_weight=0.0,
+        ),
         STATIC,
     ],
     ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
 )
 def test_gradient_of_the_whole_energy(make_stage, settings):
-    """Along random directions, against differences, in float64, with people, box, floor and depth all in play."""
-    stage = make_stage([({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
+    """Along random directions, against differences, in float64, with people, box, floor and depth
+    all in play.
+    """
+    stage = make_stage(
+        [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
+    )
     problem = in_float64(moved(stage.problem, by=(0.01, 0.02, 0.05), turn=0.05))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
     energy = JointEnergy(problem, with_options(settings, nearest_every_step=False))
     here = energy.state.pack()
     generator = torch.Generator().manual_seed(0)
     size = 1e-3 if isinstance(energy.state, UnwhitenedState) else 0.05
-    energy.state.load(here + size * torch.randn(len(here), generator=generator, dtype=torch.float64))
+    energy.state.load(
+        here + size * torch.randn(len(here), generator=generator, dtype=torch.float64)
+    )
     here = energy.state.pack()
     terms = energy()
     parameters = energy.state.parameters()
@@ -259,13 +288,20 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     for name, value in terms.items():
         if not value.requires_grad:
             continue  # the scale of a scene that keeps its scale
-        gradients = torch.autograd.grad(value.sum(), parameters, allow_unused=True, retain_graph=True)
+        gradients = torch.autograd.grad(
+            value.sum(), parameters, allow_unused=True, retain_graph=True
+        )
         slopes[name] = torch.cat(
-            [(torch.zeros_like(p) if g is None else g).reshape(-1) for g, p in zip(gradients, parameters, strict=True)]
+            [
+                (torch.zeros_like(p) if g is None else g).reshape(-1)
+                for g, p in zip(gradients, parameters, strict=True)
+            ]
         )
     if isinstance(settings, PaperOptimisation):
         del slopes["depth"]  # its nearest neighbours are found at every evaluation
-    way = torch.nn.functional.normalize(torch.randn(len(here), generator=generator, dtype=torch.float64), dim=0)
+    way = torch.nn.functional.normalize(
+        torch.randn(len(here), generator=generator, dtype=torch.float64), dim=0
+    )
     ends = []
     for step in (1e-6, -1e-6):
         energy.state.load(here + step * way)
@@ -310,11 +346,16 @@ def test_shapes_that_do_not_fit_are_all_named(standing):
     ("preset", "message"),
     [
         ("default", "the depth term compares pixels, but human_depth is missing: give it, or set"),
-        ("paper", "the depth term compares point clouds, but there are neither human_points nor human_depth: give one"),
+        (
+            "paper",
+            "the depth term compares point clouds, but there are neither human_points nor "
+            "human_depth: give one",
+        ),
     ],
 )
 def test_depth_without_its_data_is_refused(standing, preset, message):
-    problem, joint = replace(standing.problem, human_depth=None), engine_preset(preset).joint
+    problem = replace(standing.problem, human_depth=None)
+    joint = engine_preset(preset).joint
     with pytest.raises(PhysicError, match=message):
         optimize(problem, joint)
     optimize(problem, adjusted(joint.without("depth"), optimiser__steps=2))
@@ -329,7 +370,8 @@ def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
     one = JointEnergy(replace(problem, foot_touch=IN_AIR), SETTINGS)
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
-    alone, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
+    alone = one()["soles"].tolist()
+    of_all = everybody()["soles"].tolist()
     assert alone[0] == 0
     assert alone[1] == of_all[1]
 
@@ -345,13 +387,17 @@ def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two)
     result = optimize(replace(farther, foot_touch=IN_AIR), tied)
     assert result.depth_offset[0] == 0.0
     assert result.depth_offset[1] < -0.05
-    assert "offset" not in JointEnergy(replace(farther, foot_touch=torch.zeros_like(IN_AIR)), tied).state.free
+    assert (
+        "offset"
+        not in JointEnergy(replace(farther, foot_touch=torch.zeros_like(IN_AIR)), tied).state.free
+    )
 
 
 def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_ones(make_stage):
     stage = make_stage([({}, (-0.6, 0.0, 3.3)), ({}, (0.6, 0.0, 3.5)), ({}, (0.2, 0.0, 6.5))])
     problem = stage.problem
-    # The body of the small one is as large as the others', and so 1.5 times as far as the floor at these feet.
+    # The body of the small one is as large as the others', and so 1.5 times as far as the floor at
+    # these feet.
     feet = torch.stack([problem.transl0[2, 0], torch.tensor(FLOOR_Y), problem.transl0[2, 2]])
     transl = problem.transl0.clone()
     transl[2] += 0.5 * feet

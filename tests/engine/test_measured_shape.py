@@ -1,4 +1,6 @@
-"""A measured depth gives a relative point map its shape where it is known, and its trend elsewhere."""
+"""A measured depth gives a relative point map its shape where it is known, and its trend
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,16 @@ RAMP = np.linspace(1, 1.1, 160)[None]
 
 
 def pointmap(depth: np.ndarray, unknown: str = "inverse_scale_shift") -> Pointmap:
-    rays = np.stack([(COLUMNS - CAMERA.cx) / CAMERA.fx, (ROWS - CAMERA.cy) / CAMERA.fy, np.ones((120, 160))], -1)
-    return Pointmap(np.float32(rays * depth[..., None]), np.ones((120, 160), bool), unknown, CAMERA, shift_sigma=0.1)
+    rays = np.stack(
+        [(COLUMNS - CAMERA.cx) / CAMERA.fx, (ROWS - CAMERA.cy) / CAMERA.fy, np.ones((120, 160))], -1
+    )
+    return Pointmap(
+        np.float32(rays * depth[..., None]),
+        np.ones((120, 160), bool),
+        unknown,
+        CAMERA,
+        shift_sigma=0.1,
+    )
 
 
 def measured(depth: np.ndarray) -> DepthMap:
@@ -38,7 +48,10 @@ def test_the_shape_is_that_of_the_measured_depth(unknown: str) -> None:
 def test_steps_of_a_coarse_sensor_are_smoothed() -> None:
     coarse = WALL[ROWS // 2 * 2, COLUMNS // 2 * 2]
     found = with_measured_shape(pointmap(WALL / 3), measured(coarse), CAMERA)
-    assert np.abs(np.diff(found.points[..., 2], 2, axis=0)).max() < 0.5 * np.abs(np.diff(coarse, 2, axis=0)).max()
+    assert (
+        np.abs(np.diff(found.points[..., 2], 2, axis=0)).max()
+        < 0.5 * np.abs(np.diff(coarse, 2, axis=0)).max()
+    )
 
 
 def test_the_trend_continues_where_the_depth_is_unknown() -> None:
@@ -60,7 +73,8 @@ def test_a_depth_shows_people_or_the_scene_behind_them() -> None:
     masks = np.zeros((1, 120, 160), bool)
     masks[0, 30:100, 60:90] = True
     with_person = np.where(masks[0], 2.0, WALL + 1)
-    photo, scene = pointmap(with_person * np.where(masks[0], 1.1, 1)), pointmap(WALL + 1)
+    photo = pointmap(with_person * np.where(masks[0], 1.1, 1))
+    scene = pointmap(WALL + 1)
     assert shows_people(measured(with_person), photo, scene, masks)
     assert not shows_people(measured(WALL + 1), photo, scene, masks)
 

@@ -1,4 +1,6 @@
-"""Minimising: known minima are reached, no end is worse than its start, and no step goes where there are no numbers."""
+"""Minimising: known minima are reached, no end is worse than its start, and no step goes where
+there are no numbers.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ def test_the_optimiser_reaches_a_known_minimum(settings, within):
 
 def two_loops(pairs, gradient):
     """L-BFGS as textbooks write it (Nocedal and Wright, algorithm 7.4)."""
-    q, alphas = gradient.clone(), []
+    q = gradient.clone()
+    alphas = []
     for s, y in reversed(pairs):
         alphas.append((s @ q) / (s @ y))
         q = q - alphas[-1] * y
@@ -64,21 +67,27 @@ def two_loops(pairs, gradient):
 
 
 def directions_of(hessians, count, generator, groups=None, coupled=None):
-    """Add steps of a quadratic energy to a history: the direction, the pairs of the whole, and a gradient.
+    """Add steps of a quadratic energy to a history: the direction, the pairs of the whole, and a
+    gradient.
 
     Args:
         hessians: (B, D + 1, D + 1) of each person and the scale.
         coupled: (B * D + 1, B * D + 1) Hessian of what people share beside the scale, or None.
     """
-    people, size = len(hessians), hessians.shape[1] - 1
-    history, pairs = LbfgsHistory(groups), []
+    people = len(hessians)
+    size = hessians.shape[1] - 1
+    history = LbfgsHistory(groups)
+    pairs = []
 
     def random_step():
-        return torch.randn(people, size, generator=generator).double(), torch.randn((), generator=generator).double()
+        return torch.randn(people, size, generator=generator).double(), torch.randn(
+            (), generator=generator
+        ).double()
 
     def gradient_at(x, t):
         g = torch.einsum("bij,bj->bi", hessians, torch.cat([x, t.expand(people, 1)], 1))
-        found, shares = g[:, :-1], g[:, -1]
+        found = g[:, :-1]
+        shares = g[:, -1]
         if coupled is not None:
             found = found + (coupled @ x.reshape(-1)).view_as(x)
         return Gradient(found, shares)
@@ -90,7 +99,10 @@ def directions_of(hessians, count, generator, groups=None, coupled=None):
         change = gradient_at(x, t)
         history.add(x, t, zero, change)
         pairs.append(
-            (torch.cat([x.reshape(-1), t[None]]), torch.cat([change.people.reshape(-1), change.scale.sum()[None]]))
+            (
+                torch.cat([x.reshape(-1), t[None]]),
+                torch.cat([change.people.reshape(-1), change.scale.sum()[None]]),
+            )
         )
     return history, pairs, gradient_at(*random_step())
 
@@ -112,14 +124,18 @@ def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
         random_hessians(people, 30, g), count, g, torch.zeros(people, dtype=torch.int64)
     )
     want = two_loops(pairs[-40:], flat(gradient.people, gradient.scale.sum()))
-    torch.testing.assert_close(flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item())
+    torch.testing.assert_close(
+        flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item()
+    )
 
 
 @pytest.mark.parametrize("groups", [None, torch.tensor([0, 1, 1, 3])])
 def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history(groups):
     g = torch.Generator().manual_seed(0)
-    people, size = 4, 3
-    hessians, coupled = random_hessians(people, size, g), None
+    people = 4
+    size = 3
+    hessians = random_hessians(people, size, g)
+    coupled = None
     if groups is not None:
         link = torch.randn(2 * size, 2 * size, generator=g).double()
         coupled = torch.zeros(people * size, people * size).double()
@@ -136,7 +152,10 @@ def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history
     g = torch.Generator().manual_seed(0)
     of_all = torch.zeros(people, dtype=torch.int64)
     pooled, _, _ = directions_of(random_hessians(people, size, g), 12, g, of_all, coupled)
-    alike = [torch.cosine_similarity(step, newton, 0) for step in (found, flat(*pooled.direction(gradient)))]
+    alike = [
+        torch.cosine_similarity(step, newton, 0)
+        for step in (found, flat(*pooled.direction(gradient)))
+    ]
     assert alike[0] > 0.9 > alike[1]
 
 
@@ -165,7 +184,8 @@ def test_the_optimiser_stops_when_its_steps_hardly_lower_the_energy():
     progress: list[float] = []
     trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy, progress.append)
     assert trace.steps <= 40
-    # Progress is progress after each block and at the end; the last block changed nothing to look at.
+    # Progress is progress after each block and at the end; the last block changed nothing to look
+    # at.
     assert energy.refreshes == len(progress) - 2
 
 

@@ -52,9 +52,12 @@ def test_the_energy_falls_and_all_people_move(start):
 def test_stage_three_moves_in_a_world():
     world = build_world("sit_on_chair", seed=3, size=(128, 96))
     noise = [f"{name}.options.noise=1" for name in INTERFACES]
-    config = load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false", *noise])
+    config = load_config(
+        preset="mock", overrides=["engine.preset=paper", "run.cache=false", *noise]
+    )
     diagnostics = reconstruct(world.image, config).diagnostics
-    losses, scale = diagnostics["joint"]["losses"], diagnostics["joint"]["scene_scale"]
+    losses = diagnostics["joint"]["losses"]
+    scale = diagnostics["joint"]["scene_scale"]
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
     assert after < before
     assert abs(scale - 1) > 1e-4
@@ -70,9 +73,13 @@ def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
         posed = start.model(start.rotations0, start.betas0, start.transl0, start.expression0)
         seen = project(start.model.landmarks(posed, start.skeleton), start.K)
         height, width = start.masks.shape[-2:]
-        inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(-1)
+        inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(
+            -1
+        )
         weight = inside * start.keypoint_confidence * (start.keypoint_confidence >= 0.5)
-        weight = weight * torch.tensor([start.skeleton.weights.get(name, 1.0) for name in start.skeleton.names])
+        weight = weight * torch.tensor(
+            [start.skeleton.weights.get(name, 1.0) for name in start.skeleton.names]
+        )
         if reduction == "mean":
             weight = weight / weight.sum(-1, keepdim=True)
         off = ((seen - start.keypoints) / torch.tensor([width, height])).square().sum(-1)
@@ -83,7 +90,9 @@ def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
 @pytest.mark.parametrize("visible", [0.0, 1.0])
 def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visible):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
-    energy = JointEnergy(floor_grid(stage.problem), adjusted(PAPER, regularisation__visible_weight=visible))
+    energy = JointEnergy(
+        floor_grid(stage.problem), adjusted(PAPER, regularisation__visible_weight=visible)
+    )
     weight = energy.weights["regularisation"]
     hidden = energy.snapshot.visibility.hidden | ~energy.snapshot.visibility.eligible
     assert 0.2 < hidden.float().mean() < 0.95
@@ -93,7 +102,8 @@ def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visi
 
 def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
     energy = JointEnergy(start, PAPER)
-    facing, hidden = energy.snapshot.visibility.facing, energy.snapshot.visibility.hidden
+    facing = energy.snapshot.visibility.facing
+    hidden = energy.snapshot.visibility.hidden
     with torch.no_grad():
         energy.state.values["translation"][:, 0] += 0.3
     energy.refresh()
@@ -113,10 +123,14 @@ def test_contact_outside_the_picture_counts(make_stage):
 def test_penetration_looks_as_far_as_a_metre(make_stage):
     """A wall 40 cm before the person, of whom all is shown: they are inside of it, as printed."""
     stage = make_stage([({}, (0.0, 0.0, 3.5))])
-    v, u = torch.meshgrid(torch.linspace(-1.2, 1.2, 60), torch.linspace(-1.2, 1.2, 60), indexing="ij")
+    v, u = torch.meshgrid(
+        torch.linspace(-1.2, 1.2, 60), torch.linspace(-1.2, 1.2, 60), indexing="ij"
+    )
     wall = torch.stack([u, v, torch.full_like(u, 3.1)], -1).reshape(-1, 3)
     normals = torch.tensor([0.0, 0.0, -1.0]).expand_as(wall)
-    problem = replace(floor_grid(stage.problem), scene_points=wall, scene_normals=normals, floor_normal=None)
+    problem = replace(
+        floor_grid(stage.problem), scene_points=wall, scene_normals=normals, floor_normal=None
+    )
     with torch.no_grad():
         far, near = (
             JointEnergy(problem, adjusted(PAPER, penetration__max_depth_m=reach))()["penetration"]

@@ -11,7 +11,12 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.people import PeopleTerm, connected_groups, find_people_pairs, select_probes
+from physic_core.engine.joint.terms.people import (
+    PeopleTerm,
+    connected_groups,
+    find_people_pairs,
+    select_probes,
+)
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.robust import geman_mcclure, pseudo_huber
 
@@ -28,7 +33,9 @@ def add_people(energy):
 
 
 def beside(make_stage, x: float, z: float):
-    """Two people, 2 x metres beside and z metres behind each other, of whom the photo shows nothing."""
+    """Two people, 2 x metres beside and z metres behind each other, of whom the photo shows
+    nothing.
+    """
     stage = make_stage([({}, (-x, 0.0, 3.0)), ({}, (x, 0.0, 3.0 + z))])
     return replace(stage, problem=without_photo(stage.problem))
 
@@ -40,8 +47,11 @@ def crossing(make_stage):
 
 
 def pair_energy(distance, apart, touch):
-    """Energy of pairs by their distance: slack 5 mm, sigma 2 cm, outliers beyond 2 sigmas inside and 1.5 outside."""
-    inside, gap = torch.relu(-distance - 0.005) / 0.02, torch.relu(distance) / 0.02
+    """Energy of pairs by their distance: slack 5 mm, sigma 2 cm, outliers beyond 2 sigmas inside
+    and 1.5 outside.
+    """
+    inside = torch.relu(-distance - 0.005) / 0.02
+    gap = torch.relu(distance) / 0.02
     return apart * pseudo_huber(inside.square(), 2.0) + touch * geman_mcclure(gap.square(), 1.5)
 
 
@@ -70,12 +80,15 @@ def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
     def term(vertices):
         return people(SimpleNamespace(vertices=vertices))["people"]
 
-    found, expected = term(vertices), reference(vertices)
+    found = term(vertices)
+    expected = reference(vertices)
     assert people.touch.weight.gt(0).any()
     torch.testing.assert_close(found, expected)
     weight = torch.tensor([0.7, 1.3])
     torch.testing.assert_close(
-        *(torch.autograd.grad((weight * value).sum(), vertices)[0] for value in (found, expected)), rtol=1e-4, atol=1e-4
+        *(torch.autograd.grad((weight * value).sum(), vertices)[0] for value in (found, expected)),
+        rtol=1e-4,
+        atol=1e-4,
     )
 
 
@@ -86,7 +99,8 @@ def test_pairs_are_those_of_an_exhaustive_search(crossing):
         for probe, row in enumerate(probes.rows.tolist()):
             distance = (vertices[j] - vertices[i, row]).norm(dim=-1)
             nearest = int(distance.argmin())
-            offset, normal = vertices[i, row] - vertices[j, nearest], normals[j, nearest]
+            offset = vertices[i, row] - vertices[j, nearest]
+            normal = normals[j, nearest]
             along = float(offset @ normal)
             beside = float((offset - along * normal).norm())
             near = distance[nearest] < REACH_M and beside < max(0.02, 0.5 * abs(along))
@@ -98,7 +112,12 @@ def test_pairs_are_those_of_an_exhaustive_search(crossing):
 
 
 def settings(inside: float, contact: float):
-    return adjusted(DEFAULT, depth__weight=0.0, penetration__people_weight=inside, contact__people_weight=contact)
+    return adjusted(
+        DEFAULT,
+        depth__weight=0.0,
+        penetration__people_weight=inside,
+        contact__people_weight=contact,
+    )
 
 
 def distances(stage, result) -> torch.Tensor:
@@ -123,7 +142,9 @@ def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(cross
 
     pairs, context = touching()
     model = crossing.problem.model
-    parts = {model.part_names[part] for part in model.part_of_vertex[context.ids[pairs.row]].tolist()}
+    parts = {
+        model.part_names[part] for part in model.part_of_vertex[context.ids[pairs.row]].tolist()
+    }
     assert parts
     assert parts <= {"left_hand", "right_hand"}
     assert pairs.distance.max() < 0.04

@@ -1,4 +1,6 @@
-"""Stage 2 alone: people are found again in a room with a known floor, and a wrong floor is dropped."""
+"""Stage 2 alone: people are found again in a room with a known floor, and a wrong floor is
+dropped.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,20 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.placement.place import ObservedPeople
-from physic_core.engine.placement.solve import EstimatedBodies, PhotoPoints, PlacementInput, solve_placement
+from physic_core.engine.placement.solve import (
+    EstimatedBodies,
+    PhotoPoints,
+    PlacementInput,
+    solve_placement,
+)
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes.evidence import ScaleEvidence
-from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
+from physic_core.engine.sizes.known_sizes import (
+    KnownDistances,
+    KnownGeometry,
+    KnownScene,
+    scale_scene,
+)
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit
@@ -26,7 +38,9 @@ WALL_M = 8.0
 
 @pytest.fixture(scope="module")
 def given(make_stage):
-    """A person who stands in a room, estimated 40 cm too far away, and a photo with an unknown scale."""
+    """A person who stands in a room, estimated 40 cm too far away, and a photo with an unknown
+    scale.
+    """
     problem = make_stage([({}, (0.3, 0.0, 3.0))]).problem
     rays = pixel_rays(*problem.masks.shape[-2:], problem.K)
     on_floor = problem.floor_offset / rays[..., 1]
@@ -46,13 +60,24 @@ def given(make_stage):
     return PlacementInput(
         scene=scene,
         photo=PhotoPoints(
-            0.5 * rays * photo[..., None], torch.ones_like(is_floor), "scale", people=problem.masks.any(0)
+            0.5 * rays * photo[..., None],
+            torch.ones_like(is_floor),
+            "scale",
+            people=problem.masks.any(0),
         ),
         bodies=EstimatedBodies(
-            problem.model, problem.rotations0, problem.betas0, problem.expression0, problem.transl0 + AWAY
+            problem.model,
+            problem.rotations0,
+            problem.betas0,
+            problem.expression0,
+            problem.transl0 + AWAY,
         ),
         detections=ObservedPeople(
-            problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
+            problem.skeleton,
+            problem.keypoints,
+            problem.keypoint_confidence,
+            problem.observed,
+            problem.masks,
         ),
     )
 

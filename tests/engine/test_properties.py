@@ -27,17 +27,23 @@ def test_height_and_signed_distance_agree_on_a_plane(seed, offset):
     normal = torch.nn.functional.normalize(draw(seed, 3), dim=0)
     vertices = draw(seed + 1, 2, 6, 3)
     on_plane = draw(seed + 2, 2, 6, 3)
-    on_plane = on_plane - (height_over_plane(on_plane, normal, torch.tensor(offset)))[..., None] * normal
+    on_plane = (
+        on_plane - (height_over_plane(on_plane, normal, torch.tensor(offset)))[..., None] * normal
+    )
     height = height_over_plane(vertices, normal, torch.tensor(offset))
-    torch.testing.assert_close(signed_distance(vertices, on_plane, normal.expand_as(vertices)), height)
+    torch.testing.assert_close(
+        signed_distance(vertices, on_plane, normal.expand_as(vertices)), height
+    )
 
 
 @few
 @given(SEEDS)
 def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
-    vertices, pelvis = draw(seed, 2, 6, 3), draw(seed + 1, 2, 3)
+    vertices = draw(seed, 2, 6, 3)
+    pelvis = draw(seed + 1, 2, 3)
     root = roma.rotvec_to_rotmat(3 * draw(seed + 2, 2, 3))
-    turn, move = roma.rotvec_to_rotmat(3 * draw(seed + 3, 3)), draw(seed + 4, 3)
+    turn = roma.rotvec_to_rotmat(3 * draw(seed + 3, 3))
+    move = draw(seed + 4, 3)
     here = root_relative(vertices, pelvis, root)
     there = root_relative(vertices @ turn.T + move, pelvis @ turn.T + move, turn @ root)
     torch.testing.assert_close(here, there)

@@ -16,7 +16,8 @@ from physic_paper.released.pointmap import published_floor_grid, published_norma
 from physic_paper.released.reprojection import released_keypoint_weights
 from physic_paper.released.visibility import visible_part_shares
 
-RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
+RELEASE = engine_preset("release")
+PAPER = engine_preset("paper")
 
 
 def released(problem, **changed):
@@ -34,7 +35,10 @@ def weights(skeleton, confidence, points=None):
     mask[0, 40:60, 90:110] = True
     inside = torch.full((1, len(confidence), 2), 50.0) + torch.tensor([50.0, 0.0])
     return released_keypoint_weights(
-        skeleton_named(skeleton), inside if points is None else points, torch.tensor([confidence]), mask
+        skeleton_named(skeleton),
+        inside if points is None else points,
+        torch.tensor([confidence]),
+        mask,
     )[0].tolist()
 
 
@@ -57,7 +61,7 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
 def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
     names = SKELETONS[skeleton].names
-    left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or
+    left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or  # noqa: E501
             n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip
     assert len(left) == (21 if skeleton == "coco_wholebody133" else 20)
     confidence = [0.9] * len(names)
@@ -70,11 +74,17 @@ def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
 
 @pytest.mark.parametrize("preset", ["paper", "release"])
 def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
-    problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0]))
-    sure, less = (
-        replace(problem, contact_probability=share * problem.contact_probability.clamp(max=1.0)) for share in (1.0, 0.6)
+    problem = released(
+        standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0])
     )
-    values = [float(JointEnergy(p, engine_preset(preset).joint)()["contact"].detach()) for p in (sure, less)]
+    sure, less = (
+        replace(problem, contact_probability=share * problem.contact_probability.clamp(max=1.0))
+        for share in (1.0, 0.6)
+    )
+    values = [
+        float(JointEnergy(p, engine_preset(preset).joint)()["contact"].detach())
+        for p in (sure, less)
+    ]
     assert values[0] > 0
     assert values[0] == values[1]
 
@@ -82,22 +92,30 @@ def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: 
 def test_a_part_is_seen_where_rays_meet_it_first() -> None:
     """A square of four vertices before another of the same outline, and one vertex beside both."""
     square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    near, far = 0.6 * square + torch.tensor([0.0, 0, 2]), 0.4 * square + torch.tensor([0.0, 0, 4])
+    near = 0.6 * square + torch.tensor([0.0, 0, 2])
+    far = 0.4 * square + torch.tensor([0.0, 0, 4])
     beside = torch.tensor([[3.0, 0, 4]])
     vertices = torch.cat([near, far, beside])
     faces = torch.tensor([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6], [4, 5, 8]])
     part = torch.tensor([0, 0, 0, 0, 1, 1, 1, 1, 1])
     shares = visible_part_shares(vertices, faces, part, [0, 1, 2])
     assert float(shares[2]) == 1.0
-    assert float(shares[1]) <= 0.2  # the four behind are hidden; the one beside is on the silhouette
+    # the four behind are hidden; the one beside is on the silhouette
+    assert float(shares[1]) <= 0.2
 
 
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
-    problem = released(standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3))
-    over = torch.tensor([[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]])
+    problem = released(
+        standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3)
+    )
+    over = torch.tensor(
+        [[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]]
+    )
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
         method = engine_preset(preset).contact
-        distance = surface_distances(over, method.surfaces(problem, over, 1.0), method.measure).nearest
+        distance = surface_distances(
+            over, method.surfaces(problem, over, 1.0), method.measure
+        ).nearest
         assert (distance[0] < 0.02).tolist() == expected
 
 
@@ -123,4 +141,5 @@ def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
     torch.testing.assert_close(normals, slope.expand(7, 9, 3))
     valid[3, 4] = False
     assert published_normals(points, valid)[3, 4].eq(0).all()
-    assert published_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()  # too near for its threshold
+    # too near for its threshold
+    assert published_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()

@@ -30,7 +30,8 @@ def vote(scales, sigma=0.06, sure=0.9, shared=0.0):
 def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature() -> None:
     scales = [1.0, 1.3, 1.3, np.nan]
     assert vote(scales).scale.scale == pytest.approx(1.3, rel=0.02)
-    sigma, sure = np.array([0.005, 0.06, 0.06, 0.06]), np.array([1.0, 0.9, 0.9, 0.9])
+    sigma = np.array([0.005, 0.06, 0.06, 0.06])
+    sure = np.array([1.0, 0.9, 0.9, 0.9])
     assert vote(scales, sigma, sure).scale.scale == pytest.approx(1.0, rel=0.02)
 
 
@@ -54,8 +55,12 @@ def test_a_witness_who_is_far_off_counts_little() -> None:
 
 
 def test_kinds_of_witnesses_are_weighed_by_their_errors() -> None:
-    one, soles, torsos = np.ones(1), 0.08, 0.2
-    kinds = [Witnesses(one * m, one, one * sigma, one, 0.0) for m, sigma in ((1.0, soles), (1.2, torsos))]
+    one = np.ones(1)
+    soles = 0.08
+    torsos = 0.2
+    kinds = [
+        Witnesses(one * m, one, one * sigma, one, 0.0) for m, sigma in ((1.0, soles), (1.2, torsos))
+    ]
     found = vote_on_scale(kinds).scale
     share = soles**-2 / (soles**-2 + torsos**-2)
     assert math.log(found.scale) == pytest.approx((1 - share) * math.log(1.2), abs=0.002)

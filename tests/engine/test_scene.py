@@ -1,4 +1,6 @@
-"""Stage 1: a relative point map and metric depth become a metric scene with camera, normals and floor."""
+"""Stage 1: a relative point map and metric depth become a metric scene with camera, normals and
+floor.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
 from physic_core.types import AffineAmbiguity
 
-ROWS, COLUMNS = 120, 160
+ROWS = 120
+COLUMNS = 160
 HEIGHT_M = 1.5
 PAPER = engine_preset("paper").scene
 
@@ -41,7 +44,9 @@ FEET = torch.tensor([[60.0, 100.0], [75.0, 102.0]])
 
 
 def noise(seed: int = 0) -> Tensor:
-    return torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+    return torch.randn(
+        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
+    )
 
 
 def relative(unknown: AffineAmbiguity) -> Tensor:
@@ -59,7 +64,9 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbiguity, preset: str) -> None:
+def test_metric_scale_is_recovered_for_each_kind_of_unknown(
+    unknown: AffineAmbiguity, preset: str
+) -> None:
     noisy = DEPTH * (1 + 0.02 * noise())
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
@@ -70,7 +77,10 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbig
     assert angle_deg(state.floor.normal, UP) < 0.5
     assert state.floor.offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
-    assert height_over_plane(state.floor_points, state.floor.normal, state.floor.offset).abs().max() < 1e-4
+    assert (
+        height_over_plane(state.floor_points, state.floor.normal, state.floor.offset).abs().max()
+        < 1e-4
+    )
 
 
 def build_scene(
@@ -86,7 +96,8 @@ def build_scene(
     feet_px: Tensor | None = None,
     settings: SceneMethod | None = None,
 ) -> SceneState:
-    cameras, floor = Cameras(K, K_metric, K_pointmap), FloorEvidence(mask=floor_mask, feet_px=feet_px)
+    cameras = Cameras(K, K_metric, K_pointmap)
+    floor = FloorEvidence(mask=floor_mask, feet_px=feet_px)
     given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
     return solve_scene(given, settings or SceneMethod())
 
@@ -122,12 +133,15 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
     mean = (140.0 * seen) ** 0.5
     assert state.K[0, 0] == state.K[1, 1] == pytest.approx(mean)
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
-    torch.testing.assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
+    torch.testing.assert_close(
+        project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points)
+    )
     assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
 
 
 def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth() -> None:
-    own, given = camera(100.0), camera(200.0)
+    own = camera(100.0)
+    given = camera(200.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
     converted, _, _ = SceneMethod().share_camera(points, DEPTH, Cameras(given=given, pointmap=own))
     torch.testing.assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
@@ -156,18 +170,24 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
     state = scene()
     assert not state.valid[50, 99:101].any()
     assert state.valid[50, [97, 102]].all()
-    torch.testing.assert_close(state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
+    torch.testing.assert_close(
+        state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
+    )
 
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off"))
+    without = build_scene(
+        RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off")
+    )
     monkeypatch.setattr(pointmap, "EDGE_RATIO", 1.01)
     with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
     normal = with_floor.floor.normal
-    torch.testing.assert_close(with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0)
+    torch.testing.assert_close(
+        with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0
+    )
     assert without.floor is None
 
 
@@ -187,7 +207,11 @@ def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
 
 
 def test_disagreement_with_the_metric_depth_is_reported() -> None:
-    wrong = torch.where(torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7, DEPTH * 3, DEPTH)
+    wrong = torch.where(
+        torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7,
+        DEPTH * 3,
+        DEPTH,
+    )
     wrong = wrong * (1 + 0.2 * noise(1).abs())
     state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
     share = state.alignment.inlier_share

@@ -1,4 +1,6 @@
-"""Distances to the scene in the scene's own unit: shrinking people and scene together gains nothing."""
+"""Distances to the scene in the scene's own unit: shrinking people and scene together gains
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,10 @@ from .adjusted import adjusted
 
 # Contact that is never let go of, so that it is always worth something to be nearer.
 STUBBORN = adjusted(
-    engine_preset("default").joint, depth__weight=0.0, contact__weight=20.0, contact__outlier_sigmas=30.0
+    engine_preset("default").joint,
+    depth__weight=0.0,
+    contact__weight=20.0,
+    contact__outlier_sigmas=30.0,
 )
 
 
@@ -23,7 +28,9 @@ def torn(make_stage):
 
 
 def test_a_torn_surface_changes_neither_scale_nor_distance(torn):
-    """With distances in metres the scene shrank by more than 0.8 %, and the person came nearer with it."""
+    """With distances in metres the scene shrank by more than 0.8 %, and the person came nearer with
+    it.
+    """
     result = optimize(torn, STUBBORN)
     moved = float((result.transl[0, 2] / torn.transl0[0, 2]).log())
     assert result.scene_scale == pytest.approx(1.0, abs=0.007)

@@ -23,7 +23,9 @@ from physic_core.engine.stance import (
 )
 
 NAMES = tuple(
-    f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip", "ankle", "heel", "foot_tip", "wrist")
+    f"{side}_{part}"
+    for side in ("left", "right")
+    for part in ("shoulder", "hip", "ankle", "heel", "foot_tip", "wrist")
 )
 STANDS = {
     "shoulder": (0, 0),
@@ -36,8 +38,13 @@ STANDS = {
 RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
 
 
-def person(left: dict[str, tuple[float, float]] | None = None, both: dict[str, tuple[float, float]] | None = None):
-    """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides changed."""
+def person(
+    left: dict[str, tuple[float, float]] | None = None,
+    both: dict[str, tuple[float, float]] | None = None,
+):
+    """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides
+    changed.
+    """
     points = []
     for x, changed in ((20, left), (-20, None)):
         points += [(x + u, v) for u, v in (STANDS | (both or {}) | (changed or {})).values()]
@@ -47,7 +54,9 @@ def person(left: dict[str, tuple[float, float]] | None = None, both: dict[str, t
 def touch(lower=(math.nan, math.nan), beside=(math.nan, math.nan)):
     """Probability that both feet touch."""
     unknown = Stance.unknown(1)
-    return replace(unknown, lower=np.array([lower]), beside=np.array([(*beside, *unknown.beside[0, 2:])])).touch[0]
+    return replace(
+        unknown, lower=np.array([lower]), beside=np.array([(*beside, *unknown.beside[0, 2:])])
+    ).touch[0]
 
 
 def test_both_feet_of_a_person_who_stands_touch():
@@ -69,12 +78,15 @@ def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_pictur
 def test_mirrored_people_have_mirrored_feet():
     points = person(left=RAISED)
     mirrored = np.concatenate([points[:, 6:], points[:, :6]], 1) * [-1, 1]
-    assert touch_in_picture(mirrored, NAMES) == pytest.approx(touch_in_picture(points, NAMES)[:, ::-1])
+    assert touch_in_picture(mirrored, NAMES) == pytest.approx(
+        touch_in_picture(points, NAMES)[:, ::-1]
+    )
 
 
 @pytest.mark.parametrize("unknown", ["nan", "names"])
 def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
-    points, names = person(left=RAISED), NAMES
+    points = person(left=RAISED)
+    names = NAMES
     if unknown == "nan":
         points[0, 2] = np.nan
     else:
@@ -85,19 +97,28 @@ def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
     assert 0.5 < found[0] < 0.97
 
 
-ARMS_UP, TOES_DOWN = {"wrist": (5, -90)}, {"foot_tip": (0, 300)}
+ARMS_UP = {"wrist": (5, -90)}
+TOES_DOWN = {"foot_tip": (0, 300)}
 
 
 @pytest.mark.parametrize(
     ("changed", "posture"),
-    [({}, 0.0), (ARMS_UP, 0.4), (TOES_DOWN, 0.0), (ARMS_UP | TOES_DOWN, 1.0), ({"wrist": (5, -40)} | TOES_DOWN, 0.5)],
+    [
+        ({}, 0.0),
+        (ARMS_UP, 0.4),
+        (TOES_DOWN, 0.0),
+        (ARMS_UP | TOES_DOWN, 1.0),
+        ({"wrist": (5, -40)} | TOES_DOWN, 0.5),
+    ],
 )
 def test_people_hang_if_both_arms_are_raised_and_the_toes_point_down(changed, posture):
     points = person(both=changed)
     found = hanging_posture(3.0 * points, NAMES)
     assert found.tolist() == pytest.approx([posture])
     lowered = person(both={**changed, "wrist": STANDS["wrist"]})
-    assert (touch_in_picture(points, NAMES) < touch_in_picture(lowered, NAMES)).all() == (posture > 0)
+    assert (touch_in_picture(points, NAMES) < touch_in_picture(lowered, NAMES)).all() == (
+        posture > 0
+    )
 
 
 def test_a_person_who_raises_one_arm_does_not_hang():
@@ -117,11 +138,15 @@ def test_a_foot_with_only_larger_depths_beside_it_touches_less():
 
 def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
     touches = np.array([[0.8, 0.2]])
-    unknown, low, high = (standing_prior(touches, np.full((1, 2), gap), None)[0] for gap in (np.nan, 0.01, 0.3))
+    unknown, low, high = (
+        standing_prior(touches, np.full((1, 2), gap), None)[0] for gap in (np.nan, 0.01, 0.3)
+    )
     assert (high < unknown).all()
     assert (unknown < low).all()
     assert (unknown[:, 1] < unknown[:, 0]).all()
-    assert (standing_prior(touches, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown).all()
+    assert (
+        standing_prior(touches, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown
+    ).all()
 
 
 def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foot():
@@ -137,7 +162,11 @@ def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foo
 def test_people_with_both_feet_probably_off_the_ground_are_in_the_air():
     lower = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
     beside = np.array([[0.01] * 5, [0.01] * 5, [0.3] * 5])
-    assert replace(Stance.unknown(3), lower=lower, beside=beside).in_air.tolist() == [False, False, True]
+    assert replace(Stance.unknown(3), lower=lower, beside=beside).in_air.tolist() == [
+        False,
+        False,
+        True,
+    ]
 
 
 def test_people_without_a_body_have_average_feet():
@@ -151,7 +180,9 @@ def floor_depth(problem):
     """(H, W) depth of the floor alone."""
     height, width = problem.masks.shape[-2:]
     v, u = torch.meshgrid(torch.arange(height).float(), torch.arange(width).float(), indexing="ij")
-    rays = torch.stack([(u - problem.K[0, 2]) / problem.K[0, 0], (v - problem.K[1, 2]) / problem.K[1, 1]], -1)
+    rays = torch.stack(
+        [(u - problem.K[0, 2]) / problem.K[0, 0], (v - problem.K[1, 2]) / problem.K[1, 1]], -1
+    )
     return torch.where(rays[..., 1] > 0.02, problem.floor_offset / rays[..., 1], torch.nan)
 
 
@@ -159,14 +190,19 @@ def people_of(problem):
     """The people of a problem, and the depth (H, W) of the photo."""
     photo = torch.where(problem.human_depth.isnan(), floor_depth(problem), problem.human_depth)
     found = ObservedPeople(
-        problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
+        problem.skeleton,
+        problem.keypoints,
+        problem.keypoint_confidence,
+        problem.observed,
+        problem.masks,
     )
     return found, photo
 
 
 def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_feet(make_stage):
     on_floor, over_it = (
-        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem))[0] for y in (1.3, 0.9)
+        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem))[0]
+        for y in (1.3, 0.9)
     )
     assert on_floor[:2].max() < 0.06
     assert over_it[:2].min() > 0.15
@@ -175,33 +211,50 @@ def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_fe
 def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
     people, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).problem)
     keypoints = people.keypoints.clone()
-    keypoints[:, [j for j, name in enumerate(people.skeleton.names) if name.startswith("left_")]] = math.nan
-    assert np.isnan(depth_beside(replace(people, keypoints=keypoints), photo)[0]).tolist()[::2] == [True, True, False]
+    keypoints[
+        :, [j for j, name in enumerate(people.skeleton.names) if name.startswith("left_")]
+    ] = math.nan
+    assert np.isnan(depth_beside(replace(people, keypoints=keypoints), photo)[0]).tolist()[::2] == [
+        True,
+        True,
+        False,
+    ]
     assert np.isnan(depth_beside(people, torch.full_like(photo, math.nan))).all()
 
 
 def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
-    on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem for y in (1.3, 1.0))
-    low, high = (depth_gaps_at_feet(*people_of(p), floor_depth(p), None)[0] for p in (on_floor, over_it))
+    on_floor, over_it = (
+        make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem for y in (1.3, 1.0)
+    )
+    low, high = (
+        depth_gaps_at_feet(*people_of(p), floor_depth(p), None)[0] for p in (on_floor, over_it)
+    )
     assert low.max() < 0.1
     # The visible foot is a few centimetres higher than its sole.
     assert high.mean().item() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
     for raised in (False, True):
         labels = torch.full_like(over_it.masks[0], raised)
-        assert bool(depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)[1].all()) == raised
+        assert (
+            bool(depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)[1].all())
+            == raised
+        )
 
 
 def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
     problem = make_stage([({}, (0.0, 0.0, 3.0))]).problem
     confidence = problem.keypoint_confidence.clone()
-    confidence[:, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]] = 0.1
+    confidence[
+        :, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]
+    ] = 0.1
     unseen = replace(problem, keypoint_confidence=confidence)
     gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(problem), None)
     assert gap.isnan().tolist() == [[True, False]]
 
 
 def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
-    """A foot some centimetres over the other one, as estimated: the engine no longer puts it on the floor."""
+    """A foot some centimetres over the other one, as estimated: the engine no longer puts it on the
+    floor.
+    """
     lifts = {"left_hip": (-0.6, 0, 0), "left_knee": (0.9, 0, 0), "left_ankle": (-0.3, 0, 0)}
     stage = make_stage([(lifts, (0.0, 0.0, 3.0))])
     sole = stage.problem.model.contact_sets["left_sole"]
@@ -211,6 +264,8 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     lifted = replace(problem, foot_touch=torch.tensor([[0.0, 1.0]]))
 
     def height(given):
-        return 1.3 - float(optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max())
+        return 1.3 - float(
+            optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max()
+        )
 
     assert height(lifted) > max(0.6 * lift, height(problem))

@@ -42,7 +42,9 @@ def test_unpacks_to_where_it_starts(kind):
 @given(seed=st.integers(0, 1000))
 def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
     state = kind(*start(seed=seed))
-    moved = state.pack() + 0.3 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(seed))
+    moved = state.pack() + 0.3 * torch.randn(
+        len(state.pack()), generator=torch.Generator().manual_seed(seed)
+    )
     state.load(moved)
     torch.testing.assert_close(state.pack(), moved)
     rotations = state.unpack().rotations
@@ -57,7 +59,9 @@ def test_a_frozen_group_has_no_gradient_and_the_others_do(kind, group):
     state = kind(*start(), frozen=[group])
     assert group not in state.free
     estimate = state.unpack()
-    weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
+    weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (
+        estimate.transl**2
+    ).sum()
     (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
     for name in PARAMETER_GROUPS:
         assert (state.values[name].grad is None) == (name == group)
@@ -91,7 +95,9 @@ def test_a_change_of_one_group_shows_in_its_columns_of_the_deviation(kind):
     for group in (g for g in PARAMETER_GROUPS if g != "scale"):
         with torch.no_grad():
             state.values[group] += 1.0
-        own = state.expand_to_parameters({g: float(g == group) for g in PARAMETER_GROUPS if g != "scale"})
+        own = state.expand_to_parameters(
+            {g: float(g == group) for g in PARAMETER_GROUPS if g != "scale"}
+        )
         torch.testing.assert_close(state.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
             state.values[group] -= 1.0

@@ -24,7 +24,9 @@ def bent(make_stage):
     """A person whose left elbow is bent at the start, and straight in the photo."""
     problem = make_stage([({}, (0.0, 0.0, 3.5))]).problem
     rotations = problem.rotations0.clone()
-    rotations[:, ELBOW] = rotations[:, ELBOW] @ roma.rotvec_to_rotmat(torch.tensor([0.0, BENT, 0.0]))
+    rotations[:, ELBOW] = rotations[:, ELBOW] @ roma.rotvec_to_rotmat(
+        torch.tensor([0.0, BENT, 0.0])
+    )
     return replace(problem, rotations0=rotations)
 
 
@@ -50,15 +52,22 @@ def test_the_smaller_its_stated_error_the_less_a_joint_turns(bent):
 
 def test_a_limb_that_the_photo_does_not_show_turns_as_without_a_stated_error(bent):
     observed = bent.observed.clone()
-    moved = [JOINT_INDEX["left_wrist"], *range(JOINT_INDEX["left_index1"], JOINT_INDEX["right_index1"])]
+    moved = [
+        JOINT_INDEX["left_wrist"],
+        *range(JOINT_INDEX["left_index1"], JOINT_INDEX["right_index1"]),
+    ]
     observed[:, moved] = False
     hidden = replace(bent, observed=observed)
-    plain, sure = (optimize(replace(hidden, rotation_sigma=s), SETTINGS) for s in (None, stated(0.02)))
+    plain, sure = (
+        optimize(replace(hidden, rotation_sigma=s), SETTINGS) for s in (None, stated(0.02))
+    )
     assert torch.equal(plain.rotations, sure.rotations)
 
 
 def test_an_unknown_error_is_none_stated(bent):
-    plain, unknown = (optimize(replace(bent, rotation_sigma=s), SETTINGS) for s in (None, stated(torch.nan)))
+    plain, unknown = (
+        optimize(replace(bent, rotation_sigma=s), SETTINGS) for s in (None, stated(torch.nan))
+    )
     assert torch.equal(plain.rotations, unknown.rotations)
 
 

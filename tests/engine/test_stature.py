@@ -28,7 +28,8 @@ def test_stature_is_linear_in_shape(body):
 
 def test_the_size_of_people_of_unknown_age_includes_children():
     nan = np.nan
-    stature, years = np.array([nan, nan, nan, 1.7]), np.array([nan, 40.0, 8.0, nan])
+    stature = np.array([nan, nan, nan, 1.7])
+    years = np.array([nan, 40.0, 8.0, nan])
     unknown, adult, child, measured = size_sigmas(stature, years)
     assert 0.1 < unknown < 0.13
     assert adult == pytest.approx(STATURE_SIGMA)
@@ -43,7 +44,9 @@ def test_a_scene_of_known_size_gives_the_size_of_people_of_unknown_age():
 
 
 def spread_of_stature(body):
-    """Standard deviation of log(stature) that the shape prior of weight 1 stands for: the whitened shape is normal."""
+    """Standard deviation of log(stature) that the shape prior of weight 1 stands for: the whitened
+    shape is normal.
+    """
     betas = torch.zeros(1, body.num_betas)
     stature = linearise_stature(body, betas)
     return 0.5 * (stature.slope / stature.height[:, None]).norm().item()
@@ -55,8 +58,12 @@ def test_the_shape_prior_alone_knows_stature_to_five_percent(body):
 
 @pytest.mark.parametrize("scale_sigma", [0.05, 0.1])
 @pytest.mark.parametrize("stature_weight", [0.0, 1.0])
-def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing, body, scale_sigma, stature_weight):
-    """A scene 8 % too large for its person: floor and picture say only that one of them is wrong."""
+def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(
+    standing, body, scale_sigma, stature_weight
+):
+    """A scene 8 % too large for its person: floor and picture say only that one of them is
+    wrong.
+    """
     too_large = 1.08
     problem = standing.problem
     large = replace(
@@ -66,7 +73,8 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
         human_depth=too_large * problem.human_depth,
         scale_sigma=scale_sigma,
     )
-    # Pose and place have next to no say in it: only how large the person is, and how large the scene.
+    # Pose and place have next to no say in it: only how large the person is, and how large the
+    # scene.
     settings = adjusted(
         JOINT,
         frozen=("pose", "hands", "root"),

@@ -12,11 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from physic_core.engine.contact.support import ContactEvidence, PosedPerson, beside_hull, find_support, support_record
+from physic_core.engine.contact.support import (
+    ContactEvidence,
+    PosedPerson,
+    beside_hull,
+    find_support,
+    support_record,
+)
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import BodyContact, ContactPartner, Support, SupportState
 
-SITS = {"left_hip": (-1.45, 0, 0), "right_hip": (-1.45, 0, 0), "left_knee": (1.45, 0, 0), "right_knee": (1.45, 0, 0)}
+SITS = {
+    "left_hip": (-1.45, 0, 0),
+    "right_hip": (-1.45, 0, 0),
+    "left_knee": (1.45, 0, 0),
+    "right_knee": (1.45, 0, 0),
+}
 SQUATS = {
     "left_hip": (-2.0, 0, 0),
     "right_hip": (-2.0, 0, 0),
@@ -49,7 +60,9 @@ def members(model, *names):
 
 
 def evidence(model, *touching, feet=True, holds=False, unseen=(), sits=False):
-    """Contact of sets of vertices, whether feet and hands probably touch, and sets that the photo does not show."""
+    """Contact of sets of vertices, whether feet and hands probably touch, and sets that the photo
+    does not show.
+    """
     return ContactEvidence(
         contact=members(model, *touching),
         seen=~members(model, *unseen),
@@ -82,7 +95,9 @@ def test_feet_balance_people_who_stand_or_squat(posed, bends):
 )
 def test_support_that_needs_feet_without_a_visible_pixel_is_assumed(posed, unseen, state):
     model, body = posed({})
-    found = find_support(model, body, evidence(model, "left_sole", "right_sole", unseen=unseen), UP, assume=True)
+    found = find_support(
+        model, body, evidence(model, "left_sole", "right_sole", unseen=unseen), UP, assume=True
+    )
     assert found.state == state
     assert not found.hidden.any()
     assert found.contact[model.contact_sets["left_sole"]].any()
@@ -91,7 +106,10 @@ def test_support_that_needs_feet_without_a_visible_pixel_is_assumed(posed, unsee
 def test_hands_without_a_visible_pixel_hang_by_assumption(posed):
     model, body = posed(HANGS)
     hands = ("left_hand", "right_hand")
-    assert find_support(model, body, evidence(model, *hands, unseen=hands), UP, assume=True).state == "assumed"
+    assert (
+        find_support(model, body, evidence(model, *hands, unseen=hands), UP, assume=True).state
+        == "assumed"
+    )
 
 
 @pytest.mark.parametrize("touching", [(), ("left_sole", "right_sole")])
@@ -104,19 +122,29 @@ def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touch
     assert within(model, found.hidden, "gluteus", "thighs")
     heights = body.vertices[found.hidden] @ UP
     assert float(heights.max() - heights.min()) < 0.1
-    assert find_support(model, body, evidence(model, *touching), UP, assume=False).state == SupportState.UNBALANCED
+    assert (
+        find_support(model, body, evidence(model, *touching), UP, assume=False).state
+        == SupportState.UNBALANCED
+    )
 
 
 def test_a_seat_is_assumed_before_feet_alone_balance_a_person_who_sits(posed):
     model, body = posed(SQUATS)
     soles = ("left_sole", "right_sole")
-    assert find_support(model, body, evidence(model, *soles, sits=True), UP, assume=True).hidden.any()
-    assert find_support(model, body, evidence(model, *soles), UP, assume=True).state == SupportState.BALANCED
+    assert find_support(
+        model, body, evidence(model, *soles, sits=True), UP, assume=True
+    ).hidden.any()
+    assert (
+        find_support(model, body, evidence(model, *soles), UP, assume=True).state
+        == SupportState.BALANCED
+    )
 
 
 def test_a_seat_in_contact_needs_no_hidden_one(posed):
     model, body = posed(SITS)
-    found = find_support(model, body, evidence(model, "gluteus", "thighs", sits=True), UP, assume=True)
+    found = find_support(
+        model, body, evidence(model, "gluteus", "thighs", sits=True), UP, assume=True
+    )
     assert found.state == SupportState.BALANCED
     assert found.seat.any()
     assert not found.hidden.any()
@@ -172,7 +200,8 @@ def test_hands_above_the_centre_of_mass_carry_alone(posed):
 @given(st.integers(0, 10**6), st.integers(3, 30))
 def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
     draw = np.random.default_rng(seed)
-    points, centre = draw.normal(size=(count, 3)), draw.normal(size=3)
+    points = draw.normal(size=(count, 3))
+    centre = draw.normal(size=3)
     hull = ConvexHull(points[:, [0, 2]])
     inside = float((hull.equations @ np.append(centre[[0, 2]], 1.0)).max())
     found = beside_hull(*(torch.tensor(x) for x in (centre, points)), UP.double())
@@ -183,7 +212,9 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
     else:
         corners = points[hull.vertices][:, [0, 2]]
         ends = np.roll(corners, -1, axis=0)
-        share = ((centre[[0, 2]] - corners) * (ends - corners)).sum(1) / ((ends - corners) ** 2).sum(1)
+        share = ((centre[[0, 2]] - corners) * (ends - corners)).sum(1) / (
+            (ends - corners) ** 2
+        ).sum(1)
         nearest = corners + np.clip(share, 0, 1)[:, None] * (ends - corners)
         distance = float(np.linalg.norm(centre[[0, 2]] - nearest, axis=1).min())
         assert distance - slack <= found <= distance + 1e-9
@@ -191,8 +222,11 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
 
 def test_a_support_lists_its_large_likely_contacts_with_their_probability(posed):
     model, body = posed(SITS)
-    found = find_support(model, body, evidence(model, "left_sole", "right_sole", sits=True), UP, assume=True)
-    floor, seat = ContactPartner("floor", "floor"), ContactPartner("hidden", "seat")
+    found = find_support(
+        model, body, evidence(model, "left_sole", "right_sole", sits=True), UP, assume=True
+    )
+    floor = ContactPartner("floor", "floor")
+    seat = ContactPartner("hidden", "seat")
     carrying = (
         BodyContact("left_foot", floor, None, 90),
         BodyContact("right_hand", floor, None, 9),
@@ -217,7 +251,9 @@ def test_a_support_lists_its_large_likely_contacts_with_their_probability(posed)
     ],
 )
 def test_names_of_hidden_supports(part, name):
-    support = Support("assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0))
+    support = Support(
+        "assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0)
+    )
     assert support.hidden == (name,)
     assert str(support) == f"assumed: a {name.removeprefix('hidden ')} that the scene does not show"
 
@@ -225,9 +261,13 @@ def test_names_of_hidden_supports(part, name):
 def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(posed):
     model, body = posed(HANGS)
     seen = evidence(model, feet=False, holds=True)
-    facing_down = (body.normals @ UP < -0.5) & (model.part_of_vertex == model.part_names.index("left_upper_leg"))
+    facing_down = (body.normals @ UP < -0.5) & (
+        model.part_of_vertex == model.part_names.index("left_upper_leg")
+    )
     seen.contact[facing_down.nonzero()[:9, 0]] = True
-    seen.contact[(body.normals[:, 2] < -0.9) & (model.part_of_vertex == model.part_names.index("torso"))] = True
+    seen.contact[
+        (body.normals[:, 2] < -0.9) & (model.part_of_vertex == model.part_names.index("torso"))
+    ] = True
     found = find_support(model, body, seen, UP, assume=True)
     assert found.state == SupportState.ASSUMED
     assert within(model, found.hidden, "left_hand", "right_hand")

@@ -1,4 +1,6 @@
-"""The fused energies of the surface have the values and gradients of the reference, to the last digits."""
+"""The fused energies of the surface have the values and gradients of the reference, to the last
+digits.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ SETTINGS = {
         DEFAULT, prepare=lambda self, problem: select_surface(replace(problem, floor_normal=None))
     ),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
-    "contact alone": adjusted(DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0),
+    "contact alone": adjusted(
+        DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0
+    ),
 }
 LOSSES = ("square", "pseudo_huber", "cauchy", "geman_mcclure", "barron", "absolute")
 UNALIKE = (0.7, 1.3)  # what the gradient of each person's energy is multiplied by
@@ -32,8 +36,12 @@ UNALIKE = (0.7, 1.3)  # what the gradient of each person's energy is multiplied 
 @pytest.fixture(scope="module")
 def sunk(make_stage):
     """Two who stand partly in a box and in the floor, one of them with hidden feet, in float64."""
-    stage = make_stage([({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
-    problem = replace(stage.problem, transl0=stage.problem.transl0 + torch.tensor([0.01, 0.03, 0.08]))
+    stage = make_stage(
+        [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
+    )
+    problem = replace(
+        stage.problem, transl0=stage.problem.transl0 + torch.tensor([0.01, 0.03, 0.08])
+    )
     return in_float64(problem)
 
 
@@ -46,7 +54,9 @@ def somewhere(energy: JointEnergy) -> None:
 def slopes(energy: JointEnergy, value: torch.Tensor) -> list[torch.Tensor]:
     parameters = energy.state.parameters()
     weights = torch.tensor(UNALIKE, dtype=value.dtype)[: len(value)]
-    found = torch.autograd.grad((weights * value).sum(), parameters, allow_unused=True, retain_graph=True)
+    found = torch.autograd.grad(
+        (weights * value).sum(), parameters, allow_unused=True, retain_graph=True
+    )
     return [torch.zeros_like(p) if g is None else g for g, p in zip(found, parameters, strict=True)]
 
 
@@ -67,7 +77,9 @@ def assert_alike(energy: JointEnergy) -> dict[str, torch.Tensor]:
     for term, value in reference.items():
         torch.testing.assert_close(fused[term], value, rtol=1e-9, atol=1e-12, msg=term)
         if value.requires_grad:
-            for ours, theirs in zip(slopes(energy, fused[term]), slopes(energy, value), strict=True):
+            for ours, theirs in zip(
+                slopes(energy, fused[term]), slopes(energy, value), strict=True
+            ):
                 torch.testing.assert_close(ours, theirs, rtol=1e-7, atol=1e-9, msg=term)
     return fused
 
@@ -82,12 +94,16 @@ def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
     energy = JointEnergy(sunk, DEFAULT)
     terms = surface_of(energy)
     sums = {name: getattr(terms.surface, name) for name in ("depth", "contact", "penetration")}
-    terms.surface = replace(terms.surface, **{name: replace(one, kind=kind) for name, one in sums.items()})
+    terms.surface = replace(
+        terms.surface, **{name: replace(one, kind=kind) for name, one in sums.items()}
+    )
     assert_alike(energy)
 
 
 def test_without_a_scene_there_is_the_floor(sunk):
     nothing = sunk.scene_points.new_zeros(0, 3)
-    energies = assert_alike(JointEnergy(replace(sunk, scene_points=nothing, scene_normals=nothing), DEFAULT))
+    energies = assert_alike(
+        JointEnergy(replace(sunk, scene_points=nothing, scene_normals=nothing), DEFAULT)
+    )
     assert energies["penetration"].eq(0).all()
     assert energies["floor"].gt(0).all()

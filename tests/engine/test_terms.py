@@ -41,7 +41,9 @@ def check(function, *inputs):
 def test_gradient_of_chamfer():
     points = rand(7, 3, seed=1, grad=False)
     check(
-        lambda v: chamfer_energy(v, points, torch.tensor([0, 3, 6, 2]), torch.tensor([0, 1, 2, 3, 0, 1, 2]), 2.5),
+        lambda v: chamfer_energy(
+            v, points, torch.tensor([0, 3, 6, 2]), torch.tensor([0, 1, 2, 3, 0, 1, 2]), 2.5
+        ),
         rand(4, 3),
     )
 
@@ -66,7 +68,8 @@ def test_reprojection_of_known_points_has_the_known_energy():
 
 def test_the_depth_energy_of_a_map_of_another_scale_and_offset_is_zero():
     z = rand(2, 6, low=2, high=5, grad=False)
-    log_scale, offset = torch.tensor(0.1).double(), torch.tensor([0.2, -0.05]).double()
+    log_scale = torch.tensor(0.1).double()
+    offset = torch.tensor([0.2, -0.05]).double()
     seen = z.log() - log_scale - offset[:, None]
     value = depth_energy(z, seen, torch.ones(2, 6), log_scale, offset, 0.03, RHO)
     torch.testing.assert_close(value, torch.zeros(2).double())
@@ -79,7 +82,9 @@ def test_penetration_is_zero_outside_and_within_its_slack():
 
 
 def test_penetration_as_printed_counts_only_what_is_behind_the_normal():
-    value = point_penetration_energy(torch.tensor([[4.0, 4.0]]), torch.tensor([[-0.1, 0.1]]), torch.ones(1, 2))
+    value = point_penetration_energy(
+        torch.tensor([[4.0, 4.0]]), torch.tensor([[-0.1, 0.1]]), torch.ones(1, 2)
+    )
     assert value.item() == 4.0
 
 
@@ -102,7 +107,12 @@ def turned(**joints):
 
 
 def test_hinges_measure_flexion_whatever_the_twist():
-    bent = turned(left_knee=(1.0, 0, 0), right_knee=(0.5, 0, 0), left_elbow=(0, -1.2, 0), right_elbow=(0, 0.7, 0))
+    bent = turned(
+        left_knee=(1.0, 0, 0),
+        right_knee=(0.5, 0, 0),
+        left_elbow=(0, -1.2, 0),
+        right_elbow=(0, 0.7, 0),
+    )
     assert hinge_angles(bent)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
     twist = turned(left_knee=(0, 0.6, 0), right_elbow=(0.8, 0, 0))
     assert hinge_angles(bent @ twist)[0].tolist() == pytest.approx([1.0, 0.5, 1.2, 0.7])
@@ -116,9 +126,13 @@ def test_limits_are_one_sided():
 
 
 def test_knees_and_elbows_bend_as_the_body_does(body):
-    """A positive knee angle brings the foot back, a positive elbow angle brings the hand forward."""
+    """A positive knee angle brings the foot back, a positive elbow angle brings the hand
+    forward.
+    """
     rest = body(*body.zero_pose(1)).joints[0]
-    rotations = turned(left_knee=(0.5, 0, 0), right_elbow=(0, 0.5, 0), left_elbow=(0, -0.5, 0)).float()
+    rotations = turned(
+        left_knee=(0.5, 0, 0), right_elbow=(0, 0.5, 0), left_elbow=(0, -0.5, 0)
+    ).float()
     assert (hinge_angles(rotations)[0, [0, 2, 3]] > 0).all()
     moved = body(rotations, *body.zero_pose(1)[1:]).joints[0] - rest
     assert moved[JOINT_INDEX["left_ankle"], 2] < -0.1

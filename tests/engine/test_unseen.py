@@ -45,21 +45,26 @@ def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
 def test_the_prior_goes_before_likely_parts(standing):
     prior, both = (
         term_of(JointEnergy(standing.problem, settings), SurfaceTerms).contact.prior
-        for settings in (adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25))
+        for settings in (
+            adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25)
+        )
     )
     assert (prior > 0).any()
     torch.testing.assert_close(both[prior > 0], prior[prior > 0])
 
 
 def lifted(stage, height):
-    """The left foot ``height`` metres over the floor, and the photo shows neither knee nor ankle of that leg."""
+    """The left foot ``height`` metres over the floor, and the photo shows neither knee nor ankle of
+    that leg.
+    """
     observed = stage.problem.observed.clone()
     for name in ("knee", "ankle", "foot"):
         observed[:, JOINT_INDEX[f"left_{name}"]] = False
     bend = torch.acos(torch.tensor(1 - height / 0.8))
     pose = stage.problem.rotations0.clone()
     for joint, turn in (("left_hip", -bend), ("left_knee", 2 * bend), ("left_ankle", -bend)):
-        c, s = torch.cos(turn), torch.sin(turn)
+        c = torch.cos(turn)
+        s = torch.sin(turn)
         about_x = torch.tensor([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         pose[:, JOINT_INDEX[joint]] = pose[:, JOINT_INDEX[joint]] @ about_x
     return replace(stage.problem, observed=observed, rotations0=pose)
@@ -74,10 +79,14 @@ def sole_height(problem, vertices):
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
     monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.0)
     problem = lifted(standing, 0.06)
-    start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
+    start = problem.model(
+        problem.rotations0, problem.betas0, problem.transl0, problem.expression0
+    ).vertices
     assert 0.03 < sole_height(problem, start) < 0.1
     pulled, left = (
-        sole_height(problem, optimize(problem, adjusted(SETTINGS, soles__unseen_weight=weight)).vertices)
+        sole_height(
+            problem, optimize(problem, adjusted(SETTINGS, soles__unseen_weight=weight)).vertices
+        )
         for weight in (SETTINGS.soles.unseen_weight, 0.0)
     )
     assert pulled < left - 0.02
@@ -91,13 +100,17 @@ def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
     assert hidden.sum() >= 2
     guessed = replace(problem, keypoint_confidence=torch.where(hidden, 0.1, 1.0))
     context = JointEnergy(guessed, SETTINGS).context
-    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor([0.5 if name.endswith("_hip") else 1.0 for name in NAMES])
+    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(
+        [0.5 if name.endswith("_hip") else 1.0 for name in NAMES]
+    )
     torch.testing.assert_close(context.keypoints.weight.to(expected), expected)
 
 
 def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
     """A leg that nobody sees is 7 degrees too far to the side, its ankle 10 cm."""
-    problem, hip, ankle = lifted(standing, 0.0), JOINT_INDEX["left_hip"], JOINT_INDEX["left_ankle"]
+    problem = lifted(standing, 0.0)
+    hip = JOINT_INDEX["left_hip"]
+    ankle = JOINT_INDEX["left_ankle"]
     posed = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
     aside = problem.rotations0.clone()
     aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
@@ -112,8 +125,12 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
 
 
 def test_an_unseen_foot_high_up_is_let_go(standing):
-    assert JointEnergy(lifted(standing, 0.06), SETTINGS).weights["unseen_soles"].tolist() == [[1.0, 0.0]]
-    assert JointEnergy(lifted(standing, 0.35), SETTINGS).weights["unseen_soles"].tolist() == [[0.0, 0.0]]
+    assert JointEnergy(lifted(standing, 0.06), SETTINGS).weights["unseen_soles"].tolist() == [
+        [1.0, 0.0]
+    ]
+    assert JointEnergy(lifted(standing, 0.35), SETTINGS).weights["unseen_soles"].tolist() == [
+        [0.0, 0.0]
+    ]
 
 
 def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):

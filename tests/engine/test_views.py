@@ -1,4 +1,6 @@
-"""Other cameras show what the photo hides: their keypoints and visible joints are part of one problem."""
+"""Other cameras show what the photo hides: their keypoints and visible joints are part of one
+problem.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +33,17 @@ ARM = [JOINT_INDEX[f"left_{name}"] for name in ("elbow", "wrist")]
 
 def view_of(stage, turn_deg):
     """A camera at the same distance and height, turned about the first person."""
-    problem, middle = stage.problem, torch.tensor([0.0, 0.0, PLACE[2]])
+    problem = stage.problem
+    middle = torch.tensor([0.0, 0.0, PLACE[2]])
     rotation = roma.rotvec_to_rotmat(torch.tensor([0.0, math.radians(turn_deg), 0.0]))
     translation = middle - rotation @ middle
     vertices = stage.vertices @ rotation.T + translation
     body = problem.model(problem.rotations0, problem.betas0, problem.transl0)
     landmarks = problem.model.landmarks(body, BLAZEPOSE) @ rotation.T + translation
-    depths = [cast(trimesh.Trimesh(v.numpy(), problem.model.faces.numpy(), process=False))[0] for v in vertices]
+    depths = [
+        cast(trimesh.Trimesh(v.numpy(), problem.model.faces.numpy(), process=False))[0]
+        for v in vertices
+    ]
     return OtherView(
         rotation=rotation,
         translation=translation,
@@ -51,16 +57,24 @@ def view_of(stage, turn_deg):
 
 def blank(view):
     """The view of a camera that shows no person."""
-    nothing = {name: torch.zeros_like(getattr(view, name)) for name in ("keypoint_confidence", "masks", "observed")}
+    nothing = {
+        name: torch.zeros_like(getattr(view, name))
+        for name in ("keypoint_confidence", "masks", "observed")
+    }
     return replace(view, **nothing)
 
 
 def hide_left_arm(problem):
-    """The problem of a photo that guesses the left arm down: one of three photos, whose mean the start is."""
-    observed, confidence = problem.observed.clone(), problem.keypoint_confidence.clone()
+    """The problem of a photo that guesses the left arm down: one of three photos, whose mean the
+    start is.
+    """
+    observed = problem.observed.clone()
+    confidence = problem.keypoint_confidence.clone()
     observed[:, ARM] = False
     for j, name in enumerate(problem.skeleton.names):
-        if name.startswith("left_") and name.endswith(("elbow", "wrist", "pinky", "index", "thumb")):
+        if name.startswith("left_") and name.endswith(
+            ("elbow", "wrist", "pinky", "index", "thumb")
+        ):
             confidence[:, j] = 0.0
     rotations = problem.rotations0.clone()
     for name, guess in (("left_shoulder", (0.0, 0.0, -1.2)), ("left_elbow", (0.0, 0.0, 0.0))):
@@ -81,11 +95,16 @@ def two(make_stage):
 
 def posed(energy):
     """The bodies of the energy's state, as its terms get them."""
-    problem, estimate = energy.problem, energy.state.unpack()
+    problem = energy.problem
+    estimate = energy.state.unpack()
     body = problem.model(estimate.rotations, estimate.betas, estimate.transl)
     keypoints = problem.model.landmarks(body, problem.skeleton)
     return PosedBodies(
-        body.vertices[:, energy.context.ids], body.joints, keypoints, estimate, *energy.state.deviation()
+        body.vertices[:, energy.context.ids],
+        body.joints,
+        keypoints,
+        estimate,
+        *energy.state.deviation(),
     )
 
 
@@ -104,18 +123,23 @@ def test_a_limb_that_the_photo_hides_is_found_by_other_cameras(raised):
 def test_a_camera_that_shows_nobody_changes_no_bit(two):
     start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.0, 0.1]))
     short = adjusted(SETTINGS, optimiser__steps=20)
-    alone, with_view = (optimize(replace(start, views=v), short) for v in ((), (blank(view_of(two, 40.0)),)))
+    alone, with_view = (
+        optimize(replace(start, views=v), short) for v in ((), (blank(view_of(two, 40.0)),))
+    )
     assert torch.equal(alone.vertices, with_view.vertices)
     assert alone.scene_scale == with_view.scene_scale
 
 
 def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
     views = (view_of(two, 40.0), view_of(two, 120.0))
-    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.05, 0.0, 0.1]), views=views)
+    start = replace(
+        two.problem, transl0=two.problem.transl0 + torch.tensor([0.05, 0.0, 0.1]), views=views
+    )
     energy = JointEnergy(start.to_model_dtype(), SETTINGS)
     term = term_of(energy, ViewsTerm)
     body = energy.problem.model(start.rotations0, start.betas0, start.transl0)
-    landmarks, stature = energy.problem.model.landmarks(body, BLAZEPOSE), energy.problem.model.stature(start.betas0)
+    landmarks = energy.problem.model.landmarks(body, BLAZEPOSE)
+    stature = energy.problem.model.stature(start.betas0)
     weights = [BLAZEPOSE.weights.get(name, 1.0) for name in BLAZEPOSE.names]
     height, width = start.masks.shape[-2:]
     sums = [0.0, 0.0]
@@ -135,10 +159,15 @@ def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
 
 
 def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
-    energy = JointEnergy(replace(two.problem, views=(view_of(two, 70.0),)).to_model_dtype(), SETTINGS)
-    term, bodies = term_of(energy, ViewsTerm), posed(energy)
+    energy = JointEnergy(
+        replace(two.problem, views=(view_of(two, 70.0),)).to_model_dtype(), SETTINGS
+    )
+    term = term_of(energy, ViewsTerm)
+    bodies = posed(energy)
     larger = replace(bodies, keypoints=1.2 * (bodies.keypoints + 0.05))
-    scaled = replace(larger, estimate=replace(bodies.estimate, log_scale=torch.tensor(math.log(1.2))))
+    scaled = replace(
+        larger, estimate=replace(bodies.estimate, log_scale=torch.tensor(math.log(1.2)))
+    )
     moved = replace(bodies, keypoints=bodies.keypoints + 0.05)
     torch.testing.assert_close(term(scaled)["views"], term(moved)["views"], rtol=1e-4, atol=1e-4)
     assert (term(larger)["views"] > 2 * term(moved)["views"]).all()
@@ -148,15 +177,20 @@ def test_gradient_in_float64(two):
     start = replace(two.problem, views=(view_of(two, 40.0), view_of(two, 120.0)))
     problem = in_float64(start).to_model_dtype()
     energy = JointEnergy(problem, SETTINGS)
-    term, bodies = term_of(energy, ViewsTerm), posed(energy)
+    term = term_of(energy, ViewsTerm)
+    bodies = posed(energy)
 
     def views(keypoints, log_scale):
         estimate = replace(bodies.estimate, log_scale=log_scale)
         return term(replace(bodies, keypoints=keypoints, estimate=estimate))["views"]
 
-    away = 0.05 * torch.randn(bodies.keypoints.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    away = 0.05 * torch.randn(
+        bodies.keypoints.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64
+    )
     keypoints = (bodies.keypoints + away).detach().requires_grad_()
-    assert torch.autograd.gradcheck(views, (keypoints, torch.tensor(0.02, dtype=torch.float64).requires_grad_()))
+    assert torch.autograd.gradcheck(
+        views, (keypoints, torch.tensor(0.02, dtype=torch.float64).requires_grad_())
+    )
 
 
 def test_what_another_camera_shows_takes_part_in_contact(raised):
@@ -164,9 +198,15 @@ def test_what_another_camera_shows_takes_part_in_contact(raised):
     problem = hide_left_arm(raised.problem)
     hand = problem.model.part_of_vertex == problem.model.part_names.index("left_hand")
     shown = {}
-    for name, views in (("alone", ()), ("views", (view_of(raised, 40.0),)), ("blank", (blank(view_of(raised, 40.0)),))):
+    for name, views in (
+        ("alone", ()),
+        ("views", (view_of(raised, 40.0),)),
+        ("blank", (blank(view_of(raised, 40.0)),)),
+    ):
         energy = JointEnergy(replace(problem, views=views).to_model_dtype(), SETTINGS)
-        shown[name] = float(energy.snapshot.visibility.eligible[0, hand[energy.context.ids]].float().mean())
+        shown[name] = float(
+            energy.snapshot.visibility.eligible[0, hand[energy.context.ids]].float().mean()
+        )
     assert shown == {"alone": 0.0, "views": 1.0, "blank": 0.0}
 
 
@@ -178,6 +218,8 @@ def test_shapes_of_a_view_are_checked(two):
 
 
 def test_an_energy_without_other_cameras_refuses_them(two):
-    problem = replace(two.problem, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2)
+    problem = replace(
+        two.problem, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2
+    )
     with pytest.raises(PhysicError, match=r"^only the engine preset 'default' uses other cameras"):
         optimize(problem, engine_preset("release").joint)

@@ -1,4 +1,6 @@
-"""Writers of one folder wait for each other, and replace only files with the mark of PhySIC, never through a link."""
+"""Writers of one folder wait for each other, and replace only files with the mark of PhySIC, never
+through a link.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders have no
 
 
 def test_writers_wait_for_each_other(tmp_path: Path):
-    inside, most = 0, 0
+    inside = 0
+    most = 0
 
     def write() -> None:
         nonlocal inside, most
@@ -97,7 +100,9 @@ def test_a_file_with_the_mark_at_its_start_may_be_replaced(tmp_path: Path, text:
     ],
     ids=["text", "empty", "middle", "folder", "link to nothing", "link to an own file"],
 )
-def test_a_file_without_the_mark_at_an_end_belongs_to_the_user(tmp_path: Path, make: Callable[[Path], None]):
+def test_a_file_without_the_mark_at_an_end_belongs_to_the_user(
+    tmp_path: Path, make: Callable[[Path], None]
+):
     (tmp_path / "own").write_text(MARK)
     make(path := tmp_path / "table.txt")
     with pytest.raises(OutputError, match=f"cannot write {path}: a file that PhySIC did not write"):

@@ -15,9 +15,14 @@ from physic_core.files.npz import read_arrays, read_headers
 
 
 def with_shape(shape: tuple[int, ...]) -> io.BytesIO:
-    """A file whose header has another shape than the array (5, 3) in it; its checksums are right."""
-    member, file = io.BytesIO(), io.BytesIO()
-    np.lib.format.write_array_header_1_0(member, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    """A file whose header has another shape than the array (5, 3) in it; its checksums are
+    right.
+    """
+    member = io.BytesIO()
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        member, {"descr": "<f4", "fortran_order": False, "shape": shape}
+    )
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("points.npy", member.getvalue() + bytes(60))
     return file
@@ -28,7 +33,8 @@ def test_arrays_of_more_than_4_gb_are_refused_by_the_sizes_that_the_file_states(
     np.savez(file, a=np.zeros(3), b=np.zeros(3))
     content = bytearray(file.getvalue())
     for entry in re.finditer(b"PK\x01\x02", content):
-        content[entry.start() + 24 : entry.start() + 28] = (3 << 30).to_bytes(4, "little")  # size when inflated
+        # size when inflated
+        content[entry.start() + 24 : entry.start() + 28] = (3 << 30).to_bytes(4, "little")
     with pytest.raises(ValueError, match="claim 6,442 MB"):
         read_arrays(io.BytesIO(content))
 

@@ -1,4 +1,6 @@
-"""Values as JSON and arrays: restored by the types of their fields, and files that are complete or refused."""
+"""Values as JSON and arrays: restored by the types of their fields, and files that are complete or
+refused.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,10 @@ class Value:
 
 VALUE = Value(
     np.array([True, False, True]),
-    (Inner(np.arange(6, dtype=np.float32).reshape(3, 2), math.inf), Inner(np.ones((3, 2), np.float32))),
+    (
+        Inner(np.arange(6, dtype=np.float32).reshape(3, 2), math.inf),
+        Inner(np.ones((3, 2), np.float32)),
+    ),
     {7: Inner(np.zeros((3, 2), np.float32), -0.0)},
     (math.nan, 2.0),
     colour=Colour.RED,
@@ -61,7 +66,10 @@ def stored(value: object) -> tuple[Any, dict[str, Any]]:
 
 def test_a_value_is_restored_by_the_types_of_its_fields():
     document, arrays = stored(replace(VALUE, skipped=3))
-    assert " ".join(arrays) == "mask inner.0.table inner.1.table by_name.7.table point.table anything.array"
+    assert (
+        " ".join(arrays)
+        == "mask inner.0.table inner.1.table by_name.7.table point.table anything.array"
+    )
     assert repr(join(Value, document, arrays)) == repr(VALUE)
     assert document["name"] == "NaN"
     assert "mask" not in document
@@ -86,7 +94,9 @@ def test_a_value_is_restored_by_the_types_of_its_fields():
         ({}, {"name": np.ones(3)}, "name is an array"),
     ],
 )
-def test_a_value_that_does_not_fit_its_field_is_named(entries: dict[str, Any], new_arrays: dict[str, Any], word: str):
+def test_a_value_that_does_not_fit_its_field_is_named(
+    entries: dict[str, Any], new_arrays: dict[str, Any], word: str
+):
     document, arrays = stored(VALUE)
     arrays = {name: array for name, array in (arrays | new_arrays).items() if array is not None}
     with pytest.raises((TypeError, ValueError), match=word):

@@ -13,15 +13,35 @@ from physic_core.files.text import from_json, to_json
 
 def test_nan_and_infinities_are_written_by_name_and_read_back():
     value = {"a": [math.nan, math.inf], "b": {"c": -math.inf, "d": 0.1, "e": "NaN?"}}
-    assert to_json(value) == {"a": ["NaN", "Infinity"], "b": {"c": "-Infinity", "d": 0.1, "e": "NaN?"}}
+    assert to_json(value) == {
+        "a": ["NaN", "Infinity"],
+        "b": {"c": "-Infinity", "d": 0.1, "e": "NaN?"},
+    }
     assert repr(from_json(json.loads(json.dumps(to_json(value), allow_nan=False)))) == repr(value)
 
 
 def test_arrays_scalars_paths_and_keys_become_types_of_json():
-    value = {1: np.float32(0.5), "b": np.arange(3), "c": (1, True), "d": Path("x/y"), "e": np.array([np.nan, 2.0])}
-    assert to_json(value) == {"1": 0.5, "b": [0, 1, 2], "c": [1, True], "d": "x/y", "e": ["NaN", 2.0]}
+    value = {
+        1: np.float32(0.5),
+        "b": np.arange(3),
+        "c": (1, True),
+        "d": Path("x/y"),
+        "e": np.array([np.nan, 2.0]),
+    }
+    assert to_json(value) == {
+        "1": 0.5,
+        "b": [0, 1, 2],
+        "c": [1, True],
+        "d": "x/y",
+        "e": ["NaN", 2.0],
+    }
     assert type(to_json(np.float64(2.0))) is float
 
 
 def test_floats_can_be_rounded_to_significant_digits():
-    assert to_json([1234.5678, 1 / 3, 12345678, math.nan], digits=3) == [1230.0, 0.333, 12345678, "NaN"]
+    assert to_json([1234.5678, 1 / 3, 12345678, math.nan], digits=3) == [
+        1230.0,
+        0.333,
+        12345678,
+        "NaN",
+    ]

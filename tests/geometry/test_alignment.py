@@ -1,4 +1,6 @@
-"""Eq. 1: each kind of unknown is recovered among outliers, and nothing raises where there is nothing to align."""
+"""Eq. 1: each kind of unknown is recovered among outliers, and nothing raises where there is
+nothing to align.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.alignment import Alignment, AlignmentOptions, apply_alignment, fit_alignment
+from physic_core.geometry.alignment import (
+    Alignment,
+    AlignmentOptions,
+    apply_alignment,
+    fit_alignment,
+)
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
 
-ROWS, COLUMNS = 60, 80
+ROWS = 60
+COLUMNS = 80
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
-RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(70.0, 70.0, 39.5, 29.5, torch.zeros((), dtype=torch.float64)))
+RAYS = pixel_rays(
+    ROWS, COLUMNS, intrinsics_matrix(70.0, 70.0, 39.5, 29.5, torch.zeros((), dtype=torch.float64))
+)
 KINDS: tuple[AffineAmbiguity, ...] = ("scale", "scale_shift", "inverse_scale_shift")
 
 
@@ -27,7 +37,9 @@ def random(*shape: int, seed: int = 0) -> Tensor:
 
 def room() -> Tensor:
     """(H, W, 3) metres: a floor, a wall at 6 m and boxes."""
-    depth = torch.minimum(1.5 / RAYS[..., 1].clamp(min=0.05), torch.full((ROWS, COLUMNS), 6.0, dtype=torch.float64))
+    depth = torch.minimum(
+        1.5 / RAYS[..., 1].clamp(min=0.05), torch.full((ROWS, COLUMNS), 6.0, dtype=torch.float64)
+    )
     depth[10:30, 10:25] = 2.5
     depth[15:40, 50:60] = 3.5
     return RAYS * depth[..., None]
@@ -44,11 +56,15 @@ def relative(points: Tensor, unknown: AffineAmbiguity, scale: float, shift: floa
 
 
 @pytest.mark.parametrize("unknown", KINDS)
-def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: AffineAmbiguity) -> None:
+def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(
+    unknown: AffineAmbiguity,
+) -> None:
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     clean = relative(target, unknown, 2.5, shift)
-    noise = 1 + 0.02 * torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
+    noise = 1 + 0.02 * torch.randn(
+        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(5)
+    )
     bad = random(ROWS, COLUMNS, seed=1) < 0.4
     source = clean * torch.where(bad, 1.3 + 2 * random(ROWS, COLUMNS, seed=2), noise)[..., None]
     found = fit_alignment(source, target, ALL, unknown)
@@ -61,7 +77,13 @@ def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Affi
 AXES = st.sampled_from(["xyz", "z"])
 
 
-@given(st.sampled_from(KINDS), st.sampled_from(["relative", "metric"]), AXES, st.floats(0.01, 100), st.floats(0, 0.9))
+@given(
+    st.sampled_from(KINDS),
+    st.sampled_from(["relative", "metric"]),
+    AXES,
+    st.floats(0.01, 100),
+    st.floats(0, 0.9),
+)
 def test_any_scale_and_shift_is_recovered(
     unknown: AffineAmbiguity, residual: str, axes: str, scale: float, shift: float
 ) -> None:
@@ -73,7 +95,9 @@ def test_any_scale_and_shift_is_recovered(
     source = relative(target, unknown, scale, shift)
     # Depth alone does where the target's camera is not known.
     seen = target if axes == "xyz" else torch.where(torch.tensor([False, False, True]), target, 0.0)
-    found = fit_alignment(source, seen, ALL, unknown, options=AlignmentOptions(residual=residual, axes=axes))  # type: ignore[arg-type]
+    found = fit_alignment(
+        source, seen, ALL, unknown, options=AlignmentOptions(residual=residual, axes=axes)
+    )  # type: ignore[arg-type]
     torch.testing.assert_close(apply_alignment(source, found), target, rtol=1e-5, atol=1e-6)
     assert found.scale == pytest.approx(scale, rel=1e-4)
     assert found.shift == pytest.approx(shift, abs=1e-4)
@@ -86,7 +110,12 @@ def test_x_and_y_tell_scale_from_shift_where_depth_is_flat() -> None:
     source = relative(target, "scale_shift", 2.0, 1.0)
     found = fit_alignment(source, target, ALL, "scale_shift")
     assert (found.scale, found.shift) == (pytest.approx(2.0), pytest.approx(1.0))
-    assert fit_alignment(source, target, ALL, "scale_shift", options=AlignmentOptions(axes="z")).inlier_share == 0.0
+    assert (
+        fit_alignment(
+            source, target, ALL, "scale_shift", options=AlignmentOptions(axes="z")
+        ).inlier_share
+        == 0.0
+    )
 
 
 def test_metric_residuals_are_the_papers_least_squares() -> None:
@@ -94,7 +123,11 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
     noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
     source = relative(target, "scale_shift", 2.0, 0.5) + noise
     found = fit_alignment(
-        source, target, ALL, "scale_shift", options=AlignmentOptions(0.1, hypotheses=20, residual="metric")
+        source,
+        target,
+        ALL,
+        "scale_shift",
+        options=AlignmentOptions(0.1, hypotheses=20, residual="metric"),
     )
     A = np.zeros((3 * ROWS * COLUMNS, 2))
     A[:, 0] = source.reshape(-1).numpy()
@@ -106,7 +139,9 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
 
 
 def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
-    target, source, valid = room(), room() / 3, ALL.clone()
+    target = room()
+    source = room() / 3
+    valid = ALL.clone()
     source[:, :20] = math.nan  # which the mask does not say
     target[:10] = math.inf
     source[:, 40:] *= 2
@@ -117,14 +152,18 @@ def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
 def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
     target = room()
     z = target[..., 2]
-    found = fit_alignment(RAYS * (7 - z)[..., None], target, ALL, "scale_shift", options=AlignmentOptions(axes="z"))
+    found = fit_alignment(
+        RAYS * (7 - z)[..., None], target, ALL, "scale_shift", options=AlignmentOptions(axes="z")
+    )
     assert found.scale > 0
     assert found.inlier_share < 0.6
 
 
 def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
     found = Alignment(1.0, -0.1, "inverse_scale_shift", 1.0, 0.0)
-    points = torch.tensor([[1.0, 2.0, 5.0], [1.0, 2.0, 10.0], [1.0, 2.0, 20.0]], dtype=torch.float64)
+    points = torch.tensor(
+        [[1.0, 2.0, 5.0], [1.0, 2.0, 10.0], [1.0, 2.0, 20.0]], dtype=torch.float64
+    )
     placed = apply_alignment(points, found)
     # 1 / (1 / 5 - 0.1) = 10, on the same ray; the horizon is at 10, and beyond it there is nothing.
     torch.testing.assert_close(placed[0], torch.tensor([2.0, 4.0, 10.0], dtype=torch.float64))
@@ -132,7 +171,8 @@ def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
 
 
 def test_weights_decide_between_two_halves_that_disagree() -> None:
-    target, source = room(), room() / 2
+    target = room()
+    source = room() / 2
     source[:, 40:] /= 1.5
     left = torch.where(torch.arange(COLUMNS) < 40, 1.0, 0.05).expand(ROWS, COLUMNS)
     first = fit_alignment(source, target, ALL, "scale", weight=left)

@@ -1,4 +1,6 @@
-"""Points inside a body, or before one that the photo shows, move behind it along their rays; all others stay."""
+"""Points inside a body, or before one that the photo shows, move behind it along their rays; all
+others stay.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def points(seed: int, count: int = 400) -> Tensor:
 def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed: int) -> None:
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     before = points(seed)
-    after, moved = move_behind_bodies(before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0)
+    after, moved = move_behind_bodies(
+        before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0
+    )
     off = (before - centre).norm(dim=-1)
     sure = (off - RADIUS).abs() > 1e-3  # the mesh is a millimetre off the ball
     assert torch.equal(moved[sure], (off < RADIUS)[sure])
@@ -58,7 +62,8 @@ def test_out_of_one_body_and_into_the_next_is_out_of_both() -> None:
 def test_what_hides_a_body_that_the_photo_shows_moves_behind_it() -> None:
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     rays = (points(1) - torch.tensor([0.0, 0.0, 0.1])) / 3.0
-    before, shown = rays * 2.2, torch.arange(400) % 2 == 0
+    before = rays * 2.2
+    shown = torch.arange(400) % 2 == 0
     nearest = rays * (rays @ centre / rays.square().sum(-1))[:, None]
     off = (nearest - centre).norm(dim=-1)
     sure = (off - RADIUS).abs() > 5e-3  # at the rim a ray may miss the mesh

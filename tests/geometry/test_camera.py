@@ -16,12 +16,18 @@ number = st.floats(-3.0, 3.0, allow_nan=False)
 
 def test_projection_of_a_point_computed_by_hand() -> None:
     # 800 * 0.5 / 2 + 319.5 and 820 * -0.25 / 2 + 239.5
-    assert project(torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64), K).tolist() == [519.5, 137.0]
+    assert project(torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64), K).tolist() == [
+        519.5,
+        137.0,
+    ]
 
 
 def test_the_axis_meets_the_middle_between_the_four_central_pixels() -> None:
     camera = torch.as_tensor(Intrinsics.from_focal(500.0, 4, 2).matrix)
-    assert project(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64), camera).tolist() == [1.5, 0.5]
+    assert project(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64), camera).tolist() == [
+        1.5,
+        0.5,
+    ]
     rays = pixel_rays(2, 4, camera)
     assert rays.mean(dim=(0, 1)).tolist() == [0.0, 0.0, 1.0]
     assert rays[0, 0].tolist() == [-1.5 / 500, -0.5 / 500, 1.0]
@@ -52,7 +58,9 @@ def test_unprojected_pixels_project_back(x: float, y: float, z: float) -> None:
 
 
 def test_gradients_of_projection_and_unprojection_are_those_of_finite_differences() -> None:
-    point = torch.tensor([[0.3, -0.2, 2.0], [-1.1, 0.7, 5.0]], dtype=torch.float64, requires_grad=True)
+    point = torch.tensor(
+        [[0.3, -0.2, 2.0], [-1.1, 0.7, 5.0]], dtype=torch.float64, requires_grad=True
+    )
     uv = project(point, K).detach().requires_grad_()
     depth = point[:, 2].detach().requires_grad_()
     camera = K.clone().requires_grad_()
@@ -61,7 +69,9 @@ def test_gradients_of_projection_and_unprojection_are_those_of_finite_difference
 
 
 def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite() -> None:
-    points = torch.tensor([[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True)
+    points = torch.tensor(
+        [[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True
+    )
     uv = project(points, K)
     uv.sum().backward()
     assert torch.isfinite(uv).all()

@@ -16,7 +16,9 @@ from physic_core.geometry.visibility import self_occlusion
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.5), st.integers(1, 3))
 @settings(max_examples=25, deadline=None)
-def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: float, parts: int) -> None:
+def test_each_cell_of_a_part_has_one_that_stands_for_it(
+    seed: int, spacing: float, parts: int
+) -> None:
     generator = torch.Generator().manual_seed(seed)
     points = torch.randn(200, 3, generator=generator)
     part = torch.randint(parts, (200,), generator=generator)
@@ -24,13 +26,16 @@ def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: floa
     assert torch.equal(group[chosen], torch.arange(len(chosen)))
     assert torch.equal(part[chosen][group], part)
     assert ((points[chosen][group] / spacing).floor() == (points / spacing).floor()).all()
-    plain = {(int(p), *c) for p, c in zip(part, (points / spacing).floor().int().tolist(), strict=True)}
+    plain = {
+        (int(p), *c) for p, c in zip(part, (points / spacing).floor().int().tolist(), strict=True)
+    }
     assert len(chosen) == len(plain)
 
 
 def test_a_sphere_keeps_its_surface_and_its_outside() -> None:
     ball = trimesh.creation.icosphere(5, 1.0)
-    vertices, faces = torch.from_numpy(ball.vertices.copy()), torch.from_numpy(ball.faces.copy())
+    vertices = torch.from_numpy(ball.vertices.copy())
+    faces = torch.from_numpy(ball.faces.copy())
     coarse = coarse_mesh(vertices, faces, torch.zeros(len(vertices), dtype=torch.int64), 0.15)
     assert len(coarse.ids) < len(vertices) / 8
     few = trimesh.Trimesh(vertices[coarse.ids], coarse.faces, process=False)
@@ -47,7 +52,9 @@ def test_it_hides_the_limbs_that_the_whole_mesh_hides() -> None:
     bodies = model(roma.rotvec_to_rotmat(turns), torch.zeros(12, model.num_betas), places).vertices
     every = range(len(model.part_names))
     fine = self_occlusion(bodies, model.faces, model.part_of_vertex, every)[1]
-    coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)[1]
+    coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)[
+        1
+    ]
     of_parts = [int((model.part_of_vertex == part).nonzero()[0]) for part in every]
     assert len(model.coarse.ids) < 0.3 * model.num_vertices
     assert (fine != coarse)[:, of_parts].float().mean().item() < 0.03

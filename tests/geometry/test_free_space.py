@@ -1,4 +1,6 @@
-"""What lies before a depth map is in the open, though the nearest point's normal says it is inside."""
+"""What lies before a depth map is in the open, though the nearest point's normal says it is
+inside.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def test_free_space_equals_the_visibility_of_the_benchmark(seed: int) -> None:
     depth[draw.random((24, 32)) < 0.2] = np.nan
     points = draw.normal([0.0, 0.0, 2.5], [1.5, 1.2, 1.5], (300, 3))
     free = in_free_space(torch.from_numpy(points), front_depth(torch.from_numpy(depth)), K)
-    np.testing.assert_array_equal(~free.numpy(), hidden_by_depth_map(points, depth, CAMERA, tolerance=0.0))
+    np.testing.assert_array_equal(
+        ~free.numpy(), hidden_by_depth_map(points, depth, CAMERA, tolerance=0.0)
+    )
 
 
 def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() -> None:
@@ -34,7 +38,8 @@ def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() ->
     floor = torch.where(down > 0, 1.2 / down.clamp(min=1e-6), torch.inf)
     front = torch.where(down * 2 >= 0.8, 2.0, torch.inf)
     depth = torch.where(seat >= 2.0, seat, torch.minimum(front, floor))
-    calf, thigh = torch.tensor([0.0, 0.95, 1.9]), torch.tensor([0.0, 0.85, 2.3])
+    calf = torch.tensor([0.0, 0.95, 1.9])
+    thigh = torch.tensor([0.0, 0.85, 2.3])
     free = in_free_space(torch.stack([calf, thigh]), front_depth(depth), wide)
     assert free.tolist() == [True, False]
 

@@ -14,9 +14,16 @@ from physic_core.geometry.plane import estimate_up
 
 
 def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
-    """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down and is rolled."""
-    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
-    down = [[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]]
+    """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down
+    and is rolled.
+    """
+    pitch = math.radians(pitch_deg)
+    roll = math.radians(roll_deg)
+    down = [
+        [1, 0, 0],
+        [0, math.cos(pitch), -math.sin(pitch)],
+        [0, math.sin(pitch), math.cos(pitch)],
+    ]
     rolled = [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
     return torch.tensor(rolled, dtype=torch.float64) @ torch.tensor(down, dtype=torch.float64)
 
@@ -35,7 +42,9 @@ def surfaces(
     noise_deg: float = 4.0,
     seed: int = 0,
 ) -> Tensor:
-    """(M, 3) normals of as many pixels of floor, ceiling, two walls that stand askew and clutter, camera frame."""
+    """(M, 3) normals of as many pixels of floor, ceiling, two walls that stand askew and clutter,
+    camera frame.
+    """
     generator = torch.Generator().manual_seed(seed)
     askew = math.radians(20.0)
     directions = [
@@ -45,7 +54,9 @@ def surfaces(
         ([math.cos(askew), 0.0, math.sin(askew)], side),
     ]
     flat = torch.cat([torch.tensor(d, dtype=torch.float64).expand(n, 3) for d, n in directions])
-    flat = flat + math.radians(noise_deg) * torch.randn(flat.shape, dtype=torch.float64, generator=generator)
+    flat = flat + math.radians(noise_deg) * torch.randn(
+        flat.shape, dtype=torch.float64, generator=generator
+    )
     random = torch.randn(clutter, 3, dtype=torch.float64, generator=generator)
     return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 

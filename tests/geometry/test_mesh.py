@@ -9,7 +9,12 @@ import pytest
 import torch
 import trimesh
 
-from physic_core.geometry.mesh import faces_around_vertices, faces_of_vertices, vertex_areas, vertex_normals
+from physic_core.geometry.mesh import (
+    faces_around_vertices,
+    faces_of_vertices,
+    vertex_areas,
+    vertex_normals,
+)
 
 
 @pytest.fixture(params=[np.asarray, torch.tensor], ids=["numpy", "torch"])
@@ -35,13 +40,17 @@ def test_normals_are_weighted_by_area(array):
     vertices = array(np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]))
     faces = array(np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
     np.testing.assert_allclose(
-        np.asarray(vertex_normals(vertices, faces)[0]), np.array([-6.0, -3.0, -2.0]) / 7.0, rtol=1e-12
+        np.asarray(vertex_normals(vertices, faces)[0]),
+        np.array([-6.0, -3.0, -2.0]) / 7.0,
+        rtol=1e-12,
     )
 
 
 def test_areas_add_up_to_the_surface(array):
     box = trimesh.creation.box((1.0, 2.0, 3.0))
-    assert float(vertex_areas(array(np.array(box.vertices)), array(np.array(box.faces))).sum()) == pytest.approx(22)
+    assert float(
+        vertex_areas(array(np.array(box.vertices)), array(np.array(box.faces))).sum()
+    ) == pytest.approx(22)
     vertices, faces = icosphere(array, fineness=4)
     assert float(vertex_areas(vertices, faces).sum()) == pytest.approx(4 * math.pi * 0.09, rel=5e-3)
 
@@ -69,12 +78,23 @@ def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
 def test_the_faces_around_a_vertex_give_the_same_normals():
     vertices, faces = icosphere(torch.tensor, fineness=2)
     around = faces_of_vertices(faces, len(vertices))
-    assert sorted(set(around[7].tolist()) - {len(faces)}) == (faces == 7).any(1).nonzero().flatten().tolist()
+    assert (
+        sorted(set(around[7].tolist()) - {len(faces)})
+        == (faces == 7).any(1).nonzero().flatten().tolist()
+    )
     batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
     torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
-    torch.testing.assert_close(vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5])
+    torch.testing.assert_close(
+        vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5]
+    )
     some, around_some = faces_around_vertices(faces, around[3:5])
     assert len(some) < len(faces)
-    assert torch.equal(vertex_normals(batch, some, around_some), vertex_normals(batch, faces, around[3:5]))
+    assert torch.equal(
+        vertex_normals(batch, some, around_some), vertex_normals(batch, faces, around[3:5])
+    )
     lonely = torch.cat([vertices, vertices[:1]])
-    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
+    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [
+        0.0,
+        0.0,
+        0.0,
+    ]

@@ -12,10 +12,17 @@ from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
     """Points of a floor and a wall, with their normals."""
     g = torch.Generator().manual_seed(seed)
-    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor([-2.0, 1.2, 2.0])
-    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor([-2.0, -1.8, 6.0])
-    up, back = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
-    return torch.cat([floor, wall]), torch.cat([up.expand(count // 2, 3), back.expand(count // 2, 3)])
+    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor(
+        [-2.0, 1.2, 2.0]
+    )
+    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor(
+        [-2.0, -1.8, 6.0]
+    )
+    up = torch.tensor([0.0, -1.0, 0.0])
+    back = torch.tensor([0.0, 0.0, -1.0])
+    return torch.cat([floor, wall]), torch.cat(
+        [up.expand(count // 2, 3), back.expand(count // 2, 3)]
+    )
 
 
 def vertices(count: int = 500, seed: int = 1) -> torch.Tensor:
@@ -29,14 +36,20 @@ def test_tree_equals_plain_search(scale):
     points, normals = room()
     query = vertices() * scale
     got = NearestPointSearch(points, normals).query(query, scale)
-    every = torch.cdist(query.double(), scale * points.double(), compute_mode="donot_use_mm_for_euclid_dist").amin(-1)
+    every = torch.cdist(
+        query.double(), scale * points.double(), compute_mode="donot_use_mm_for_euclid_dist"
+    ).amin(-1)
     assert got.found.any()
     assert not got.found.all()
     assert torch.equal(got.found, every < 0.15)
     assert torch.isinf(got.distance[~got.found]).all()
-    torch.testing.assert_close(got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0)
+    torch.testing.assert_close(
+        got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0
+    )
     near = points[got.index] * scale - query
-    torch.testing.assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
+    torch.testing.assert_close(
+        near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0
+    )
 
 
 def test_a_vertex_that_is_not_a_number_is_near_nothing():
@@ -48,7 +61,10 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing():
 
 
 def test_bad_input_says_what_to_do():
-    with pytest.raises(PhysicError, match=r"^scene points and normals must both be \(M, 3\), got \(4, 5, 3\) and \(4"):
+    with pytest.raises(
+        PhysicError,
+        match=r"^scene points and normals must both be \(M, 3\), got \(4, 5, 3\) and \(4",
+    ):
         NearestPointSearch(torch.zeros(4, 5, 3), torch.zeros(4, 5, 3))
 
 

@@ -18,7 +18,9 @@ UP = torch.tensor([0.0, -1.0, 0.0])
 def cloud(count: int = 4000, seed: int = 0) -> Tensor:
     """Points of a room of 6 x 3 x 8 m in front of the camera."""
     generator = torch.Generator().manual_seed(seed)
-    return torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 3.0, 8.0]) - torch.tensor([3.0, 1.5, -1.0])
+    return torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 3.0, 8.0]) - torch.tensor(
+        [3.0, 1.5, -1.0]
+    )
 
 
 def unit(x: float, y: float, z: float) -> Tensor:

@@ -20,9 +20,12 @@ from physic_core.geometry.pointmap import (
     pointmap_normals,
 )
 
-ROWS, COLUMNS = 48, 64
+ROWS = 48
+COLUMNS = 64
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
-K = intrinsics_matrix(60.0, 62.0, (COLUMNS - 1) / 2, (ROWS - 1) / 2, torch.zeros((), dtype=torch.float64))
+K = intrinsics_matrix(
+    60.0, 62.0, (COLUMNS - 1) / 2, (ROWS - 1) / 2, torch.zeros((), dtype=torch.float64)
+)
 RAYS = pixel_rays(ROWS, COLUMNS, K)
 
 
@@ -41,7 +44,9 @@ def test_every_point_projects_onto_its_own_pixel() -> None:
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(1e-6, 1e6))
-def test_a_plane_has_its_exact_normal_up_to_the_border_in_any_unit(x: float, y: float, unit: float) -> None:
+def test_a_plane_has_its_exact_normal_up_to_the_border_in_any_unit(
+    x: float, y: float, unit: float
+) -> None:
     normal = torch.nn.functional.normalize(torch.tensor([x, y, -1.0], dtype=torch.float64), dim=0)
     points = depth_to_pointmap(plane_depth(normal, unit), K)
     found = pointmap_normals(points, ALL)
@@ -98,7 +103,8 @@ def window(y: int, x: int, reach: int) -> tuple[slice, slice]:
 @given(depths, masks)
 @settings(max_examples=50)
 def test_depth_edges_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
-    depth, valid = torch.as_tensor(depth_array), torch.as_tensor(valid_array)
+    depth = torch.as_tensor(depth_array)
+    valid = torch.as_tensor(valid_array)
     found = depth_edges(depth, valid, 1.05)
     for y in range(6):
         for x in range(7):
@@ -109,15 +115,28 @@ def test_depth_edges_are_those_of_a_plain_loop(depth_array: object, valid_array:
 
 @given(depths, masks)
 @settings(max_examples=50)
-def test_unsupported_pixels_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
-    depth, valid = torch.as_tensor(depth_array), torch.as_tensor(valid_array)
+def test_unsupported_pixels_are_those_of_a_plain_loop(
+    depth_array: object, valid_array: object
+) -> None:
+    depth = torch.as_tensor(depth_array)
+    valid = torch.as_tensor(valid_array)
     found = isolated_pixels(depth, valid, 1.05)
     for y in range(6):
         for x in range(7):
             support = {2: 0, 4: 0}
             for ring in support:
-                for dy, dx in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)):
-                    v, u = y + ring * dy, x + ring * dx
+                for dy, dx in (
+                    (-1, -1),
+                    (-1, 0),
+                    (-1, 1),
+                    (0, -1),
+                    (0, 1),
+                    (1, -1),
+                    (1, 0),
+                    (1, 1),
+                ):
+                    v = y + ring * dy
+                    u = x + ring * dx
                     if 0 <= v < 6 and 0 <= u < 7 and valid[y, x] and valid[v, u]:
                         difference = float((depth[y, x] / depth[v, u]).log().abs())
                         support[ring] += difference <= ring / 2 * math.log(1.05)

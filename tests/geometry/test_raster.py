@@ -9,7 +9,8 @@ from physic_core.geometry.raster import rasterize
 
 
 def test_a_triangle_covers_the_pixels_inside_it():
-    # Seen from its front, counter-clockwise with x to the right and y down runs the other way round.
+    # Seen from its front, counter-clockwise with x to the right and y down runs the other way
+    # round.
     pixels = torch.tensor([[[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]]])
     z = torch.ones(1, 3)
     got = rasterize(pixels, z, torch.tensor([[0, 1, 2]]), 5, 6)
@@ -20,7 +21,9 @@ def test_a_triangle_covers_the_pixels_inside_it():
 
 
 def test_the_nearer_of_two_wins_pixel_by_pixel():
-    """A level triangle at 2 m, and one that leans through it: 1 / z is what is linear in the picture."""
+    """A level triangle at 2 m, and one that leans through it: 1 / z is what is linear in the
+    picture.
+    """
     corners = [[0.0, 0.0], [0.0, 40.0], [40.0, 0.0]]
     pixels = torch.tensor([corners + corners])
     z = torch.tensor([[2.0, 2.0, 2.0, 1.0, 1.0, 4.0]])

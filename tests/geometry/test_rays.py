@@ -38,15 +38,23 @@ def relief(side: int = 80):
     vertices = np.stack([(x / side - 0.5) * z, (y / side - 0.5) * z, z], -1).reshape(-1, 3)
     at = np.arange(side * side).reshape(side, side)
     quads = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
-    faces = np.concatenate([np.stack([quads[0], quads[k], quads[k + 1]], -1).reshape(-1, 3) for k in (1, 2)])
+    faces = np.concatenate(
+        [np.stack([quads[0], quads[k], quads[k + 1]], -1).reshape(-1, 3) for k in (1, 2)]
+    )
     return vertices, faces
 
 
 MESHES = {
     "body": posed_body,
     "relief": relief,
-    "box": lambda: ((box := trimesh.creation.box((2, 2, 2))).vertices + np.array([0, 0, 3]), box.faces),
-    "far": lambda: (1e4 * (ball := trimesh.creation.icosphere(3)).vertices + np.array([0, 0, 3e4]), ball.faces),
+    "box": lambda: (
+        (box := trimesh.creation.box((2, 2, 2))).vertices + np.array([0, 0, 3]),
+        box.faces,
+    ),
+    "far": lambda: (
+        1e4 * (ball := trimesh.creation.icosphere(3)).vertices + np.array([0, 0, 3e4]),
+        ball.faces,
+    ),
 }
 
 
@@ -56,7 +64,9 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
     rng = np.random.default_rng(1)
     target = vertices.mean(0) + rng.normal(size=(4000, 3)) * vertices.std(0)
     origins = np.where(
-        rng.random((4000, 1)) < 0.5, 0.0, vertices.mean(0) + rng.normal(size=(4000, 3)) * np.ptp(vertices)
+        rng.random((4000, 1)) < 0.5,
+        0.0,
+        vertices.mean(0) + rng.normal(size=(4000, 3)) * np.ptp(vertices),
     )
     directions = (target - origins) * rng.uniform(0.1, 10, (4000, 1))
     by_embree, by_numpy = (caster.first(origins, directions) for caster in both(vertices, faces))
@@ -76,8 +86,12 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
 def test_both_find_the_same_segments_blocked(name):
     vertices, faces = MESHES[name]()
     rng = np.random.default_rng(2)
-    origins, ends = (vertices.mean(0) + 1.5 * rng.normal(size=(4000, 3)) * vertices.std(0) for _ in range(2))
-    by_embree, by_numpy = (caster.blocked(origins, ends - origins) for caster in both(vertices, faces))
+    origins, ends = (
+        vertices.mean(0) + 1.5 * rng.normal(size=(4000, 3)) * vertices.std(0) for _ in range(2)
+    )
+    by_embree, by_numpy = (
+        caster.blocked(origins, ends - origins) for caster in both(vertices, faces)
+    )
     assert by_numpy.any()
     assert not by_numpy.all()
     assert (by_embree == by_numpy).mean() > 0.998
@@ -89,21 +103,30 @@ def test_the_faces_alone_are_those_of_the_hits(library):
         pytest.importorskip("embreex")
     caster = RayCaster(*relief(), library)
     rays = np.random.default_rng(3).uniform(-1, 1, (500, 3)) + np.array([0, 0, 1])
-    assert np.array_equal(caster.first_faces(np.zeros(3), rays), caster.first(np.zeros(3), rays).face)
+    assert np.array_equal(
+        caster.first_faces(np.zeros(3), rays), caster.first(np.zeros(3), rays).face
+    )
 
 
 def test_numpy_misses_no_ray_to_an_edge_or_a_vertex():
-    ball, centre = trimesh.creation.icosphere(4, 0.5), np.array([0.1, 0.2, 2])
+    ball = trimesh.creation.icosphere(4, 0.5)
+    centre = np.array([0.1, 0.2, 2])
     edges = ball.vertices[np.concatenate([ball.faces[:, :2], ball.faces[:, 1:]])]
     towards = np.concatenate([ball.vertices, edges.mean(1)])
-    assert (RayCaster(ball.vertices + centre, ball.faces, "numpy").first_faces(centre, towards) >= 0).all()
+    assert (
+        RayCaster(ball.vertices + centre, ball.faces, "numpy").first_faces(centre, towards) >= 0
+    ).all()
 
 
 def test_numpy_takes_a_mesh_without_faces_and_faces_that_are_not_finite():
     nothing = RayCaster(np.zeros((0, 3)), np.zeros((0, 3), int), "numpy")
     assert nothing.first(np.zeros(3), np.array([[0.0, 0, 1]])).face.tolist() == [-1]
-    vertices = np.array([[-1.0, -1, 1], [1, -1, 1], [0, 1, np.nan], [-1, -1, 2], [1, -1, 2], [0, 1, 2]])
-    hits = RayCaster(vertices, np.arange(6).reshape(2, 3), "numpy").first(np.zeros(3), np.array([[0.0, 0, 1]]))
+    vertices = np.array(
+        [[-1.0, -1, 1], [1, -1, 1], [0, 1, np.nan], [-1, -1, 2], [1, -1, 2], [0, 1, 2]]
+    )
+    hits = RayCaster(vertices, np.arange(6).reshape(2, 3), "numpy").first(
+        np.zeros(3), np.array([[0.0, 0, 1]])
+    )
     assert (hits.face.tolist(), hits.distance.tolist()) == ([1], [2])
 
 

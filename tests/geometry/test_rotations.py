@@ -1,4 +1,6 @@
-"""Rotations: vectors to matrices as roma converts them, in value and slope, and back to angles and quaternions."""
+"""Rotations: vectors to matrices as roma converts them, in value and slope, and back to angles and
+quaternions.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,16 @@ def turns(angle, dtype):
 def test_value_and_gradient_agree_with_roma(angle, dtype, tolerance):
     rotvec = turns(angle, dtype)
     weights = torch.randn(20, 3, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
-    got, want = rotvec_to_rotmat(rotvec), roma.rotvec_to_rotmat(rotvec.double())
+    got = rotvec_to_rotmat(rotvec)
+    want = roma.rotvec_to_rotmat(rotvec.double())
     torch.testing.assert_close(got.double(), want, atol=tolerance, rtol=0)
     (slope,) = torch.autograd.grad((got * weights.to(dtype)).sum(), rotvec)
     (expected,) = torch.autograd.grad((want * weights).sum(), rotvec)
     # roma's own series begin so near to zero that its slope loses half of the digits there.
     near_zero = 0 < angle < 1e-3
-    torch.testing.assert_close(slope.double(), expected.double(), atol=max(5 * tolerance, 1e-7 * near_zero), rtol=0)
+    torch.testing.assert_close(
+        slope.double(), expected.double(), atol=max(5 * tolerance, 1e-7 * near_zero), rtol=0
+    )
 
 
 @pytest.mark.parametrize("angle", ANGLES)

@@ -9,7 +9,8 @@ from physic_core.geometry.tensors import all_finite, select_pixels
 
 def test_selected_pixels_are_those_of_the_mask():
     g = torch.Generator().manual_seed(0)
-    points, flags = torch.randn(5, 7, 3, generator=g), torch.rand(5, 7, generator=g) < 0.5
+    points = torch.randn(5, 7, 3, generator=g)
+    flags = torch.rand(5, 7, generator=g) < 0.5
     for mask in (torch.rand(5, 7, generator=g) < 0.4, torch.zeros(5, 7, dtype=torch.bool)):
         of_points, of_flags = select_pixels(mask, points, flags)
         assert torch.equal(of_points, points[mask])
@@ -17,5 +18,7 @@ def test_selected_pixels_are_those_of_the_mask():
 
 
 def test_a_point_is_finite_with_all_of_its_coordinates():
-    points = torch.tensor([[1.0, -2.0, 3.0], [torch.nan, 0, 0], [0, torch.inf, -torch.inf], [0, 0, -torch.inf]])
+    points = torch.tensor(
+        [[1.0, -2.0, 3.0], [torch.nan, 0, 0], [0, torch.inf, -torch.inf], [0, 0, -torch.inf]]
+    )
     assert all_finite(points).tolist() == [True, False, False, False]

@@ -47,7 +47,9 @@ def test_an_upload_that_is_no_photo_reaches_no_backend(image: Any, got: str):
     with pytest.raises(InputError) as caught:
         call(backend, InpainterRequest(image, MASK))
     assert str(caught.value) == WANTED + got
-    who = ResolvedBackend(backend, Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, ""))
+    who = ResolvedBackend(
+        backend, Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, "")
+    )
     stages = StageRunner("cpu", 1)
     with pytest.raises(InputError) as caught:
         stages.call_backend("inpainting", who, InpainterRequest(image, MASK))

@@ -26,7 +26,8 @@ from physic_core.types import (
 )
 from physic_testing import violations
 
-H, W = 6, 8
+H = 6
+W = 8
 CAMERA = Intrinsics.from_focal(9, W, H)
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 MASKS = np.zeros((2, H, W), bool)
@@ -34,12 +35,22 @@ MASKS[0, 1:5, 1:3] = MASKS[1, 1:5, 4:6] = True
 BOXES = np.array([[1, 1, 3, 5], [4, 1, 6, 5]], np.float32)
 SURFACES = SurfaceLabels(np.zeros((H, W), np.uint8))
 KEYPOINTS = Keypoints(np.ones((2, 17, 2)), np.full((2, 17), 0.5), "coco17", np.ones((2, 17, 3)))
-PEOPLE = People(MASKS, BOXES, np.array([0.9, 0.8], np.float32), keypoints=KEYPOINTS, surfaces=SURFACES)
+PEOPLE = People(
+    MASKS, BOXES, np.array([0.9, 0.8], np.float32), keypoints=KEYPOINTS, surfaces=SURFACES
+)
 POINTMAP = Pointmap(np.ones((H, W, 3), np.float32), np.ones((H, W), bool), "scale", CAMERA)
 DEPTH = DepthMap(np.ones((H, W), np.float32), CAMERA, 0.1)
-WIDTHS = {"global_orient": 3, "body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "jaw_pose": 3}
+WIDTHS = {
+    "global_orient": 3,
+    "body_pose": 63,
+    "left_hand_pose": 45,
+    "right_hand_pose": 45,
+    "jaw_pose": 3,
+}
 WIDTHS |= {"leye_pose": 3, "reye_pose": 3, "betas": 10, "expression": 0, "transl": 3}
-PARAMETERS = BodyParameters(**{name: np.zeros((2, width), np.float32) for name, width in WIDTHS.items()})
+PARAMETERS = BodyParameters(
+    **{name: np.zeros((2, width), np.float32) for name, width in WIDTHS.items()}
+)
 MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
 BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
@@ -52,7 +63,10 @@ INTERFACES: dict[type, tuple[Any, dict[str, Any]]] = {
     DepthMap: (interfaces.MetricDepth, {"height": H, "width": W}),
     Bodies: (interfaces.BodyEstimator, {"people": 2}),
     Hands: (interfaces.HandEstimator, {"people": 2}),
-    ContactProbability: (interfaces.ContactPrior, {"people": 2, "vertices": 9, "topology": "embedded"}),
+    ContactProbability: (
+        interfaces.ContactPrior,
+        {"people": 2, "vertices": 9, "topology": "embedded"},
+    ),
 }
 
 
@@ -82,7 +96,15 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (PEOPLE, {}),
         (PEOPLE, {"keypoints": None, "surfaces": None}),
         (PEOPLE, {"surfaces": SurfaceLabels(np.ones((H, W), np.uint8), ("wall", "floor"))}),
-        (PEOPLE, {"masks": MASKS[:0], "boxes": BOXES[:0], "scores": np.zeros(0, np.float32), "keypoints": None}),
+        (
+            PEOPLE,
+            {
+                "masks": MASKS[:0],
+                "boxes": BOXES[:0],
+                "scores": np.zeros(0, np.float32),
+                "keypoints": None,
+            },
+        ),
         (KEYPOINTS, {}),
         (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
         (POINTMAP, {}),
@@ -91,11 +113,22 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
         (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
         (HANDS, {}),
-        (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),  # not found
+        # not found
+        (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
         (CONTACT, {}),
-        # What is lost for some people only is handled for each: see physic_core.pipeline.backend_results.
-        (KEYPOINTS, {"confidence": nan_at(KEYPOINTS.confidence, 0, 3), "world": nan_at(KEYPOINTS.world, 0, 3)}),
-        (BODIES, parameters(transl=nan_at(PARAMETERS.transl, 1)) | {"joints": nan_at(BODIES.joints, 1)}),
+        # What is lost for some people only is handled for each: see
+        # physic_core.pipeline.backend_results.
+        (
+            KEYPOINTS,
+            {
+                "confidence": nan_at(KEYPOINTS.confidence, 0, 3),
+                "world": nan_at(KEYPOINTS.world, 0, 3),
+            },
+        ),
+        (
+            BODIES,
+            parameters(transl=nan_at(PARAMETERS.transl, 1)) | {"joints": nan_at(BODIES.joints, 1)},
+        ),
         (BODIES, mesh(nan_at(MESH.vertices, 0, 2), FACES)),
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs, 0)}),
         (CONTACT, {"probability": nan_at(CONTACT.probability, 1)}),
@@ -109,54 +142,158 @@ def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -
     ("result", "changes", "expected"),
     [
         (PEOPLE, {"masks": np.zeros((2, W, H), bool)}, ["masks must be (2, 6, 8), got (2, 8, 6)"]),
-        (PEOPLE, {"masks": None, "keypoints": None}, ["masks must be a numpy array (0, 6, 8), got NoneType", ...]),
-        (PEOPLE, {"masks": np.zeros((2, H, W), bool)}, ["every person needs at least one pixel, masks [0..."]),
+        (
+            PEOPLE,
+            {"masks": None, "keypoints": None},
+            ["masks must be a numpy array (0, 6, 8), got NoneType", ...],
+        ),
+        (
+            PEOPLE,
+            {"masks": np.zeros((2, H, W), bool)},
+            ["every person needs at least one pixel, masks [0..."],
+        ),
         (PEOPLE, {"masks": np.ones((2, H, W), bool)}, ["masks of two people overlap..."]),
-        (PEOPLE, {"boxes": np.array([[2, 1, 2, 4], [6, 1, 14, 5]], np.float32)}, ["boxes must be x0 y0 x1 y1..."]),
+        (
+            PEOPLE,
+            {"boxes": np.array([[2, 1, 2, 4], [6, 1, 14, 5]], np.float32)},
+            ["boxes must be x0 y0 x1 y1..."],
+        ),
         (PEOPLE, {"scores": np.array([90.0, 80.0])}, ["scores must lie in [0, 1], got 0 to 90"]),
         (PEOPLE, {"floor": np.zeros((H, W), np.float32)}, ["floor must be bool, got float32"]),
-        (PEOPLE, {"surfaces": replace(SURFACES, names=("floor", "lava"))}, ["surfaces.names has 'lava'; the..."]),
-        (PEOPLE, {"surfaces": replace(SURFACES, names=("floor", "floor"))}, ["surfaces.names must not name a..."]),
-        (PEOPLE, {"surfaces": SurfaceLabels(np.full((H, W), 2, np.uint8), ("wall",))}, ["surfaces.labels must be..."]),
-        (PEOPLE, {"surfaces": np.zeros((H, W), np.uint8)}, ["surfaces must be SurfaceLabels, got ndarray"]),
-        (KEYPOINTS, {"skeleton": 17}, ["skeleton must be a Skeleton or the name of a standard one, got int", ...]),
-        (KEYPOINTS, {"confidence": np.eye(2, 17) * 7}, ["confidence must lie in [0, 1], got 0 to 7"]),
+        (
+            PEOPLE,
+            {"surfaces": replace(SURFACES, names=("floor", "lava"))},
+            ["surfaces.names has 'lava'; the..."],
+        ),
+        (
+            PEOPLE,
+            {"surfaces": replace(SURFACES, names=("floor", "floor"))},
+            ["surfaces.names must not name a..."],
+        ),
+        (
+            PEOPLE,
+            {"surfaces": SurfaceLabels(np.full((H, W), 2, np.uint8), ("wall",))},
+            ["surfaces.labels must be..."],
+        ),
+        (
+            PEOPLE,
+            {"surfaces": np.zeros((H, W), np.uint8)},
+            ["surfaces must be SurfaceLabels, got ndarray"],
+        ),
+        (
+            KEYPOINTS,
+            {"skeleton": 17},
+            ["skeleton must be a Skeleton or the name of a standard one, got int", ...],
+        ),
+        (
+            KEYPOINTS,
+            {"confidence": np.eye(2, 17) * 7},
+            ["confidence must lie in [0, 1], got 0 to 7"],
+        ),
         (KEYPOINTS, {"sigma": np.zeros((2, 17))}, ["sigma must be above 0 where confidence is"]),
-        (KEYPOINTS, {"world": None, "depth_sigma": np.ones((2, 17))}, ["depth_sigma is given without world..."]),
-        (POINTMAP, {"points": nan_at(POINTMAP.points)}, ["points must be finite, 144 values are not"]),
+        (
+            KEYPOINTS,
+            {"world": None, "depth_sigma": np.ones((2, 17))},
+            ["depth_sigma is given without world..."],
+        ),
+        (
+            POINTMAP,
+            {"points": nan_at(POINTMAP.points)},
+            ["points must be finite, 144 values are not"],
+        ),
         (
             POINTMAP,
             {"points": -POINTMAP.points},
             ["z must be > 0 where valid (z forward), 100% of the valid points..."],
         ),
         (POINTMAP, {"valid": np.zeros((H, W), bool)}, ["no pixel is valid"]),
-        (POINTMAP, {"unknown": "metres"}, ["unknown must be one of scale, scale_shift, inverse_scale_shift..."]),
-        (POINTMAP, {"shift_sigma": -0.1}, ["shift_sigma must be finite and at least 0, or None, got -0.1"]),
+        (
+            POINTMAP,
+            {"unknown": "metres"},
+            ["unknown must be one of scale, scale_shift, inverse_scale_shift..."],
+        ),
+        (
+            POINTMAP,
+            {"shift_sigma": -0.1},
+            ["shift_sigma must be finite and at least 0, or None, got -0.1"],
+        ),
         (POINTMAP, {"intrinsics": np.eye(3)}, ["intrinsics must be Intrinsics, got ndarray"]),
-        (POINTMAP, {"intrinsics": replace(CAMERA, cx=np.nan)}, ["intrinsics must be finite numbers fx, fy, cx..."]),
-        (DEPTH, {"intrinsics": CAMERA.resized(16, 12)}, ["intrinsics must be for 8 x 6 px, got 16 x 12"]),
-        (DEPTH, {"intrinsics": replace(CAMERA, source=None)}, ["intrinsics.source must be str, got NoneType"]),
-        (DEPTH, {"scale_sigma": np.nan}, ["scale_sigma must be a number from 0 to 1000 or None, got nan"]),
+        (
+            POINTMAP,
+            {"intrinsics": replace(CAMERA, cx=np.nan)},
+            ["intrinsics must be finite numbers fx, fy, cx..."],
+        ),
+        (
+            DEPTH,
+            {"intrinsics": CAMERA.resized(16, 12)},
+            ["intrinsics must be for 8 x 6 px, got 16 x 12"],
+        ),
+        (
+            DEPTH,
+            {"intrinsics": replace(CAMERA, source=None)},
+            ["intrinsics.source must be str, got NoneType"],
+        ),
+        (
+            DEPTH,
+            {"scale_sigma": np.nan},
+            ["scale_sigma must be a number from 0 to 1000 or None, got nan"],
+        ),
         (DEPTH, {"notes": "text"}, ["notes must be a tuple of texts, got 'text'"]),
         (DEPTH, {"depth": nan_at(DEPTH.depth)}, ["depth is NaN or infinite everywhere"]),
         (DEPTH, {"depth": -DEPTH.depth}, ["depth must be > 0 m or NaN, the smallest is -1"]),
         (DEPTH, {"depth": DEPTH.depth[None]}, ["depth must be (6, 8), got (1, 6, 8)"]),
-        (DEPTH, {"depth": torch.ones((H, W))}, ["depth must be a numpy array (6, 8), got Tensor..."]),
+        (
+            DEPTH,
+            {"depth": torch.ones((H, W))},
+            ["depth must be a numpy array (6, 8), got Tensor..."],
+        ),
         (BODIES, {"parameters": {}}, ["parameters must be BodyParameters, got dict", ...]),
         (BODIES, {"body_model": None}, ["body_model must be str, got NoneType", ...]),
-        (BODIES, parameters(body_pose=np.zeros((2, 69), np.float32)), ["body_pose must be (2, 63), got (2, 69)"]),
+        (
+            BODIES,
+            parameters(body_pose=np.zeros((2, 69), np.float32)),
+            ["body_pose must be (2, 63), got (2, 69)"],
+        ),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, ["joints must be float, got int64"]),
         (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, ["joints must be within +-10000 m..."]),
-        (BODIES, {"rotation_sigma": np.full((2, 22), 20.0)}, ["rotation_sigma must be within 0 and pi radians..."]),
+        (
+            BODIES,
+            {"rotation_sigma": np.full((2, 22), 20.0)},
+            ["rotation_sigma must be within 0 and pi radians..."],
+        ),
         (BODIES, {"mesh": np.zeros((2, 4, 3))}, ["mesh must be Mesh, got ndarray"]),
-        (BODIES, mesh(MESH.vertices, FACES + 1), ["mesh.faces must number the 4 vertices from 0, got 1 to 4"]),
-        (BODIES, mesh(MESH.vertices, FACES.astype(float)), ["mesh.faces must be integers, got float64"]),
-        (BODIES, mesh(MESH.vertices, FACES, np.zeros((5, 3))), ["mesh.rest must be (4, 3), got (5, 3)"]),
-        (HANDS, {"rotvecs": nan_at(HANDS.rotvecs, slice(None))}, ["rotvecs must be finite, 135 values are not"]),
+        (
+            BODIES,
+            mesh(MESH.vertices, FACES + 1),
+            ["mesh.faces must number the 4 vertices from 0, got 1 to 4"],
+        ),
+        (
+            BODIES,
+            mesh(MESH.vertices, FACES.astype(float)),
+            ["mesh.faces must be integers, got float64"],
+        ),
+        (
+            BODIES,
+            mesh(MESH.vertices, FACES, np.zeros((5, 3))),
+            ["mesh.rest must be (4, 3), got (5, 3)"],
+        ),
+        (
+            HANDS,
+            {"rotvecs": nan_at(HANDS.rotvecs, slice(None))},
+            ["rotvecs must be finite, 135 values are not"],
+        ),
         (CONTACT, {"rest": None}, ["topology must be 'embedded' as the bodies', got 'smpl'"]),
         (CONTACT, {"probability": np.zeros((2, 5))}, ["probability must be (2, 4), got (2, 5)"]),
-        (CONTACT, {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)}, ["rest must be the mesh 'smpl' that the..."]),
-        (CONTACT, {"rest": RestMesh("smpl", np.zeros((4, 3)), FACES + 2)}, ["rest.faces must number the 4..."]),
+        (
+            CONTACT,
+            {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)},
+            ["rest must be the mesh 'smpl' that the..."],
+        ),
+        (
+            CONTACT,
+            {"rest": RestMesh("smpl", np.zeros((4, 3)), FACES + 2)},
+            ["rest.faces must number the 4..."],
+        ),
     ],
 )
 def test_a_violation_says_what_was_expected_and_what_came(

@@ -9,7 +9,13 @@ import pytest
 from PIL import Image
 from pydantic import Field
 
-from physic_core import BackendOutputError, ConfigError, InputError, WeightsMissingError, load_backend
+from physic_core import (
+    BackendOutputError,
+    ConfigError,
+    InputError,
+    WeightsMissingError,
+    load_backend,
+)
 from physic_core.interfaces import INTERFACES, ContactPrior, MetricDepth, Options
 from physic_core.io.photo import read_photo
 from physic_core.types import DepthMap, Hints, Intrinsics, People
@@ -63,7 +69,8 @@ def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
 
 def test_each_interface_can_be_called_alone():
     world = build_world("stand", 0, (160, 120))
-    image, hints = world.image, Hints()
+    image = world.image
+    hints = Hints()
     found: dict[str, Any] = {}
     arguments = {
         "segmenter": lambda: (),
@@ -71,7 +78,11 @@ def test_each_interface_can_be_called_alone():
         "metric_depth": lambda: (Hints(scene=found["relative_pointmap"]),),
         "relative_pointmap": lambda: (hints,),
         "keypoint_detector": lambda: (found["segmenter"],),
-        "body_estimator": lambda: (found["segmenter"], world.intrinsics, found["keypoint_detector"]),
+        "body_estimator": lambda: (
+            found["segmenter"],
+            world.intrinsics,
+            found["keypoint_detector"],
+        ),
         "hand_estimator": lambda: (found["segmenter"], found["keypoint_detector"]),
         "contact_prior": lambda: (found["segmenter"], found["body_estimator"]),
     }
@@ -87,8 +98,16 @@ def test_each_interface_can_be_called_alone():
 def test_a_backend_that_cannot_be_loaded():
     for arguments, options, message in (
         (("depth", "mock"), {}, r"no interface named 'depth'; there are: segmenter, .*"),
-        (("inpainter", "none-such"), {}, r"inpainter\.backend: no inpainter named 'none-such'; installed: .*"),
-        (("inpainter", "telea"), {"radius": 3}, r"options\.radius: unknown option\. Did you mean 'radius_px'\?"),
+        (
+            ("inpainter", "none-such"),
+            {},
+            r"inpainter\.backend: no inpainter named 'none-such'; installed: .*",
+        ),
+        (
+            ("inpainter", "telea"),
+            {"radius": 3},
+            r"options\.radius: unknown option\. Did you mean 'radius_px'\?",
+        ),
         (("inpainter", ""), {}, r"load_backend: name a backend of inpainter, one of .*telea.*"),
     ):
         with pytest.raises(ConfigError, match=message):
@@ -100,7 +119,8 @@ def test_a_backend_that_cannot_be_loaded():
 @pytest.mark.parametrize("shape", [(64, 80), (64, 80, 1), (64, 80, 4)])
 def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape: tuple[int, ...]):
     array = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
-    given, image = read_photo(array), read_photo(Image.fromarray(array.squeeze()))
+    given = read_photo(array)
+    image = read_photo(Image.fromarray(array.squeeze()))
     assert np.array_equal(given.image, image.image)
     assert (given.notes, given.digest) == (image.notes, image.digest)
 
@@ -117,7 +137,8 @@ class ReadsTheCamera(Flat):
 
 
 def test_a_backend_gets_the_hints_that_it_declares_and_no_others():
-    camera, nobody = Intrinsics.from_focal(100.0, 80, 64), NOBODY
+    camera = Intrinsics.from_focal(100.0, 80, 64)
+    nobody = NOBODY
     found = ReadsTheCamera()(IMAGE, Hints(camera, nobody, hole=np.ones((64, 80), bool)))
     assert found.intrinsics == camera
 

@@ -16,7 +16,9 @@ def assert_same() -> Callable[..., None]:
         assert type(left) is type(right), where
         if is_dataclass(left):
             for field in fields(left):
-                check(getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}")
+                check(
+                    getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}"
+                )
         elif isinstance(left, np.ndarray):
             assert left.dtype == right.dtype, where
             np.testing.assert_array_equal(left, right, err_msg=where)

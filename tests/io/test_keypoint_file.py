@@ -1,4 +1,6 @@
-"""Keypoints as other programs write them: each file arrives in px, with scores as scores, or is refused by name."""
+"""Keypoints as other programs write them: each file arrives in px, with scores as scores, or is
+refused by name.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,14 @@ def place(given: GivenKeypoints, joint: str) -> list[float]:
 
 
 # By tools/real_files/keypoints.py, from the pose that the others were given.
-WRITTEN = ["ultralytics_to_json", "mmpose_inferencer", "mmpose_results", "rtmlib", "vitpose", "label_studio_coco"]
+WRITTEN = [
+    "ultralytics_to_json",
+    "mmpose_inferencer",
+    "mmpose_results",
+    "rtmlib",
+    "vitpose",
+    "label_studio_coco",
+]
 
 
 @pytest.mark.parametrize("name", ["openpose", "mmpose", "labelstudio", *WRITTEN])
@@ -47,7 +56,9 @@ def test_one_pose_arrives_at_the_same_place_from_each_tool(name: str) -> None:
         ("coco_wholebody_dataset", "nose", (100, 90)),
     ],
 )
-def test_a_joint_of_each_skeleton_is_named_as_its_tool_means_it(name: str, joint: str, at: tuple[float, float]) -> None:
+def test_a_joint_of_each_skeleton_is_named_as_its_tool_means_it(
+    name: str, joint: str, at: tuple[float, float]
+) -> None:
     assert place(read(name), joint) == pytest.approx(at)
 
 
@@ -113,7 +124,14 @@ SCORES = [0.9] * 16 + [0.1]
 @pytest.mark.parametrize(
     "document",
     [
-        [{"keypoints": POINTS, "scores": SCORES, "labels": list(range(17)), "bbox": [90, 190, 40, 60]}],
+        [
+            {
+                "keypoints": POINTS,
+                "scores": SCORES,
+                "labels": list(range(17)),
+                "bbox": [90, 190, 40, 60],
+            }
+        ],
         {"keypoints": [POINTS], "scores": [SCORES]},
         {"predictions": [[{"keypoints": POINTS, "keypoint_scores": SCORES}]]},
         [{"keypoints": POINTS, "keypoint_scores": SCORES}],
@@ -153,7 +171,9 @@ def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path
 
 
 def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path: Path) -> None:
-    file = written(tmp_path, {"images": IMAGES, "annotations": [annotation(1, 1), annotation(2, 0.4)]})
+    file = written(
+        tmp_path, {"images": IMAGES, "annotations": [annotation(1, 1), annotation(2, 0.4)]}
+    )
     given = read_keypoints(file, *SLOPE, "a.jpg")
     assert given.confidence == pytest.approx(np.ones(17))
 
@@ -166,7 +186,9 @@ def test_a_label_of_no_joint_is_refused(tmp_path: Path, label: int) -> None:
 
 
 def test_scores_above_1_count_as_1_with_a_note(tmp_path: Path) -> None:
-    given = read_keypoints(written(tmp_path, {"keypoints": [POINTS], "scores": [[5.1] * 17]}), *SLOPE)
+    given = read_keypoints(
+        written(tmp_path, {"keypoints": [POINTS], "scores": [[5.1] * 17]}), *SLOPE
+    )
     assert given.confidence is not None
     assert given.confidence.max() == 1
     assert "5.1" in given.notes[-1]

@@ -66,9 +66,13 @@ def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out: Path, p
     check_overwrite(out, file_digest(photo))
 
 
-@pytest.mark.parametrize("place", [shutil.copy, os.link, os.symlink], ids=lambda place: place.__name__)
+@pytest.mark.parametrize(
+    "place", [shutil.copy, os.link, os.symlink], ids=lambda place: place.__name__
+)
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_the_photo_is_never_overwritten(out: Path, photo: Path, place: Callable[[Path, Path], None], overwrite: bool):
+def test_the_photo_is_never_overwritten(
+    out: Path, photo: Path, place: Callable[[Path, Path], None], overwrite: bool
+):
     place(photo, out / "preview.png")
     for photos in (file_digest(photo), f"sha256:0 {file_digest(photo)}"):
         assert "preview.png there is the photo itself" in refusal(out, photos, overwrite=overwrite)
@@ -85,7 +89,9 @@ def test_every_foreign_file_is_named_at_once(out: Path, photo: Path):
     (out / "combined.glb").write_text("mine")
     (out / "people.csv").mkdir()
     message = refusal(out, file_digest(photo), overwrite=True)
-    assert "preview.png there is the photo itself; combined.glb, people.csv there are not" in message
+    assert (
+        "preview.png there is the photo itself; combined.glb, people.csv there are not" in message
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,7 +110,9 @@ def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
 def test_a_named_pipe_does_not_block(out: Path, photo: Path):
     os.mkfifo(out / "combined.glb")
     assert "combined.glb there is not of an earlier run" in refusal(out, file_digest(photo))
-    assert file_digest(out / "combined.glb") == file_digest(out) == file_digest(out / "nothing") == ""
+    assert (
+        file_digest(out / "combined.glb") == file_digest(out) == file_digest(out / "nothing") == ""
+    )
 
 
 def test_saving_replaces_the_same_photos_result_alone(out: Path, reconstruction: Reconstruction):
@@ -149,14 +157,18 @@ def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
     assert len(list(out.glob("*.edited*"))) == 2
 
 
-def test_a_result_states_the_digest_of_each_file_but_its_own(out: Path, reconstruction: Reconstruction):
+def test_a_result_states_the_digest_of_each_file_but_its_own(
+    out: Path, reconstruction: Reconstruction
+):
     reconstruction.save(str(out))
     files = json.loads((out / "reconstruction.json").read_text())["files"]
     assert set(files) == {path.name for path in out.iterdir()} - {"reconstruction.json"}
     assert files == {name: file_digest(out / name) for name in files}
 
 
-def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out: Path, reconstruction: Reconstruction):
+def test_an_edited_file_that_the_next_result_has_not_is_kept_too(
+    out: Path, reconstruction: Reconstruction
+):
     reconstruction.save(str(out))
     (out / "combined.glb").write_text("mine")
     reconstruction.save(str(out), "numbers")

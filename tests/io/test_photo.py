@@ -1,4 +1,6 @@
-"""Photos in: every kind of file ends in an upright RGB image with notes, or in a message that names the fault."""
+"""Photos in: every kind of file ends in an upright RGB image with notes, or in a message that names
+the fault.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from physic_core.io.photo import Photo, check_image, limit_size, read_photo
 from physic_core.io.result_folder import file_digest
 from physic_core.types import Intrinsics
 
-WIDTH, HEIGHT = 96, 72
+WIDTH = 96
+HEIGHT = 72
 
 
 def corners(width=WIDTH, height=HEIGHT) -> np.ndarray:
@@ -48,7 +51,15 @@ def message_of(path) -> str:
 
 
 def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), software="", **tags):
-    numbers = {"f35": 0xA405, "f": 0x920A, "px": 0xA002, "py": 0xA003, "rx": 0xA20E, "ry": 0xA20F, "unit": 0xA210}
+    numbers = {
+        "f35": 0xA405,
+        "f": 0x920A,
+        "px": 0xA002,
+        "py": 0xA003,
+        "rx": 0xA20E,
+        "ry": 0xA20F,
+        "unit": 0xA210,
+    }
     exif = Image.Exif()
     exif[0x0112] = orientation
     exif[0x0131] = software
@@ -56,7 +67,8 @@ def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), software="", **tag
     return saved(corners(*size), path, exif=exif, quality=95)
 
 
-# --- what is refused ----------------------------------------------------------------------------------------------
+# --- what is refused
+# ----------------------------------------------------------------------------------------------
 
 NOISE = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
 
@@ -72,10 +84,14 @@ def sparse(path: Path) -> None:
 
 def huge(path: Path) -> None:
     def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", 13_000, 30_000, 8, 2, 0, 0, 0))
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b""))
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    )
 
 
 XMP = b'<rdf:Description GPano:ProjectionType="equirectangular"/>'
@@ -94,7 +110,10 @@ REFUSED = {
     "cut.tiff": (truncated, "damaged or truncated"),
     "tiny.png": (lambda path: saved(corners(8, 8), path), "8 x 8 px"),
     "huge.png": (huge, "150 megapixels"),
-    "counts.tiff": (lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path), "32 bits"),
+    "counts.tiff": (
+        lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path),
+        "32 bits",
+    ),
     "panorama.jpg": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
     "panorama.webp": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
     **{
@@ -108,8 +127,14 @@ REFUSED = {
             "rw2": b"IIU\0\x18\0\0\0",
         }.items()
     },
-    "sony.arw": (lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, format="TIFF"), "develop it first"),
-    "raw.dng.tif": (lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, tiffinfo={254: 1}), "develop"),
+    "sony.arw": (
+        lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, format="TIFF"),
+        "develop it first",
+    ),
+    "raw.dng.tif": (
+        lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, tiffinfo={254: 1}),
+        "develop",
+    ),
     "panorama.tif": (lambda path: saved(WIDE, path, tiffinfo={700: XMP}), "equirectangular"),
 }
 
@@ -164,12 +189,20 @@ def test_names_cannot_change_a_message(name: str, shown: str, tmp_path: Path):
     assert read_photo(tmp_path / name).image.shape == (HEIGHT, WIDTH, 3)
 
 
-@pytest.mark.parametrize(("path", "shown"), [("a\0b.jpg", r"a\x00b.jpg"), ("\ud800.jpg", r"\ud800.jpg")])
+@pytest.mark.parametrize(
+    ("path", "shown"), [("a\0b.jpg", r"a\x00b.jpg"), ("\ud800.jpg", r"\ud800.jpg")]
+)
 def test_a_path_that_no_file_can_have_is_refused(path: str, shown: str):
     assert f"{shown}: the path has characters" in message_of(path)
 
 
-JPEG_KINDS = [{}, {"progressive": True}, {"restart_marker_blocks": 5}, {"restart_marker_rows": 1}, {"quality": 30}]
+JPEG_KINDS = [
+    {},
+    {"progressive": True},
+    {"restart_marker_blocks": 5},
+    {"restart_marker_rows": 1},
+    {"quality": 30},
+]
 
 
 def jpeg(path, **options) -> bytes:
@@ -212,7 +245,8 @@ def test_a_heic_file_without_its_package_names_the_package(tmp_path, monkeypatch
     assert "pip install pi-heif" in message_of(path)
 
 
-# --- what is converted --------------------------------------------------------------------------------------------
+# --- what is converted
+# --------------------------------------------------------------------------------------------
 
 GREY = corners()[..., 0] // 2
 DEEP = np.linspace(0, 65535, HEIGHT * WIDTH).round().astype(np.uint16).reshape(HEIGHT, WIDTH)
@@ -224,12 +258,20 @@ CONVERTED = {
     "plain.tiff": (Image.fromarray(corners()), corners(), ()),
     "plain.gif": (Image.fromarray(corners()), corners(), ()),
     "wide.png": (Image.fromarray(WIDE), WIDE, ()),
-    "palette.png": (Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4), corners(), ()),
+    "palette.png": (
+        Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4),
+        corners(),
+        (),
+    ),
     "opaque.png": (Image.fromarray(corners()).convert("RGBA"), corners(), ()),
     "print.jpg": (Image.fromarray(corners()).convert("CMYK"), corners(), ("CMYK",)),
     "grey.png": (Image.fromarray(GREY), np.repeat(GREY[..., None], 3, -1), ("grey",)),
     "fax.png": (Image.fromarray(GREY > 0), np.repeat(corners()[..., :1], 3, -1), ("grey",)),
-    "deep.png": (Image.fromarray(DEEP), np.repeat(DEEP[..., None] / 257, 3, -1), ("16 bits", "grey")),
+    "deep.png": (
+        Image.fromarray(DEEP),
+        np.repeat(DEEP[..., None] / 257, 3, -1),
+        ("16 bits", "grey"),
+    ),
     "cutout.png": (
         Image.fromarray(np.concatenate([corners(), HIDDEN], -1)),
         np.where(HIDDEN == 0, 128, corners()),
@@ -250,7 +292,11 @@ def test_every_kind_of_pixels_becomes_rgb_with_a_note_for_each_change(name, tmp_
     photo = read_photo(tmp_path / name)
     difference = np.abs(photo.image.astype(float) - expected)
     assert difference.mean() < 8 if name == "print.jpg" else difference.max() <= 0.5 + 1e-9
-    assert (photo.image.dtype, photo.image.flags.writeable, photo.image.flags.c_contiguous) == (np.uint8, True, True)
+    assert (photo.image.dtype, photo.image.flags.writeable, photo.image.flags.c_contiguous) == (
+        np.uint8,
+        True,
+        True,
+    )
     assert len(photo.notes) == len(notes)
     assert all(word in note for word, note in zip(notes, photo.notes, strict=True))
     assert (photo.intrinsics, photo.file_size) == (None, None)
@@ -283,7 +329,11 @@ TURNS = {
 def test_a_turned_photo_comes_upright(tmp_path, orientation):
     exif = Image.Exif()
     exif[0x0112] = orientation
-    photo = read_photo(saved(np.ascontiguousarray(TURNS[orientation](corners())), tmp_path / "turned.png", exif=exif))
+    photo = read_photo(
+        saved(
+            np.ascontiguousarray(TURNS[orientation](corners())), tmp_path / "turned.png", exif=exif
+        )
+    )
     np.testing.assert_array_equal(photo.image, corners())
     assert ["upright" in note for note in photo.notes] == [True] * (orientation != 1)
 
@@ -296,9 +346,14 @@ def test_eighty_megapixels_are_read_at_half_size(tmp_path):
     assert np.abs(photo.image[::40, ::40].astype(int) - corners(125, 100)).mean() < 2
 
 
-def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(tmp_path, monkeypatch):
-    path, other = (saved(np.full((64, 64, 3), v, np.uint8), tmp_path / f"{v}.png") for v in (10, 200))
-    expected, read = file_digest(path), photo_module._read
+def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(
+    tmp_path, monkeypatch
+):
+    path, other = (
+        saved(np.full((64, 64, 3), v, np.uint8), tmp_path / f"{v}.png") for v in (10, 200)
+    )
+    expected = file_digest(path)
+    read = photo_module._read
 
     def replace_then_read(*arguments):
         os.replace(other, path)
@@ -309,21 +364,37 @@ def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(tm
     assert (found.image.max(), found.digest) == (10, expected)
 
 
-# --- what the file says about the camera --------------------------------------------------------------------------
+# --- what the file says about the camera
+# --------------------------------------------------------------------------
 
 
 def test_the_35_mm_equivalent_is_read_by_the_diagonal(tmp_path):
     photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26))
     focal = 26 * math.hypot(WIDTH, HEIGHT) / math.hypot(36, 24)
     assert photo.intrinsics == Intrinsics(
-        focal, focal, 47.5, 35.5, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "known"
+        focal,
+        focal,
+        47.5,
+        35.5,
+        WIDTH,
+        HEIGHT,
+        "EXIF: 26 mm (35 mm equivalent, by the diagonal)",
+        "known",
     )
     assert photo.notes == ()
 
 
 def test_a_turned_photo_swaps_the_focal_lengths(tmp_path):
     path = save_with_exif(
-        tmp_path / "a.jpg", orientation=6, size=(360, 240), f=50.0, rx=100.0, ry=110.0, unit=3, px=360, py=240
+        tmp_path / "a.jpg",
+        orientation=6,
+        size=(360, 240),
+        f=50.0,
+        rx=100.0,
+        ry=110.0,
+        unit=3,
+        px=360,
+        py=240,
     )
     intrinsics = read_photo(path).intrinsics
     assert intrinsics is not None
@@ -363,13 +434,18 @@ def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
     assert photo.intrinsics is None
 
 
-# --- resizing -----------------------------------------------------------------------------------------------------
+# --- resizing
+# --------------------------------------------------------------------------------------------------
 
 
 def test_resizing_averages_and_moves_the_camera_along():
     image = corners(400, 300)
-    photo = limit_size(Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200)
-    np.testing.assert_array_equal(photo.image, image.reshape(150, 2, 200, 2, 3).mean((1, 3)).round().astype(np.uint8))
+    photo = limit_size(
+        Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200
+    )
+    np.testing.assert_array_equal(
+        photo.image, image.reshape(150, 2, 200, 2, 3).mean((1, 3)).round().astype(np.uint8)
+    )
     assert photo.intrinsics == Intrinsics(150.0, 155.0, 99.5, 74.5, 200, 150)
     assert photo.notes == ("note",)
 

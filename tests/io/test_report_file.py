@@ -1,4 +1,6 @@
-"""report.html in the folder of a result, pages of broken results, and the sheet of a folder of results."""
+"""report.html in the folder of a result, pages of broken results, and the sheet of a folder of
+results.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,10 @@ def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
 def test_a_folder_without_a_result_gets_no_page(tmp_path):
     done = physic("report", tmp_path)
     assert done.exit_code == 3
-    message = f"Error: no result in {tmp_path}: name the folder of a finished run, or a folder of such folders\n"
+    message = (
+        f"Error: no result in {tmp_path}: name the folder of a finished run, or a folder of "
+        f"such folders\n"
+    )
     assert done.output == message
     assert os.listdir(tmp_path) == []
 
@@ -139,7 +144,9 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     assert "physic report . --each" not in sheet.read_text(encoding="utf-8")
     broken, _, good = cards(tmp_path)
     assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
-    assert "reconstruction.json" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
+    assert "reconstruction.json" in (tmp_path / "broken" / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(folder, tmp_path):

@@ -1,4 +1,6 @@
-"""The page of a result comes from one installed plugin; where none makes it, a line names physic-viewer."""
+"""The page of a result comes from one installed plugin; where none makes it, a line names
+physic-viewer.
+"""
 
 from __future__ import annotations
 
@@ -51,13 +53,22 @@ def physic(*arguments: object) -> Result:
 @pytest.mark.usefixtures("hidden")
 def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
     result = make(people=0)
-    for way in (lambda: report_html(result), lambda: result.report("a.html"), lambda: add_report(folder)):
-        with pytest.raises(PackageMissingError, match="physic-viewer, which is not installed, or hidden"):
+    for way in (
+        lambda: report_html(result),
+        lambda: result.report("a.html"),
+        lambda: add_report(folder),
+    ):
+        with pytest.raises(
+            PackageMissingError, match="physic-viewer, which is not installed, or hidden"
+        ):
             way()
     for arguments in ((folder,), (folder, "-o", "a.html"), ("--each", folder.parent)):
         done = physic("report", *arguments)
         assert (done.exit_code, done.stdout, "physic-viewer" in done.stderr) == (4, "", True)
-    assert sorted(path.name for path in folder.iterdir()) == ["reconstruction.json", "reconstruction.npz"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "reconstruction.json",
+        "reconstruction.npz",
+    ]
 
 
 @pytest.mark.usefixtures("hidden")
@@ -66,12 +77,16 @@ def test_a_contact_sheet_needs_no_plugin(folder: Path):
     assert (done.exit_code, done.stdout) == (0, "wrote results/contact-sheet.html\n")
 
 
-def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch):
+def test_the_page_of_another_plugin_is_written(
+    folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch
+):
     install(site, PLAIN)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
     assert (
-        (folder / "report.html").read_text().startswith(f"{PAGE_MARK}<h1>mine</h1>Reconstruction(0 people, 160 x 120, ")
+        (folder / "report.html")
+        .read_text()
+        .startswith(f"{PAGE_MARK}<h1>mine</h1>Reconstruction(0 people, 160 x 120, ")
     )
     (folder / "reconstruction.npz").write_bytes(b"PK")
     with pytest.raises(InputError) as error:

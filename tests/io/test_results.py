@@ -33,19 +33,24 @@ def document_of(folder: Path) -> dict[str, Any]:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is not JSON")
 
-    document: dict[str, Any] = json.loads((folder / "reconstruction.json").read_bytes(), parse_constant=refuse)
+    document: dict[str, Any] = json.loads(
+        (folder / "reconstruction.json").read_bytes(), parse_constant=refuse
+    )
     return document
 
 
 def on_rays(result: Reconstruction) -> Reconstruction:
     """Return a result whose points lie on the rays of their pixels, as those of the engine do."""
-    K, z = result.intrinsics, result.scene.points[..., 2].astype(np.float32)
-    x, y = (np.arange(K.width) - K.cx) / K.fx, (np.arange(K.height) - K.cy) / K.fy
+    K = result.intrinsics
+    z = result.scene.points[..., 2].astype(np.float32)
+    x = (np.arange(K.width) - K.cx) / K.fx
+    y = (np.arange(K.height) - K.cy) / K.fy
     points = np.stack([z * x, z * y[:, None], z], -1).astype(np.float32)
     return replace(result, scene=replace(result.scene, points=points))
 
 
-# --- there and back ---------------------------------------------------------------------------------------------------
+# --- there and back
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("people", [0, 1, 2])
@@ -53,7 +58,8 @@ def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
     before = on_rays(make(people=people))
     save_reconstruction(before, tmp_path, "numbers")
     after = load_reconstruction(tmp_path)
-    valid, z = before.scene.valid, before.scene.points[..., 2]
+    valid = before.scene.valid
+    z = before.scene.points[..., 2]
     assert (np.abs(after.scene.points - before.scene.points).max(-1)[valid] / z[valid]).max() < 2e-5
     assert np.abs(after.scene.floor_points - before.scene.floor_points).max() < 1e-6
     known = np.abs(before.scene.normals).any(-1)
@@ -63,7 +69,10 @@ def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
     exact = {name: getattr(before.scene, name) for name in ("points", "normals", "floor_points")}
     bodies = []
     for one, other in zip(after.people, before.people, strict=True):
-        assert max(np.abs(getattr(one, n) - getattr(other, n)).max() for n in ("vertices", "joints")) < 1e-6
+        assert (
+            max(np.abs(getattr(one, n) - getattr(other, n)).max() for n in ("vertices", "joints"))
+            < 1e-6
+        )
         bodies.append(replace(one, vertices=other.vertices, joints=other.joints))
     assert_same(before, replace(after, scene=replace(after.scene, **exact), people=tuple(bodies)))
 
@@ -76,13 +85,18 @@ def test_a_second_save_loses_nothing_more(tmp_path, reconstruction, assert_same)
 
 
 def test_points_that_are_not_on_their_rays_are_kept(tmp_path, reconstruction):
-    moved = replace(reconstruction.scene, points=on_rays(reconstruction).scene.points + np.float32(0.01))
+    moved = replace(
+        reconstruction.scene, points=on_rays(reconstruction).scene.points + np.float32(0.01)
+    )
     save_reconstruction(replace(reconstruction, scene=moved), tmp_path, "numbers")
     np.testing.assert_array_equal(load_reconstruction(tmp_path).scene.points, moved.points)
 
 
 def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, reconstruction):
-    people = tuple(replace(person, box=person.box.astype(np.float64) + 1 / 3) for person in reconstruction.people)
+    people = tuple(
+        replace(person, box=person.box.astype(np.float64) + 1 / 3)
+        for person in reconstruction.people
+    )
     save_reconstruction(replace(reconstruction, people=people), tmp_path, "numbers")
     box = load_reconstruction(tmp_path).people[0].box
     assert box.dtype == np.float64
@@ -90,14 +104,19 @@ def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, 
 
 
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
-    person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
+    person = replace(
+        reconstruction.people[0],
+        score=math.nan,
+        vertices=reconstruction.people[0].vertices * np.nan,
+    )
     save_reconstruction(replace(reconstruction, people=(person,)), tmp_path, "numbers")
     after = load_reconstruction(tmp_path).people[0]
     assert math.isnan(after.score)
     assert np.isnan(after.vertices).all()
 
 
-# --- what lies in the folder ------------------------------------------------------------------------------------------
+# --- what lies in the folder
+# ------------------------------------------------------------------------------------------
 
 FILES = {
     "people": {"reconstruction.json", "reconstruction.npz"},
@@ -130,11 +149,15 @@ def test_each_array_is_plain_and_listed_in_the_documentation(tmp_path, reconstru
     with np.load(tmp_path / "reconstruction.npz", allow_pickle=False) as arrays:
         found = {name: arrays[name].dtype for name in arrays}
         np.testing.assert_allclose(arrays["scene.depth"], result.scene.points[..., 2], rtol=2e-5)
-        np.testing.assert_array_equal(arrays["image"] + arrays["scene.colors_change"], result.scene.colors)
+        np.testing.assert_array_equal(
+            arrays["image"] + arrays["scene.colors_change"], result.scene.colors
+        )
         np.testing.assert_array_equal(arrays["people.1.contact"], result.people[1].contact)
     named = {re.sub(r"^people\.\d+", "people.{i}", name): dtype for name, dtype in found.items()}
     for name, dtype in named.items():
-        wanted = {"floating": ("float32", "float64"), "text": (dtype.name,)}.get(rows[name], (rows[name],))
+        wanted = {"floating": ("float32", "float64"), "text": (dtype.name,)}.get(
+            rows[name], (rows[name],)
+        )
         assert dtype.name in wanted, name
     assert set(rows) - set(named) == {"scene.points"}
 
@@ -155,7 +178,8 @@ def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
     assert document["stages"][0]["provenance"]["options"]["limit"] == "Infinity"
     assert document["stages"][1]["provenance"] is None
     assert document["config"] == reconstruction.config
-    assert "–" in (tmp_path / "reconstruction.json").read_text(encoding="utf-8")  # readable, not escaped
+    # readable, not escaped
+    assert "–" in (tmp_path / "reconstruction.json").read_text(encoding="utf-8")
 
 
 def test_the_arrays_of_people_can_be_read_alone(tmp_path, reconstruction):
@@ -169,12 +193,14 @@ def test_the_arrays_of_people_can_be_read_alone(tmp_path, reconstruction):
         load_reconstruction(tmp_path / "people")
 
 
-# --- a folder that was used before ------------------------------------------------------------------------------------
+# --- a folder that was used before
+# ------------------------------------------------------------------------------------
 
 
 def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, assert_same):
     save_reconstruction(make(people=1), tmp_path)
-    before, write = load_reconstruction(tmp_path), Path.write_bytes
+    before = load_reconstruction(tmp_path)
+    write = Path.write_bytes
 
     def full(path: Path, content: bytes) -> int:
         if "reconstruction.json" in path.name:
@@ -198,7 +224,8 @@ def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
         check_writable(tmp_path)
 
 
-# --- a result that cannot be read -------------------------------------------------------------------------------------
+# --- a result that cannot be read
+# -------------------------------------------------------------------------------------
 
 
 def message_of(folder: Path) -> str:
@@ -250,7 +277,8 @@ FX = '"fx": 128.0'
         ('"height": 120', '"height": 121', "image"),
         ('"run": "', '"run": "x', "another run"),
     ],
-    ids=["version", "kind", "grade", "nan", "negative", "infinite", "nested", "deep", "digits", "missing", "size",
+    ids=["version", "kind", "grade", "nan", "negative", "infinite", "nested", "deep", "digits",
+    "missing", "size",
          "run"],
 )  # fmt: skip
 def test_a_document_with_invalid_values_is_refused(folder, before, after, word):
@@ -270,7 +298,9 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(folder, reconst
     assert {path.name for path in folder.iterdir()} == FILES["numbers"]
 
 
-def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any], *, restated: bool = True) -> None:
+def change_arrays(
+    folder: Path, change: Callable[[dict[str, Any]], Any], *, restated: bool = True
+) -> None:
     path = folder / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
@@ -291,7 +321,7 @@ def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any], *, rest
         (lambda a: a["people.0.contact_partner"].__setitem__(0, 9), "people.0.contact_partner has"),
         (lambda a: a.update({"people.1.contact": a["people.0.contact"][:5]}), "people.1.contact"),
         (lambda a: a.update({"people.0.mask": a["people.0.mask"].astype(np.uint8)}), "uint8"),
-        (lambda a: a.update({"people.0.vertices": a["people.0.vertices"].astype(">f4")}), "byte order"),
+        (lambda a: a.update({"people.0.vertices": a["people.0.vertices"].astype(">f4")}), "byte order"),  # noqa: E501
         (lambda a: a.update(image=a["image"][None]), "image"),
     ],
     ids=["shared", "person", "faces", "partners", "vertices", "dtype", "byte order", "dimensions"],
@@ -310,7 +340,9 @@ def test_arrays_that_were_changed_after_the_run_are_refused(folder, read):
     change_arrays(folder, double)
     read(folder)
     change_arrays(folder, double, restated=False)
-    with pytest.raises(InputError, match=r"reconstruction\.npz: its SHA-256 is not the one that .*changed"):
+    with pytest.raises(
+        InputError, match=r"reconstruction\.npz: its SHA-256 is not the one that .*changed"
+    ):
         read(folder)
 
 
@@ -365,8 +397,12 @@ def test_a_pipe_in_place_of_a_file_is_refused(folder, name):
 
 
 def test_the_rays_of_a_camera_meet_its_pixels(tmp_path, reconstruction):
-    """The depth of a stored result with a camera of its own gives the points, by the formula of the documentation."""
+    """The depth of a stored result with a camera of its own gives the points, by the formula of the
+    documentation.
+    """
     camera = Intrinsics(150.0, 140.0, 70.5, 61.25, 160, 120)
     before = on_rays(replace(reconstruction, intrinsics=camera))
     save_reconstruction(before, tmp_path, "numbers")
-    np.testing.assert_allclose(load_reconstruction(tmp_path).scene.points, before.scene.points, rtol=2e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        load_reconstruction(tmp_path).scene.points, before.scene.points, rtol=2e-5, atol=1e-6
+    )

@@ -22,12 +22,14 @@ def flags(*rows):
 
 def twin(guess, fact):
     """The rule of the published code, in words of sets."""
-    predicted, true = set(np.flatnonzero(guess)), set(np.flatnonzero(fact))
+    predicted = set(np.flatnonzero(guess))
+    true = set(np.flatnonzero(fact))
     if not predicted:
         return 1.0, 0.0, 0.0
     if not true:
         return 0.0, 1.0, 0.0
-    p, r = len(predicted & true) / len(predicted), len(predicted & true) / len(true)
+    p = len(predicted & true) / len(predicted)
+    r = len(predicted & true) / len(true)
     return p, r, 2 * p * r / (p + r) if p + r else 0.0
 
 
@@ -35,9 +37,15 @@ def test_the_three_averages_of_two_people_by_hand():
     # P = 1/1, 1/3; R = 1/2, 1/1; F1 = 2/3, 1/2.
     scores = contact_scores(flags("10000", "11100"), flags("11000", "10000"))
     assert scores.rows == 2
-    assert (scores.precision_pooled, scores.recall_pooled) == (pytest.approx(2 / 4), pytest.approx(2 / 3))
+    assert (scores.precision_pooled, scores.recall_pooled) == (
+        pytest.approx(2 / 4),
+        pytest.approx(2 / 3),
+    )
     assert scores.f1_pooled == pytest.approx(4 / 7)
-    assert (scores.precision_mean, scores.recall_mean) == (pytest.approx(2 / 3), pytest.approx(3 / 4))
+    assert (scores.precision_mean, scores.recall_mean) == (
+        pytest.approx(2 / 3),
+        pytest.approx(3 / 4),
+    )
     assert scores.f1_of_means == pytest.approx(12 / 17)
     assert scores.f1_mean == pytest.approx(7 / 12)
 
@@ -46,11 +54,15 @@ def test_the_three_averages_of_two_people_by_hand():
 def test_the_rates_equal_the_slow_reference(maps):
     predicted, truth = maps
     expected = np.array([twin(*row) for row in zip(predicted, truth, strict=True)])
-    np.testing.assert_allclose(np.stack(precision_recall_f1(contact_counts(predicted, truth)), 1), expected)
+    np.testing.assert_allclose(
+        np.stack(precision_recall_f1(contact_counts(predicted, truth)), 1), expected
+    )
     scores = contact_scores(predicted, truth)
     assert scores.f1_mean == pytest.approx(expected[:, 2].mean())
     pooled = twin(predicted.ravel(), truth.ravel())
-    assert (scores.precision_pooled, scores.recall_pooled, scores.f1_pooled) == pytest.approx(pooled)
+    assert (scores.precision_pooled, scores.recall_pooled, scores.f1_pooled) == pytest.approx(
+        pooled
+    )
 
 
 def test_probabilities_and_other_meshes_are_refused():

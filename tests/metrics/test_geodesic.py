@@ -1,4 +1,6 @@
-"""Geodesic contact error: answers by hand, a slow twin, and how long the way along edges is at most."""
+"""Geodesic contact error: answers by hand, a slow twin, and how long the way along edges is at
+most.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,15 @@ from physic_core.metrics import distance_to_sources, geodesic_error, surface_gra
 
 
 def strip(cells):
-    """A flat band of squares, 1 m wide, each of two triangles; vertex 2k + s lies at x = k, y = s."""
+    """A flat band of squares, 1 m wide, each of two triangles; vertex 2k + s lies at x = k, y =
+    s.
+    """
     vertices = np.array([[k, s, 0] for k in range(cells + 1) for s in (0, 1)], float)
-    faces = [t for k in range(cells) for t in ([2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3])]
+    faces = [
+        t
+        for k in range(cells)
+        for t in ([2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3])
+    ]
     return vertices, np.array(faces)
 
 
@@ -46,7 +54,9 @@ def twin(vertices, faces, sources):
 
 def test_errors_on_a_strip_equal_those_computed_by_hand():
     graph = surface_graph(*strip(5))
-    predicted, truth = marks(12, 0, 4, 10), marks(12, 4, 6)  # x = 0, 2, 5 against 2, 3 on one side
+    # x = 0, 2, 5 against 2, 3 on one side
+    predicted = marks(12, 0, 4, 10)
+    truth = marks(12, 4, 6)
     error = geodesic_error(graph, predicted, truth)
     assert error.false_positive_cm == pytest.approx(100 * (2 + 0 + 2) / 3)
     assert error.false_negative_cm == pytest.approx(100 * (0 + 1) / 2)
@@ -56,10 +66,15 @@ def test_errors_on_a_strip_equal_those_computed_by_hand():
 def test_hops_go_straight_over_an_edge():
     vertices, faces = strip(1)
     assert distance_to_sources(surface_graph(vertices, faces), marks(4, 0))[3] == pytest.approx(2)
-    assert distance_to_sources(surface_graph(vertices, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+    assert distance_to_sources(surface_graph(vertices, faces, across=True), marks(4, 0))[
+        3
+    ] == pytest.approx(np.sqrt(2))
     folded = vertices.copy()
-    folded[3] = [0.5, 0.5, np.sqrt(0.5)]  # the second triangle at a right angle to the first: the same when unfolded
-    assert distance_to_sources(surface_graph(folded, faces, across=True), marks(4, 0))[3] == pytest.approx(np.sqrt(2))
+    # the second triangle at a right angle to the first: the same when unfolded
+    folded[3] = [0.5, 0.5, np.sqrt(0.5)]
+    assert distance_to_sources(surface_graph(folded, faces, across=True), marks(4, 0))[
+        3
+    ] == pytest.approx(np.sqrt(2))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6))
@@ -76,7 +91,9 @@ def test_distances_equal_the_slow_reference(seed, sources):
     assert (across >= straight - 1e-12).all()
 
 
-@pytest.mark.parametrize(("across", "worst"), [(False, 2 / np.sqrt(3)), (True, 1 / np.cos(np.pi / 12))])
+@pytest.mark.parametrize(
+    ("across", "worst"), [(False, 2 / np.sqrt(3)), (True, 1 / np.cos(np.pi / 12))]
+)
 def test_on_flat_equilateral_triangles_the_longest_detour_is_known(across, worst):
     side = np.arange(21)
     row, column = (grid.ravel() for grid in np.meshgrid(side, side, indexing="ij"))
@@ -87,7 +104,8 @@ def test_on_flat_equilateral_triangles_the_longest_detour_is_known(across, worst
     straight = np.linalg.norm(vertices - vertices[centre], axis=1)
     near = (straight > 0) & (straight < 8)
     ratio = (
-        distance_to_sources(surface_graph(vertices, faces, across=across), marks(441, centre))[near] / straight[near]
+        distance_to_sources(surface_graph(vertices, faces, across=across), marks(441, centre))[near]
+        / straight[near]
     )
     assert ratio.min() == pytest.approx(1)
     assert worst - 0.01 < ratio.max() <= worst + 1e-12
@@ -102,9 +120,15 @@ def test_an_empty_set_has_no_error():
 
 def test_unreachable_vertices_are_counted_separately():
     vertices, faces = strip(1)
-    graph = surface_graph(np.concatenate([vertices, vertices + 9]), np.concatenate([faces, faces + 4]))
+    graph = surface_graph(
+        np.concatenate([vertices, vertices + 9]), np.concatenate([faces, faces + 4])
+    )
     error = geodesic_error(graph, marks(8, 1, 6), marks(8, 0))
-    assert (error.false_positive_cm, error.false_negative_cm, error.unreachable) == (pytest.approx(100), 100, 1)
+    assert (error.false_positive_cm, error.false_negative_cm, error.unreachable) == (
+        pytest.approx(100),
+        100,
+        1,
+    )
     error = geodesic_error(graph, marks(8, 6), marks(8, 0))
     assert np.isnan([error.false_positive_cm, error.false_negative_cm]).all()
     assert error.unreachable == 2
@@ -115,12 +139,17 @@ def test_geodesic_errors_of_several_people_are_computed_at_once():
     rotations, betas, transl = body.zero_pose()
     rest = body(rotations, betas, transl).vertices[0].numpy()
     graph = surface_graph(rest, body.faces.numpy())
-    sets = [marks(body.num_vertices, *body.contact_sets[f"{side}_sole"].tolist()) for side in ("left", "right")]
+    sets = [
+        marks(body.num_vertices, *body.contact_sets[f"{side}_sole"].tolist())
+        for side in ("left", "right")
+    ]
     truth = np.stack([sets[0], sets[0], sets[0] | sets[1]])[:, None]
     predicted = np.stack([sets[0], sets[1], sets[0]])[:, None]
     error = geodesic_error(graph, predicted, truth)
     assert error.false_positive_cm.shape == (3, 1)
-    same, other, half = error.false_positive_cm[:, 0], error.false_negative_cm[:, 0], error.unreachable
+    same = error.false_positive_cm[:, 0]
+    other = error.false_negative_cm[:, 0]
+    half = error.unreachable
     assert (same[0], other[0]) == (0, 0)
     assert 100 < same[1] < 250  # up one leg and down the other
     assert same[2] == 0

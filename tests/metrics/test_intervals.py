@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.metrics import aligned_table, draw_counts, markdown_table, percentile_interval, resampled_interval
+from physic_core.metrics import (
+    aligned_table,
+    draw_counts,
+    markdown_table,
+    percentile_interval,
+    resampled_interval,
+)
 
 
 def mean_of_groups(drawn: list[list[float]]) -> float:
@@ -28,7 +34,9 @@ def test_the_interval_of_a_mean_is_two_standard_errors_to_either_side():
         resampled_interval([values.tolist()], mean_of_groups, 1000),
     ):
         error = values.std() / 20
-        assert (values.mean() - low, high - values.mean()) == pytest.approx((1.96 * error, 1.96 * error), rel=0.15)
+        assert (values.mean() - low, high - values.mean()) == pytest.approx(
+            (1.96 * error, 1.96 * error), rel=0.15
+        )
 
 
 @pytest.mark.parametrize("strata", [[], [[1.0, 2.0], [3.0]]])
@@ -44,4 +52,9 @@ def test_draws_without_a_value_do_not_count():
 def test_tables_align_numbers_on_the_right():
     rows = [["", "value"], ["feet", "0.9"], ["a seat", "12.5"]]
     assert aligned_table(rows).splitlines() == ["        value", "feet      0.9", "a seat   12.5"]
-    assert markdown_table(rows).splitlines() == ["|  | value |", "|---|---:|", "| feet | 0.9 |", "| a seat | 12.5 |"]
+    assert markdown_table(rows).splitlines() == [
+        "|  | value |",
+        "|---|---:|",
+        "| feet | 0.9 |",
+        "| a seat | 12.5 |",
+    ]

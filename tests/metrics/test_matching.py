@@ -45,7 +45,9 @@ def test_the_gate_includes_its_bound_and_never_no_overlap():
 @given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 4), st.floats(0.05, 0.8))
 def test_matches_equal_the_slow_reference(seed, guesses, people, gate):
     rng = np.random.default_rng(seed)
-    predicted, truth = (columns(*np.sort(rng.integers(0, 20, (count, 2)))) for count in (guesses, people))
+    predicted, truth = (
+        columns(*np.sort(rng.integers(0, 20, (count, 2)))) for count in (guesses, people)
+    )
     overlap = mask_iou(predicted, truth)
     cost = np.where(overlap >= gate, 1 - overlap, np.inf)
     slots = [*range(guesses), *[None] * people]

@@ -1,4 +1,6 @@
-"""Errors of joints and vertices: answers by hand, a slow twin, and what may and may not change them."""
+"""Errors of joints and vertices: answers by hand, a slow twin, and what may and may not change
+them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ def person(seed, joints=22):
 
 def twin(predicted, truth):
     """Umeyama's closed form for one person, by the singular values."""
-    centre, goal = predicted.mean(0), truth.mean(0)
+    centre = predicted.mean(0)
+    goal = truth.mean(0)
     u, d, vt = np.linalg.svd((truth - goal).T @ (predicted - centre) / len(truth))
     sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
     scale = (d * sign).sum() / np.square(predicted - centre).sum(1).mean()
@@ -56,7 +59,9 @@ def test_the_alignment_of_a_square_to_an_oblong_is_known():
 def test_the_alignment_equals_the_slow_reference(seed, noise):
     rng = np.random.default_rng(seed)
     truth = np.stack([person(seed), person(seed + 1)])
-    predicted = truth @ Rotation.random(random_state=seed % 2**31).as_matrix() + noise * rng.normal(size=truth.shape)
+    predicted = truth @ Rotation.random(random_state=seed % 2**31).as_matrix() + noise * rng.normal(
+        size=truth.shape
+    )
     aligned = align_similarity(predicted, truth)
     for row, guess, fact in zip(aligned, predicted, truth, strict=True):
         np.testing.assert_allclose(row, twin(guess, fact), atol=1e-9)

@@ -36,7 +36,9 @@ def test_a_scale_is_seen_in_every_number(scale, seed):
     assert error.depth_relative_median == pytest.approx(abs(scale - 1))
     assert error.depth_relative_mean == pytest.approx(abs(scale - 1))
     assert error.point_mean == pytest.approx(abs(scale - 1) * np.linalg.norm(truth, axis=-1).mean())
-    assert error.point_median == pytest.approx(abs(scale - 1) * np.median(np.linalg.norm(truth, axis=-1)))
+    assert error.point_median == pytest.approx(
+        abs(scale - 1) * np.median(np.linalg.norm(truth, axis=-1))
+    )
     if abs(math.log(scale / 1.25)) > 1e-9 and abs(math.log(scale * 1.25)) > 1e-9:
         assert error.delta_share == (1 / 1.25 < scale < 1.25)
 
@@ -55,9 +57,11 @@ def test_one_bad_pixel_moves_the_mean_and_not_the_median():
 
 
 def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
-    truth, predicted = room(), room()
+    truth = room()
+    predicted = room()
     predicted[0, 0], predicted[0, 1], predicted[0, 2, 2] = np.nan, np.inf, -1
-    found, known = ALL.copy(), ALL.copy()
+    found = ALL.copy()
+    known = ALL.copy()
     predicted[1] += 100
     found[1] = False
     truth[2, :4] = np.nan
@@ -83,4 +87,6 @@ def test_a_tilted_floor_is_right_below_the_camera_and_wrong_at_the_feet(degrees)
     assert error.angle_deg == pytest.approx(degrees, rel=1e-6)
     assert error.height == 0
     feet = floor_error(tilted, FLOOR, at=np.array([0.0, 1.5, 4.0]))
-    assert feet.height == pytest.approx(4 * math.sin(angle) + 1.5 * (1 - math.cos(angle)), rel=1e-6, abs=1e-12)
+    assert feet.height == pytest.approx(
+        4 * math.sin(angle) + 1.5 * (1 - math.cos(angle)), rel=1e-6, abs=1e-12
+    )

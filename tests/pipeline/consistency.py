@@ -1,4 +1,6 @@
-"""Measures of a result without ground truth: agreement with the photo, depth in the scene and posture."""
+"""Measures of a result without ground truth: agreement with the photo, depth in the scene and
+posture.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ class PersonConsistency:
     """Measures of one person; NaN if unknown.
 
     Attributes:
-        keypoint_error_share: mean distance of the landmarks from the visible keypoints, of the height of the box.
+        keypoint_error_share: mean distance of the landmarks from the visible keypoints, of the
+            height of the box.
         inside_share: of the vertices, those more than 3 cm inside the scene or the floor.
         sole_height: m of the lowest sole vertex over the floor.
         lean_deg: of a standing person from the floor's normal.
@@ -37,32 +40,49 @@ class PersonConsistency:
 
 def consistency(result: Reconstruction, model: BodyModel) -> list[PersonConsistency]:
     """Measure every person of a result."""
-    soles = np.concatenate([model.contact_sets[f"{side}_sole"].numpy() for side in ("left", "right")])
+    soles = np.concatenate(
+        [model.contact_sets[f"{side}_sole"].numpy() for side in ("left", "right")]
+    )
     floor = result.scene.floor
     found = []
     for person in result.people:
         height = lean = math.nan
         if floor is not None:
             height = float((person.vertices[soles] @ np.asarray(floor.normal) + floor.offset).min())
-            lean = lean_deg(person.joints, floor)[0] if standing_legs(person.joints).all() else math.nan
+            lean = (
+                lean_deg(person.joints, floor)[0]
+                if standing_legs(person.joints).all()
+                else math.nan
+            )
         share = keypoint_error_px(person, result, model) / float(person.box[3] - person.box[1])
-        found.append(PersonConsistency(share, float(np.mean(person.distance < -0.03)), height, lean))
+        found.append(
+            PersonConsistency(share, float(np.mean(person.distance < -0.03)), height, lean)
+        )
     return found
 
 
 def keypoint_error_px(person: Person, result: Reconstruction, model: BodyModel) -> float:
-    """Mean distance of the projected landmarks from the keypoints of some confidence inside the photo."""
-    skeleton, parameters = skeleton_named(result.skeleton), person.parameters
+    """Mean distance of the projected landmarks from the keypoints of some confidence inside the
+    photo.
+    """
+    skeleton = skeleton_named(result.skeleton)
+    parameters = person.parameters
     columns = list(skeleton.fitted)
     betas, transl, expression = (
         torch.from_numpy(np.array(value, np.float32)).to(model.dtype)
         for value in (parameters.betas, parameters.transl, parameters.expression)
     )
     with torch.inference_mode():
-        output = model(rotations_from_parameters(parameters, model.device, model.dtype), betas, transl, expression)
+        output = model(
+            rotations_from_parameters(parameters, model.device, model.dtype),
+            betas,
+            transl,
+            expression,
+        )
         points = model.landmarks(output, skeleton.take(columns))[0].numpy().astype(np.float64)
     pixels = points @ result.intrinsics.matrix.T
-    keypoints, size = person.keypoints[columns], np.array(result.image.shape[1::-1])
+    keypoints = person.keypoints[columns]
+    size = np.array(result.image.shape[1::-1])
     counted = (keypoints > -0.5).all(-1) & (keypoints < size - 0.5).all(-1)
     counted &= person.keypoint_confidence[columns] >= 0.3
     return float(np.linalg.norm(pixels[:, :2] / pixels[:, 2:] - keypoints, axis=-1)[counted].mean())

@@ -1,4 +1,6 @@
-"""Borders of one colour: the picture inside is reconstructed, and the result is in px of the whole photo."""
+"""Borders of one colour: the picture inside is reconstructed, and the result is in px of the whole
+photo.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def with_border(image: np.ndarray, name: str) -> tuple[np.ndarray, tuple[slice, 
     *shares, colour = BORDERS[name]
     height, width = image.shape[:2]
     top, bottom, left, right = (
-        round(share * side) for share, side in zip(shares, (height, height, width, width), strict=True)
+        round(share * side)
+        for share, side in zip(shares, (height, height, width, width), strict=True)
     )
     whole = np.full((height + top + bottom, width + left + right, 3), colour, np.uint8)
     inside = slice(top, top + height), slice(left, left + width)
@@ -63,7 +66,8 @@ def test_a_border_is_found_also_in_a_jpeg(name: str) -> None:
 def test_a_person_on_plain_ground_is_not_cut(ground: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     person = np.zeros((480, 360), np.uint8)
-    shoulders, top = rng.integers(60, 150), int(rng.integers(60, 140))
+    shoulders = rng.integers(60, 150)
+    top = int(rng.integers(60, 140))
     cv2.ellipse(person, (180, top + 40), (int(rng.integers(25, 60)), 45), 0, 0, 360, 255, -1)
     cv2.rectangle(person, (180 - shoulders, top + 90), (180 + shoulders, 480), 255, -1)
     share = cv2.GaussianBlur(person, (0, 0), 2)[..., None] / 255
@@ -80,7 +84,8 @@ def test_a_sky_over_a_straight_horizon_is_not_cut() -> None:
 
 def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
     whole, (rows, columns) = with_border(textured(240, 320), "a frame of 10 %")
-    y, x = rows.start, columns.start
+    y = rows.start
+    x = columns.start
     mask = np.zeros((1, *whole.shape[:2]), bool)
     mask[0, y + 50 : y + 90, x + 20 : x + 40] = True
     given = PeoplePrompt(((x + 30.0, y + 60.0),), ((x + 5.0, y + 5.0, x + 95.0, y + 105.0),), mask)
@@ -92,7 +97,13 @@ def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
     assert prepared.people.masks.sum() == mask.sum()
     assert prepared.known.lengths[0].start == (1.0, 2.0)
     camera = prepared.photo.intrinsics
-    assert (camera.fx, camera.cx, camera.cy, camera.width, camera.height) == (400, 159.5, 119.5, 320, 240)
+    assert (camera.fx, camera.cx, camera.cy, camera.width, camera.height) == (
+        400,
+        159.5,
+        119.5,
+        320,
+        240,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -103,27 +114,38 @@ def plain(few_steps: None) -> Reconstruction:
 
 @pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("name", BORDERS)
-def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(plain: Reconstruction, name: str) -> None:
+def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(
+    plain: Reconstruction, name: str
+) -> None:
     whole, inside = with_border(plain.image, name)
     found = reconstruct(whole, "mock")
     np.testing.assert_array_equal(found.image, whole)
-    assert (found.intrinsics.height, found.intrinsics.width) == found.scene.valid.shape == whole.shape[:2]
+    assert (
+        (found.intrinsics.height, found.intrinsics.width)
+        == found.scene.valid.shape
+        == whole.shape[:2]
+    )
     assert not np.delete(found.scene.valid, np.r_[inside[0]], axis=0).any()
     assert any("border" in note for note in found.notes)
-    left, top = inside[1].start, inside[0].start
+    left = inside[1].start
+    top = inside[0].start
     for one, alone in zip(found.people, plain.people, strict=True):
         np.testing.assert_allclose(one.vertices, alone.vertices, atol=1e-4)
         np.testing.assert_array_equal(one.mask[inside], alone.mask)
         assert one.mask.sum() == alone.mask.sum()
         np.testing.assert_allclose(one.box, alone.box + np.array([left, top, left, top]), atol=1e-3)
-        np.testing.assert_allclose(one.keypoints, alone.keypoints + np.array([left, top]), atol=1e-3)
+        np.testing.assert_allclose(
+            one.keypoints, alone.keypoints + np.array([left, top]), atol=1e-3
+        )
     offset = found.intrinsics.cx - plain.intrinsics.cx, found.intrinsics.cy - plain.intrinsics.cy
     assert offset == pytest.approx((left, top))
 
 
 def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo() -> None:
     share = np.linspace(0.1, 1, 240)[:, None, None]
-    whole, inside = with_border((255 - share * (255 - textured(240, 320))).astype(np.uint8), "a frame of 10 %")
+    whole, inside = with_border(
+        (255 - share * (255 - textured(240, 320))).astype(np.uint8), "a frame of 10 %"
+    )
     assert find_inside(whole) == inside
 
 

@@ -115,13 +115,17 @@ def by_file(photo: Path, folder: Path, swap: dict[str, str]) -> None:
 
 def by_set(photo: Path, folder: Path, swap: dict[str, str]) -> None:
     """The swap by --set, on the command line."""
-    sets = [word for name, backend in swap.items() for word in ("--set", f"{name}.backend={backend}")]
+    sets = [
+        word for name, backend in swap.items() for word in ("--set", f"{name}.backend={backend}")
+    ]
     physic("run", str(photo), "--preset", "mock", *sets, "-o", str(folder / "out"))
 
 
 def by_python(photo: Path, folder: Path, swap: dict[str, str]) -> None:
     """The swap in Python."""
-    tables = {name: {"backend": "mock"} for name in INTERFACES} | {n: {"backend": b} for n, b in swap.items()}
+    tables = {name: {"backend": "mock"} for name in INTERFACES} | {
+        n: {"backend": b} for n, b in swap.items()
+    }
     reconstruct(read_photo(photo).image, tables)
 
 
@@ -146,7 +150,11 @@ def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
     assert not any(s.failed or s.load_seconds for s in again.stages)
-    assert (again.warnings, again.notes, again.checks) == (first[1].warnings, first[1].notes, first[1].checks)
+    assert (again.warnings, again.notes, again.checks) == (
+        first[1].warnings,
+        first[1].notes,
+        first[1].checks,
+    )
     for name, result in (("first", first[1]), ("again", again)):
         result.save(str(tmp_path / name), "numbers")
     with (
@@ -162,26 +170,39 @@ DEPENDENTS = [
     ({"contact_prior": "embedded"}, {"contact_prior": 1}),
     # Fingers are part of the bodies, which the contact prior and the metric depth are shown.
     ({"hand_estimator": "embedded"}, {"hand_estimator": 1, "contact_prior": 1, "metric_depth": 1}),
-    # Two are shown the picture without people. The mock's point map is the true one whatever was painted, so that
-    # those who are shown only that are not asked again.
+    # Two are shown the picture without people. The mock's point map is the true one whatever was
+    # painted, so that those who are shown only that are not asked again.
     ({"inpainter": "telea"}, {"inpainter": 1, "relative_pointmap": 1, "metric_depth": 1}),
 ]
 
 
 @pytest.mark.parametrize(("swap", "asked"), DEPENDENTS, ids=lambda value: next(iter(value)))
 def test_swapping_a_backend_calls_it_and_what_depends_on_it(
-    warm: Path, counts: Counts, photo: Path, tmp_path: Path, swap: dict[str, str], asked: dict[str, int]
+    warm: Path,
+    counts: Counts,
+    photo: Path,
+    tmp_path: Path,
+    swap: dict[str, str],
+    asked: dict[str, int],
 ) -> None:
     by_set(photo, tmp_path, swap)
     assert counts.asked == Counter(asked)
     assert counts.loaded == Counter(dict.fromkeys(asked, 1))
     stages = json.loads((tmp_path / "out" / "reconstruction.json").read_text())["stages"]
-    assert Counter(s["provenance"]["interface"] for s in stages if s["provenance"] and not s["cached"]) == asked
+    assert (
+        Counter(s["provenance"]["interface"] for s in stages if s["provenance"] and not s["cached"])
+        == asked
+    )
     result = Reconstruction.load(str(tmp_path / "out"))
-    assert Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached) == asked
+    assert (
+        Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached)
+        == asked
+    )
 
 
-def test_file_set_and_python_give_one_cache_key(warm: Path, counts: Counts, photo: Path, tmp_path: Path) -> None:
+def test_file_set_and_python_give_one_cache_key(
+    warm: Path, counts: Counts, photo: Path, tmp_path: Path
+) -> None:
     for way in (by_file, by_set, by_python):
         way(photo, tmp_path, {"metric_depth": "embedded"})
     assert counts.asked == Counter(["metric_depth"])
@@ -191,8 +212,12 @@ def test_file_set_and_python_give_one_cache_key(warm: Path, counts: Counts, phot
     ("interface", "asked"),
     [
         ("segmenter", EVERYBODY),
-        # The mock's bodies are drawn from the truth, whatever the point map says: so the contact prior is not asked.
-        ("relative_pointmap", Counter({"relative_pointmap": 2, "body_estimator": 1, "metric_depth": 1})),
+        # The mock's bodies are drawn from the truth, whatever the point map says: so the contact
+        # prior is not asked.
+        (
+            "relative_pointmap",
+            Counter({"relative_pointmap": 2, "body_estimator": 1, "metric_depth": 1}),
+        ),
         ("metric_depth", Counter(["metric_depth"])),
     ],
 )
@@ -225,12 +250,18 @@ def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
 
 def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
     said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")).splitlines()
-    assert said[1] == "9 of 9 backends were not run, since the cache has their results; --no-cache runs all"
+    assert (
+        said[1]
+        == "9 of 9 backends were not run, since the cache has their results; --no-cache runs all"
+    )
     said = physic(
         *("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")),
         *("--set", "metric_depth.options.noise=0.5"),
     ).splitlines()
-    assert said[1] == "8 of 9 backends were not run, since the cache has their results; --no-cache runs all"
+    assert (
+        said[1]
+        == "8 of 9 backends were not run, since the cache has their results; --no-cache runs all"
+    )
 
 
 def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path) -> None:
@@ -240,7 +271,10 @@ def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path)
     assert limit >= 1
     for path in warm.iterdir():
         os.utime(path, (9, 9))
-    reconstruct(build_world("stand", 1).image, load_config(preset="mock", overrides=[f"run.cache_mb={limit}"]))
+    reconstruct(
+        build_world("stand", 1).image,
+        load_config(preset="mock", overrides=[f"run.cache_mb={limit}"]),
+    )
     left = list(warm.iterdir())
     assert left
     assert sum(path.stat().st_size for path in left) <= limit * 1e6

@@ -1,4 +1,6 @@
-"""Whose camera a scene is put into: the one that is known, else the mean of the estimated ones, else a guess."""
+"""Whose camera a scene is put into: the one that is known, else the mean of the estimated ones,
+else a guess.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
-QUICK = with_overrides(engine_preset("default"), {"joint": {"optimiser": {"steps": 1}, "frozen": ("scale",)}})
+QUICK = with_overrides(
+    engine_preset("default"), {"joint": {"optimiser": {"steps": 1}, "frozen": ("scale",)}}
+)
 SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f in (150.0, 200.0))
 
 
@@ -27,10 +31,14 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 def evidence() -> Estimates:
     world = build_world("stand", 0, SIZE)
     plan = resolve(load_config(preset="mock"))
-    return run_backends(world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8))
+    return run_backends(
+        world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8)
+    )
 
 
-def with_cameras(evidence: Estimates, pointmap: Intrinsics | None, metric: Intrinsics | None) -> Solution:
+def with_cameras(
+    evidence: Estimates, pointmap: Intrinsics | None, metric: Intrinsics | None
+) -> Solution:
     seen = replace(
         evidence,
         intrinsics=pointmap or evidence.intrinsics,

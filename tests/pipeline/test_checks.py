@@ -1,4 +1,6 @@
-"""Self-checks: each number against its bound, in a name that can be filtered by and a sentence that can be read."""
+"""Self-checks: each number against its bound, in a name that can be filtered by and a sentence that
+can be read.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,8 @@ def standing(lean_deg: float = 0.0) -> np.ndarray:
         joints[[1 + side, 4 + side, 7 + side], 1] = [0.9, 0.5, 0.08]  # heights
     joints[12, 1] = 1.4
     tilt = math.radians(lean_deg)
-    up, foot = joints[:, 1] - 0.08, 0.08
+    up = joints[:, 1] - 0.08
+    foot = 0.08
     return np.stack([joints[:, 0], 1.5 - foot - up * math.cos(tilt), 4.0 - up * math.sin(tilt)], -1)
 
 
@@ -67,10 +70,13 @@ def with_knee_ahead(by_m: float) -> np.ndarray:
 
 
 def with_bent_trunk(degrees: float) -> np.ndarray:
-    """A person on straight legs, whose neck and shoulders are turned towards the camera about the hips."""
+    """A person on straight legs, whose neck and shoulders are turned towards the camera about the
+    hips.
+    """
     joints = standing()
     hips = joints[[1, 2]].mean(0)
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    c = math.cos(math.radians(degrees))
+    s = math.sin(math.radians(degrees))
     turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     above = joints[:, 1] < hips[1]
     joints[above] = hips + (joints[above] - hips) @ turn.T
@@ -82,21 +88,43 @@ def stranger(height: float, left: float = 310.0) -> UnposedPerson:
     return UnposedPerson((left, 0.0, left + 50, height), 0.5, "no pose fits the box")
 
 
-def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0) -> Any:
+def keypoints_at(
+    joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0
+) -> Any:
     """COCO keypoints at the projected joints, ``moved`` of the limbs' displaced."""
     skeleton = skeleton_named("coco17")
     points = np.zeros((1, 17, 2))
-    limbs = [k for k, name in enumerate(skeleton.names) if name in JOINT_INDEX and "eye" not in name]
+    limbs = [
+        k for k, name in enumerate(skeleton.names) if name in JOINT_INDEX and "eye" not in name
+    ]
     for row, k in enumerate(limbs):
         x, y, z = np.nan_to_num(joints[JOINT_INDEX[skeleton.names[k]]], nan=1.0)
-        points[0, k] = [500 * x / z + camera.cx + (off_px if row < moved else 0.0), 500 * y / z + camera.cy]
+        points[0, k] = [
+            500 * x / z + camera.cx + (off_px if row < moved else 0.0),
+            500 * y / z + camera.cy,
+        ]
     return SimpleNamespace(points=points, confidence=np.ones((1, 17)), skeleton="coco17")
 
 
 def case(**changes: Any) -> tuple[Any, Any]:
     """Estimates and solution of one person where all is well, but for the changes."""
-    known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
-    known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": True, "lost": ()}
+    known = {
+        "report": {},
+        "failure": "",
+        "legs": True,
+        "sigma": 0.1,
+        "scale": 1.0,
+        "camera": CAMERA,
+        "lean": 0.0,
+    }
+    known |= {
+        "joints": None,
+        "scene_share": 0.9,
+        "photo_share": 0.9,
+        "floor": "found",
+        "mask": True,
+        "lost": (),
+    }
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "heads": 1}
     known |= {"shoulders": True, "stands": (0.9, 0.9)} | changes
     assert len(known) == 20, sorted(known)
@@ -160,13 +188,28 @@ def test_nothing_fails_where_all_is_well() -> None:
     [
         ({"scene_share": 0.49}, "scene_alignment", 0.49, "the scene's scale is doubtful"),
         ({"scene_share": 0.0}, "scene_alignment", 0.0, "agree nowhere"),
-        ({"photo_share": 0.3}, "photo_alignment", 0.3, "people's distance to the scene is doubtful"),
+        (
+            {"photo_share": 0.3},
+            "photo_alignment",
+            0.3,
+            "people's distance to the scene is doubtful",
+        ),
         ({"photo_share": 0.0}, "photo_alignment", 0.0, "no background in common"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no plane was found for the floor"),
         ({"mask": False}, "floor", 0.0, "the floor mask was not followed"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
-        ({"camera": Intrinsics(500, 500, 319.5 + 0.2 * 640, 239.5, 640, 480)}, "principal_point", 0.2, ""),
-        ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16, ""),
+        (
+            {"camera": Intrinsics(500, 500, 319.5 + 0.2 * 640, 239.5, 640, 480)},
+            "principal_point",
+            0.2,
+            "",
+        ),
+        (
+            {"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)},
+            "principal_point",
+            0.16,
+            "",
+        ),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3, "650 px"),
         ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25, "400 px"),
         ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 people"),
@@ -205,7 +248,10 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -
         ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ("sole_height",)),
         ({"report": {"sole_height_m": 0.25}, "stands": (0.9, 0.3)}, ()),
         ({"report": {"sole_height_m": -2.3}}, ("sole_height",)),
-        ({"report": {"sole_height_m": -2.3}, "stands": (0.3, 0.3), "legs": False}, ("legs_seen", "sole_height")),
+        (
+            {"report": {"sole_height_m": -2.3}, "stands": (0.3, 0.3), "legs": False},
+            ("legs_seen", "sole_height"),
+        ),
         ({"report": {"low_depth_ratio": 0.5}}, ("low_depth",)),
         ({"off": 30.0, "moved": 3}, ("limb_keypoints",)),
         ({"off": 30.0, "moved": 2}, ()),  # both shoulders
@@ -229,7 +275,9 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],
 )
-def test_a_fault_of_a_person_fails_its_checks(changes: dict[str, Any], names: tuple[str, ...]) -> None:
+def test_a_fault_of_a_person_fails_its_checks(
+    changes: dict[str, Any], names: tuple[str, ...]
+) -> None:
     found = run_checks(*case(**changes))
     assert failed_checks(found, 0) == names
     assert [d.name for d in found if d.failed] == list(names)
@@ -246,7 +294,9 @@ def test_a_mask_with_the_head_of_another_person_is_never_good() -> None:
     keypoints = evidence.keypoints
     beside = keypoints.points + np.array([150.0, 0.0])
     evidence.keypoints = SimpleNamespace(
-        points=np.concatenate([keypoints.points, beside]), confidence=np.ones((2, 17)), skeleton="coco17"
+        points=np.concatenate([keypoints.points, beside]),
+        confidence=np.ones((2, 17)),
+        skeleton="coco17",
     )
     solution.people = ({}, {})
     evidence.people.masks = np.zeros((2, 480, 640), bool)
@@ -273,7 +323,10 @@ def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
     found = run_checks(*case(report={"mask_covered_share": 0.5, "clearance_m": 0.5}, lean=20.0))
     assert warning_messages(found) == ()
     report = {d.name: d.message for d in found if d.failed}
-    assert "this person stands and leans 20 degrees towards the camera: one photo hardly shows this" in report["lean"]
+    assert (
+        "this person stands and leans 20 degrees towards the camera: one photo hardly shows this"
+        in report["lean"]
+    )
 
 
 def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
@@ -281,16 +334,27 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         beyond = check.threshold + (1e-6 if check.direction == "at most" else -1e-6)
         assert check.compare(check.threshold).state == "ok"
         assert check.compare(beyond).state == "failed"
-        assert (check.compare(beyond).name, check.compare(beyond).direction) == (name, check.direction)
+        assert (check.compare(beyond).name, check.compare(beyond).direction) == (
+            name,
+            check.direction,
+        )
         unknown = check.compare((math.nan, "no floor"))
-        assert (unknown.state, unknown.value, unknown.message) == ("unknown", None, "not measured: no floor")
+        assert (unknown.state, unknown.value, unknown.message) == (
+            "unknown",
+            None,
+            "not measured: no floor",
+        )
         assert (unknown.ok, unknown.failed) == (False, False)
 
 
 @pytest.mark.parametrize(
     ("changes", "names", "reason"),
     [
-        ({"floor": "no_pixels"}, ("placed", "lean", "bend", "trunk_tilt"), "no plane was found for the floor"),
+        (
+            {"floor": "no_pixels"},
+            ("placed", "lean", "bend", "trunk_tilt"),
+            "no plane was found for the floor",
+        ),
         (
             {"floor": "no_pixels", "report": {"sole_height_m": -2.3}},
             ("sole_height",),
@@ -304,15 +368,27 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"mask": None}, ("floor",), "the segmenter returned no floor pixels"),
         ({}, ("trunk_tilt",), "fewer than two people have a body"),
         ({}, ("support",), "there is no floor and no surface near the body"),
-        ({"report": {"clearance_m": 0.0, "assumed_support": 1.0}}, ("support",), "a support not visible in the scene"),
+        (
+            {"report": {"clearance_m": 0.0, "assumed_support": 1.0}},
+            ("support",),
+            "a support not visible in the scene",
+        ),
         ({"floor": "switched_off"}, ("floor",), "the engine settings disable the floor search"),
         ({"legs": False}, ("lean",), "a leg is not visible"),
         ({"joints": bent()}, ("bend",), "this person does not stand on straight legs"),
         ({"stands": (0.3, 0.3)}, ("lean",), "this person does not stand straight"),
         ({"report": {"sits": 0.9}}, ("knees",), "no leg of this person is straight in the photo"),
         ({}, ("visible",), "no body was estimated, or none of it"),
-        ({"joints": np.full((55, 3), np.nan)}, ("lean",), "no body was estimated, or none of it can be measured"),
-        ({"sigma": None}, ("scale_sigma",), "the metric depth backend does not estimate its scale error"),
+        (
+            {"joints": np.full((55, 3), np.nan)},
+            ("lean",),
+            "no body was estimated, or none of it can be measured",
+        ),
+        (
+            {"sigma": None},
+            ("scale_sigma",),
+            "the metric depth backend does not estimate its scale error",
+        ),
         ({"scene_camera": None}, ("focal_agreement",), "no backend estimates a focal length"),
     ],
 )
@@ -326,7 +402,9 @@ def test_an_unmeasured_check_is_unknown_with_its_reason(
 
 
 @pytest.mark.parametrize(("pitch_deg", "failed"), [(12.0, False), (19.0, True), (-40.0, False)])
-def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg: float, failed: bool) -> None:
+def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(
+    pitch_deg: float, failed: bool
+) -> None:
     estimates, solution = case()
     pitch = math.radians(pitch_deg)
     solution.scene.floor = Plane(np.array([0.0, -math.cos(pitch), math.sin(pitch)]), 1.5)
@@ -370,7 +448,9 @@ def results(*failed: str, unknown: tuple[str, ...] = ()) -> list[CheckResult]:
         ((), ("lean", "sole_height"), Grade.GOOD),
     ],
 )
-def test_the_grade_of_a_person(failed: tuple[str, ...], unknown: tuple[str, ...], grade: Grade) -> None:
+def test_the_grade_of_a_person(
+    failed: tuple[str, ...], unknown: tuple[str, ...], grade: Grade
+) -> None:
     assert grade_person(results(*failed, unknown=unknown), 0) is grade
 
 
@@ -394,9 +474,21 @@ def test_the_grade_of_a_photo(
 @pytest.mark.parametrize(
     ("known", "sigmas", "message"),
     [
-        ({"ages": [6.0], "statures": None}, 3.1, "the photo shows 1.70 m, and 1.15 m is usual at 6 years: "),
-        ({"ages": [6.0], "statures": [1.15]}, 3.1, "the photo shows 1.70 m, and 1.15 m was given: "),
-        ({"ages": [6.0], "statures": [1.15]}, 2.9, "Size against the given one: 2.90 sigma (limit 3 sigma)"),
+        (
+            {"ages": [6.0], "statures": None},
+            3.1,
+            "the photo shows 1.70 m, and 1.15 m is usual at 6 years: ",
+        ),
+        (
+            {"ages": [6.0], "statures": [1.15]},
+            3.1,
+            "the photo shows 1.70 m, and 1.15 m was given: ",
+        ),
+        (
+            {"ages": [6.0], "statures": [1.15]},
+            2.9,
+            "Size against the given one: 2.90 sigma (limit 3 sigma)",
+        ),
     ],
 )
 def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
@@ -419,7 +511,9 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
         (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
     ],
 )
-def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far: float, message: str) -> None:
+def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(
+    far: float, message: str
+) -> None:
     report = {"given_keypoints_px": {"nose": 9.0, "right_wrist": far}, "stature_px": 500.0}
     estimates, solution = case(report=report)
     vars(estimates)["file_px"] = 1.5
@@ -431,7 +525,9 @@ def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far: floa
 
 
 def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
-    found = run_checks(*case(floor="no_consensus", report={"mask_covered_share": 0.5, "seen_share": 0.9}))
+    found = run_checks(
+        *case(floor="no_consensus", report={"mask_covered_share": 0.5, "seen_share": 0.9})
+    )
     assert failed_checks(found, 0) == ("mask_covered",)
     assert {"placed", "lean"} <= set(unknown_checks(found, 0))
     assert not {"mask_covered", "visible"} & set(unknown_checks(found, 0))
@@ -440,8 +536,16 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("limb_keypoints", 0.033, "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)"),
-        ("limb_keypoints", 0.0351, "Limbs off their keypoints: 3.51 % of the box diagonal (limit 3.5 %)"),
+        (
+            "limb_keypoints",
+            0.033,
+            "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)",
+        ),
+        (
+            "limb_keypoints",
+            0.0351,
+            "Limbs off their keypoints: 3.51 % of the box diagonal (limit 3.5 %)",
+        ),
         ("mask_covered", 0.97, "Person covered by the body: 97 % of the mask (at least 90 %)"),
         ("support", -0.001, "Distance to the nearest surface: 0.00 m (limit 0.1 m)"),
         ("lean", 3.2, "Leans towards the camera or away: 3° (limit 8°)"),
@@ -454,21 +558,34 @@ def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, 
     check = CHECKS[name].compare((value, "advice or reason"))
     assert str(check) == text
     assert check.message == (
-        text if check.ok else "advice or reason" if check.failed else "not measured: advice or reason"
+        text
+        if check.ok
+        else "advice or reason"
+        if check.failed
+        else "not measured: advice or reason"
     )
 
 
 class Body:
-    """The embedded body in its rest pose, upright, the pelvis 4 m before a camera of 640 x 480 px."""
+    """The embedded body in its rest pose, upright, the pelvis 4 m before a camera of 640 x 480
+    px.
+    """
 
     def __init__(self) -> None:
         model = load_body()
-        posed = model(torch.eye(3).expand(1, 55, 3, 3), torch.zeros(1, model.num_betas), torch.zeros(1, 3))
-        turn = torch.tensor([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # y up to y down, and the face to the camera
-        vertices, joints = posed.vertices[0] @ turn.T, posed.joints[0] @ turn.T
-        self.vertices = vertices + torch.tensor([0.0, -joints[0, 1].item(), 4 - joints[0, 2].item()])
+        posed = model(
+            torch.eye(3).expand(1, 55, 3, 3), torch.zeros(1, model.num_betas), torch.zeros(1, 3)
+        )
+        # y up to y down, and the face to the camera
+        turn = torch.tensor([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
+        vertices = posed.vertices[0] @ turn.T
+        joints = posed.joints[0] @ turn.T
+        self.vertices = vertices + torch.tensor(
+            [0.0, -joints[0, 1].item(), 4 - joints[0, 2].item()]
+        )
         self.normals = vertex_normals(self.vertices, model.faces)
-        self.faces, self.outer = model.faces, model.outer
+        self.faces = model.faces
+        self.outer = model.outer
         self.K = torch.from_numpy(CAMERA.matrix).float()
 
 
@@ -482,23 +599,32 @@ def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
     half[240:] = False  # below the pelvis
     share = visible_share(*parts, half, body.K)
     assert 0.4 < share < 0.7
-    assert visible_share(body.vertices - torch.tensor([0, 0, 8.0]), *parts[1:], whole, body.K) is None
+    assert (
+        visible_share(body.vertices - torch.tensor([0, 0, 8.0]), *parts[1:], whole, body.K) is None
+    )
 
 
 @pytest.mark.parametrize(
     ("distance", "height", "gap"),
     [(0.3, 0.2, 0.2), (0.1, 0.2, 0.1), (math.inf, 0.2, 0.2), (0.1, -2.3, 0), (-0.1, 1, 0)],
 )
-def test_the_nearest_surface_is_the_scene_or_the_floor(distance: float, height: float, gap: float) -> None:
-    distances, heights = torch.tensor([distance, math.inf]), torch.tensor([9.0, height])
+def test_the_nearest_surface_is_the_scene_or_the_floor(
+    distance: float, height: float, gap: float
+) -> None:
+    distances = torch.tensor([distance, math.inf])
+    heights = torch.tensor([9.0, height])
     assert clearance(distances, heights) == pytest.approx(gap)
-    assert clearance(distances, None) == (None if distance == math.inf else pytest.approx(max(distance, 0)))
+    assert clearance(distances, None) == (
+        None if distance == math.inf else pytest.approx(max(distance, 0))
+    )
 
 
 def test_a_depth_map_half_as_far_again_is_found() -> None:
     body = Body()
     mask = torch.ones((480, 640), dtype=torch.bool)
-    ratio = depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, torch.full((480, 640), 6.0))
+    ratio = depth_ratio(
+        body.vertices, body.normals, body.outer, mask, body.K, torch.full((480, 640), 6.0)
+    )
     assert ratio == pytest.approx(1.5, rel=0.04)
     unknown = torch.full((480, 640), torch.nan)
     assert depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, unknown) is None

@@ -17,7 +17,8 @@ from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-HEIGHT, WIDTH = 60, 100
+HEIGHT = 60
+WIDTH = 100
 
 
 def rectangle(x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
@@ -28,12 +29,16 @@ def rectangle(x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
 
 @pytest.fixture
 def people() -> People:
-    """Return a person on the left with a hidden right half, and one on the right; keypoints are the person's number."""
+    """Return a person on the left with a hidden right half, and one on the right; keypoints are the
+    person's number.
+    """
     boxes = np.array([[10, 10, 30, 50], [60, 10, 80, 50]], np.float32)
     points = np.arange(2, dtype=np.float32)[:, None, None].repeat(17, 1).repeat(2, 2)
     keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
     masks = np.stack([rectangle(10, 10, 20, 50), rectangle(60, 10, 80, 50)])
-    return People(masks, boxes, np.array([0.9, 0.8], np.float32), rectangle(0, 50, WIDTH, HEIGHT), keypoints)
+    return People(
+        masks, boxes, np.array([0.9, 0.8], np.float32), rectangle(0, 50, WIDTH, HEIGHT), keypoints
+    )
 
 
 def test_points_and_boxes_select_in_the_order_of_the_prompts(people: People) -> None:
@@ -51,7 +56,12 @@ def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people: People) -
 def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people: People) -> None:
     boxes = np.array([[10, 10, 30, 50], [30, 10, 50, 50]], np.float32)
     unmasked = replace(people, masks=np.zeros_like(people.masks), boxes=boxes)
-    assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [0, 0, 1, None]
+    assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [
+        0,
+        0,
+        1,
+        None,
+    ]
 
 
 def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People) -> None:
@@ -66,14 +76,19 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People
 
 
 def test_a_prompt_that_hits_no_person_is_named(people: People) -> None:
-    with pytest.raises(NoPersonError, match=r"^no person was found at point 2 \(50, 30\), in px of the photo at 100 x"):
+    with pytest.raises(
+        NoPersonError,
+        match=r"^no person was found at point 2 \(50, 30\), in px of the photo at 100 x",
+    ):
         select_chosen(people, PeoplePrompt(points=((70, 20), (50, 30))))
     with pytest.raises(NoPersonError, match=r"at box 1 \(40, 10, 55, 50\), .*"):
         select_chosen(people, PeoplePrompt(boxes=((40, 10, 55, 50),)))
 
 
 def test_two_prompts_on_one_person_are_refused(people: People) -> None:
-    with pytest.raises(NoPersonError, match=r"^point 1 \(70, 20\) and point 2 \(72, 40\) hit the same person"):
+    with pytest.raises(
+        NoPersonError, match=r"^point 1 \(70, 20\) and point 2 \(72, 40\) hit the same person"
+    ):
         select_chosen(people, PeoplePrompt(points=((70, 20), (72, 40))))
 
 
@@ -89,7 +104,9 @@ class Disobedient(Prompted):
     def infer(self, image, prompt=None):
         found = super().infer(image)
         none = np.zeros(0, int)
-        return replace(found, masks=found.masks[none], boxes=found.boxes[none], scores=found.scores[none])
+        return replace(
+            found, masks=found.masks[none], boxes=found.boxes[none], scores=found.scores[none]
+        )
 
 
 @pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
@@ -109,7 +126,9 @@ def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
 
 def test_a_segmenter_that_takes_prompts_has_to_obey_them(world: World) -> None:
     prompt = PeoplePrompt(points=((1, 1),))
-    with pytest.raises(BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"):
+    with pytest.raises(
+        BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"
+    ):
         reconstruct(world.image, "mock", backends={"segmenter": Disobedient}, people=prompt)
 
 

@@ -6,7 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core import ConfigError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
+from physic_core import (
+    ConfigError,
+    Intrinsics,
+    KnownLength,
+    KnownSizes,
+    PeoplePrompt,
+    load_config,
+    reconstruct,
+)
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
 from physic_core.pipeline.prepared_photo import undistort
@@ -26,7 +34,9 @@ def picture(seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
 def test_the_picture_is_that_of_opencv(distortion: tuple[float, ...]) -> None:
     own = undistort_image(picture(), CAMERA, distortion).astype(int)
-    maps = cv2.initUndistortRectifyMap(CAMERA.matrix, np.array(distortion), None, CAMERA.matrix, (320, 240), cv2.CV_32F)
+    maps = cv2.initUndistortRectifyMap(
+        CAMERA.matrix, np.array(distortion), None, CAMERA.matrix, (320, 240), cv2.CV_32F
+    )
     theirs = cv2.remap(picture(), maps[0], maps[1], cv2.INTER_LINEAR).astype(int)
     # OpenCV interpolates at steps of 1/32 px.
     inside = (maps[0] > 0) & (maps[0] < 319) & (maps[1] > 0) & (maps[1] < 239)
@@ -36,12 +46,16 @@ def test_the_picture_is_that_of_opencv(distortion: tuple[float, ...]) -> None:
 
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
-def test_pixels_are_those_of_opencv_and_map_back(distortion: tuple[float, float, float, float, float]) -> None:
+def test_pixels_are_those_of_opencv_and_map_back(
+    distortion: tuple[float, float, float, float, float],
+) -> None:
     rng = np.random.default_rng(1)
     seen = rng.uniform([0, 0], [320, 240], (50, 2))
     own = undistort_pixels(seen, CAMERA, distortion)
     rays = np.concatenate([own, np.ones((50, 1))], 1) @ np.linalg.inv(CAMERA.matrix).T
-    theirs, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), CAMERA.matrix, np.array(distortion))
+    theirs, _ = cv2.projectPoints(
+        rays, np.zeros(3), np.zeros(3), CAMERA.matrix, np.array(distortion)
+    )
     np.testing.assert_allclose(theirs[:, 0], seen, atol=1e-3)
     np.testing.assert_allclose(Lens(CAMERA, distortion).file_pixels(own, CAMERA), seen, atol=1e-3)
 
@@ -64,7 +78,9 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
 
 
 def test_a_distortion_that_folds_the_picture_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"):
+    with pytest.raises(
+        ConfigError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"
+    ):
         check_distortion(CAMERA, (-2.0, 0, 0, 0, 0))
     check_distortion(CAMERA, BARREL)
 
@@ -73,7 +89,9 @@ def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
     world = build_world("stand", 0, (160, 120))
     K = [world.intrinsics.fx, world.intrinsics.fy, world.intrinsics.cx, world.intrinsics.cy]
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]
-    config = load_config(preset="mock", overrides=[*overrides, "photo.distortion=[1e-9, 0, 0, 0, 0]"])
+    config = load_config(
+        preset="mock", overrides=[*overrides, "photo.distortion=[1e-9, 0, 0, 0, 0]"]
+    )
     result = reconstruct(world.image, config)
     assert result.lens.distortion == (1e-9, 0, 0, 0, 0)
     assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)

@@ -1,4 +1,6 @@
-"""The offline default on the photos of examples/, with real networks; one result of each photo serves all tests."""
+"""The offline default on the photos of examples/, with real networks; one result of each photo
+serves all tests.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +45,15 @@ def results(pipeline: Pipeline) -> dict[str, Reconstruction]:
 
 
 @pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
-def test_a_false_person_within_a_person_moves_nobody(pipeline: Pipeline, top: float, bottom: float) -> None:
-    photo, man = EXAMPLES / "slope.jpg", (395.0, 420.0, 589.0, 1044.0)
+def test_a_false_person_within_a_person_moves_nobody(
+    pipeline: Pipeline, top: float, bottom: float
+) -> None:
+    photo = EXAMPLES / "slope.jpg"
+    man = (395.0, 420.0, 589.0, 1044.0)
     within = (man[0] + 20, man[1] + top * 624, man[2] - 20, man[1] + bottom * 624)
-    alone, both = (pipeline(photo, people=PeoplePrompt(boxes=boxes)) for boxes in ((man,), (man, within)))
+    alone, both = (
+        pipeline(photo, people=PeoplePrompt(boxes=boxes)) for boxes in ((man,), (man, within))
+    )
     (person,) = both.people
     moved = np.linalg.norm(person.joints - alone.people[0].joints, axis=1)
     assert moved.max() < 0.02 * np.linalg.norm(person.joints[0])
@@ -64,7 +71,9 @@ def test_pictures_and_pages_show_the_numbers_of_the_result(
     else:
         with Pipeline("mock") as pipeline:
             result = pipeline(build_world(shown["of"].removeprefix("world ")).image)
-    assert docs.differences(shown, docs.numbers_of(result)) == [], f"`{docs.COMMAND}` renews what is old"
+    assert docs.differences(shown, docs.numbers_of(result)) == [], (
+        f"`{docs.COMMAND}` renews what is old"
+    )
 
 
 def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
@@ -77,7 +86,10 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
         picture = MIRRORED_AND_CROPPED.picture(result.image)
         other = pipeline(picture, intrinsics=MIRRORED_AND_CROPPED.camera(camera))
         changes.append(
-            change(answer_of(result, PHOTO, width, height), answer_of(other, MIRRORED_AND_CROPPED, width, height))
+            change(
+                answer_of(result, PHOTO, width, height),
+                answer_of(other, MIRRORED_AND_CROPPED, width, height),
+            )
         )
     people = [person for found in changes for person in found.people]
     ratios = np.exp([abs(person.distance) for person in people])
@@ -87,7 +99,8 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
     assert not any(set(person.grades) == {"good", "bad"} for person in people)
 
 
-# ---- the photo with one man who stands whole, and one who is cut at the hips -----------------------------------------
+# ---- the photo with one man who stands whole, and one who is cut at the hips
+# -----------------------------------------
 
 
 @pytest.fixture
@@ -116,8 +129,12 @@ def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) 
     assert measured.keypoint_error_share < 0.02
     assert measured.inside_share < 0.01
     assert abs(measured.lean_deg) < 12
-    ankles = result.people[whole].joints[7:9] @ result.scene.floor.normal + result.scene.floor.offset
-    neck = float(result.people[whole].joints[12] @ result.scene.floor.normal + result.scene.floor.offset)
+    ankles = (
+        result.people[whole].joints[7:9] @ result.scene.floor.normal + result.scene.floor.offset
+    )
+    neck = float(
+        result.people[whole].joints[12] @ result.scene.floor.normal + result.scene.floor.offset
+    )
     assert neck - float(ankles.min()) > 1.0
 
 

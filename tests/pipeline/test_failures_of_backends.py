@@ -1,4 +1,6 @@
-"""What backends may do wrong in a run: required ones stop it, the others cost a warning; each by name."""
+"""What backends may do wrong in a run: required ones stop it, the others cost a warning; each by
+name.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) 
     def infer(self, *arguments):
         return change(base.infer(self, *arguments))
 
-    return reconstruct(world.image, "mock", backends={interface: type("Wrong", (base,), {"infer": infer})})
+    return reconstruct(
+        world.image, "mock", backends={interface: type("Wrong", (base,), {"infer": infer})}
+    )
 
 
 def fail(answer: object) -> object:
@@ -36,7 +40,9 @@ def fail(answer: object) -> object:
 
 def nans(*names: str) -> Callable[[Any], Any]:
     """The fields of an answer, NaN everywhere."""
-    return lambda answer: replace(answer, **{name: np.full_like(getattr(answer, name), np.nan) for name in names})
+    return lambda answer: replace(
+        answer, **{name: np.full_like(getattr(answer, name), np.nan) for name in names}
+    )
 
 
 def nan_parameters(answer: Bodies) -> Bodies:
@@ -47,7 +53,11 @@ def nan_parameters(answer: Bodies) -> Bodies:
     ("interface", "base", "change", "faults"),
     [
         (
-            *("segmenter", backends.MockSegmenter, lambda a: replace(a, masks=a.masks.transpose(0, 2, 1))),
+            *(
+                "segmenter",
+                backends.MockSegmenter,
+                lambda a: replace(a, masks=a.masks.transpose(0, 2, 1)),
+            ),
             ["masks must be (1, 120, 160), got (1, 160, 120)"],
         ),
         (
@@ -65,8 +75,18 @@ def test_an_invalid_result_of_a_required_backend_stops_a_run(
     assert all(fault in str(error.value) for fault in faults)
 
 
-HANDS = ("hand_estimator", backends.MockHandEstimator, "hands", "fingers keep the pose from the body_estimator")
-CONTACT = ("contact_prior", backends.MockContactPrior, "contact prior", "contact is computed from distances only")
+HANDS = (
+    "hand_estimator",
+    backends.MockHandEstimator,
+    "hands",
+    "fingers keep the pose from the body_estimator",
+)
+CONTACT = (
+    "contact_prior",
+    backends.MockContactPrior,
+    "contact prior",
+    "contact is computed from distances only",
+)
 FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})"
 
 
@@ -82,14 +102,25 @@ FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno
     ],
 )
 def test_a_run_goes_on_without_an_optional_backend_that_fails(
-    world: World, optional: tuple[str, type, str, str], change: Callable[[Any], Any], reason: str, tmp_path: Path
+    world: World,
+    optional: tuple[str, type, str, str],
+    change: Callable[[Any], Any],
+    reason: str,
+    tmp_path: Path,
 ) -> None:
     interface, base, stage, consequence = optional
     result = run(world, interface, base, change)
-    assert any(reason in warning and warning.endswith(f"; {consequence}") for warning in result.warnings)
-    assert any(f"no valid values for this person from {interface}" in warning for warning in result.warnings)
+    assert any(
+        reason in warning and warning.endswith(f"; {consequence}") for warning in result.warnings
+    )
+    assert any(
+        f"no valid values for this person from {interface}" in warning
+        for warning in result.warnings
+    )
     assert result.people[0].failed_checks[0] == "missing_outputs"
-    plain = reconstruct(world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"]))
+    plain = reconstruct(
+        world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"])
+    )
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)
     assert [s.name for s in result.stages if s.failed] == [stage]

@@ -1,4 +1,6 @@
-"""The floor, who stands on it and the scale are one answer, which evidence moves and does not switch."""
+"""The floor, who stands on it and the scale are one answer, which evidence moves and does not
+switch.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,21 @@ from physic_core.pipeline.floor_and_scale import (
     find_floor_and_scale,
     floor_evidence,
 )
-from physic_core.types import Bodies, CameraTrust, DepthMap, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
+from physic_core.types import (
+    Bodies,
+    CameraTrust,
+    DepthMap,
+    Intrinsics,
+    Keypoints,
+    People,
+    Pointmap,
+    SurfaceLabels,
+)
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SKELETONS
 
-HEIGHT, WIDTH = 180, 160
+HEIGHT = 180
+WIDTH = 160
 CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)
 UNIT = 3.7
 """Metres in one unit of the relative scene."""
@@ -39,7 +51,9 @@ NOBODY = KnownPeople()
 
 def rays() -> np.ndarray:
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    return np.stack([(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1)
+    return np.stack(
+        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1
+    )
 
 
 def as_pointmap(depth_m: np.ndarray) -> Pointmap:
@@ -50,7 +64,9 @@ def as_pointmap(depth_m: np.ndarray) -> Pointmap:
 
 def level_floor(height_m: float, score: float = 5.0) -> FloorCandidate:
     nothing = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
-    fit = PlaneFit(torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image")
+    fit = PlaneFit(
+        torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image"
+    )
     return FloorCandidate(fit, score)
 
 
@@ -60,7 +76,9 @@ FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
 
 
 class World:
-    """People who stand on a level floor before a wall at 8 m, seen by a level camera; the last one may be lifted."""
+    """People who stand on a level floor before a wall at 8 m, seen by a level camera; the last one
+    may be lifted.
+    """
 
     def __init__(self, places: list[tuple[float, float]], lifted: float = 0.0) -> None:
         model = load_body("embedded")
@@ -74,21 +92,29 @@ class World:
         with np.errstate(divide="ignore"):
             floor = np.where(rays()[..., 1] > 0, CAMERA_HEIGHT / rays()[..., 1], np.inf)
         self.depth = np.minimum(floor, 8.0)
-        original, masks = self.depth.copy(), []
+        original = self.depth.copy()
+        masks = []
         for body in vertices:
-            hits = RayCaster(body, model.faces.numpy()).first(np.zeros(3), rays().reshape(-1, 3).astype(float))
+            hits = RayCaster(body, model.faces.numpy()).first(
+                np.zeros(3), rays().reshape(-1, 3).astype(float)
+            )
             masks.append((hits.face >= 0).reshape(HEIGHT, WIDTH))
             original[masks[-1]] = hits.distance.reshape(HEIGHT, WIDTH)[masks[-1]]
         count = len(masks)
         people = People(np.array(masks), np.zeros((count, 4)), np.ones(count))
         bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-        keypoints = Keypoints(np.zeros((count, 17, 2), np.float32), np.zeros((count, 17), np.float32), "coco17")
-        scene, photo = as_pointmap(self.depth), as_pointmap(original)
+        keypoints = Keypoints(
+            np.zeros((count, 17, 2), np.float32), np.zeros((count, 17), np.float32), "coco17"
+        )
+        scene = as_pointmap(self.depth)
+        photo = as_pointmap(original)
         self.given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, NOBODY)
 
     def answer(self, candidates=FLOOR, known: KnownPeople = NOBODY, **changed) -> FloorAndScale:
         given = self.given._replace(known=known, **changed)
-        evidence = floor_evidence(given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints, given.camera)
+        evidence = floor_evidence(
+            given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints, given.camera
+        )
         return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
 
     def with_depth(self, factor: float, sigma: float | None = None, **changed) -> FloorAndScale:
@@ -96,7 +122,9 @@ class World:
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
         hole = np.zeros((HEIGHT, WIDTH), bool)
         evidence = floor_evidence(self.given.people, hole, self.given.keypoints, CAMERA)
-        return find_floor_and_scale(FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth)
+        return find_floor_and_scale(
+            FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth
+        )
 
     def without_feet(self, *people: int) -> Bodies:
         observed = np.ones((len(self.given.people), 55), bool)
@@ -108,7 +136,9 @@ class World:
         places = self.given.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
         places[person] += (factor - 1) * feet
-        return replace(self.given.bodies, parameters=replace(self.given.bodies.parameters, transl=places))
+        return replace(
+            self.given.bodies, parameters=replace(self.given.bodies.parameters, transl=places)
+        )
 
     def error(self, found: FloorAndScale) -> float:
         """Logarithm of the depth by an answer over the true one."""
@@ -162,7 +192,8 @@ def test_the_plane_on_which_a_person_stands_is_the_floor(world):
 
 
 def test_two_planes_that_tie_give_the_scale_between_them_and_a_larger_sigma(world):
-    near, far = level_floor(CAMERA_HEIGHT / 1.15), level_floor(CAMERA_HEIGHT * 1.15)
+    near = level_floor(CAMERA_HEIGHT / 1.15)
+    far = level_floor(CAMERA_HEIGHT * 1.15)
     alone = [world.answer((one, NO_FLOOR)) for one in (near, far)]
     both = world.answer((near, far, NO_FLOOR))
     logs = sorted(math.log(one.scale.scale) for one in alone)
@@ -173,7 +204,10 @@ def test_two_planes_that_tie_give_the_scale_between_them_and_a_larger_sigma(worl
 @pytest.mark.parametrize("step", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 def test_no_evidence_near_a_limit_switches_the_scale(step):
     world = World([(-0.6, 2.5), (0.7, 2.8)])
-    scales = [math.log(world.answer(bodies=world.moved(1, 1.4 + step + more)).scale.scale) for more in (0, 0.02)]
+    scales = [
+        math.log(world.answer(bodies=world.moved(1, 1.4 + step + more)).scale.scale)
+        for more in (0, 0.02)
+    ]
     assert abs(scales[1] - scales[0]) < 0.02
 
 
@@ -185,13 +219,18 @@ def test_a_small_person_hardly_moves_the_scale_of_two_large_ones():
 
 def test_people_who_contradict_each_other_make_the_scale_unsure():
     world = World([(-0.6, 2.5), (0.7, 3.0)])
-    agree, contradict = world.answer(), world.answer(bodies=world.moved(1, 1.8))
+    agree = world.answer()
+    contradict = world.answer(bodies=world.moved(1, 1.8))
     assert contradict.scale.sigma > 1.5 * agree.scale.sigma
-    assert any("another scale" in note or "not on the floor" in note for note in contradict.scale.notes)
+    assert any(
+        "another scale" in note or "not on the floor" in note for note in contradict.scale.notes
+    )
 
 
 def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
-    """A person of adult size whose feet are 1.6 times too far away is a child of 1.1 m, if nothing else is known."""
+    """A person of adult size whose feet are 1.6 times too far away is a child of 1.1 m, if nothing
+    else is known.
+    """
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     bodies = world.moved(1, 1.6)
     assert world.answer(bodies=bodies).small == {1: pytest.approx(1.1, abs=0.1)}
@@ -241,7 +280,9 @@ def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
     witness = depth_witness(depth, world.given.scene, CAMERA, NO_WITNESSES)
     assert witness.scale == pytest.approx(UNIT)
     known = replace(depth, intrinsics=replace(estimated, trust=CameraTrust.KNOWN))
-    assert depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES).scale == pytest.approx(0.8 * UNIT)
+    assert depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES).scale == pytest.approx(
+        0.8 * UNIT
+    )
 
 
 def test_a_metric_depth_without_a_pixel_of_the_scene_says_nothing(world):
@@ -274,7 +315,10 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     found = world.answer(people=nobody, bodies=bodies, keypoints=keypoints)
     assert found.scale.sigma is None
     assert "1.45 m above the floor" in found.warning
-    assert "3 m" in world.answer((NO_FLOOR,), people=nobody, bodies=bodies, keypoints=keypoints).warning
+    assert (
+        "3 m"
+        in world.answer((NO_FLOOR,), people=nobody, bodies=bodies, keypoints=keypoints).warning
+    )
 
 
 def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> People:
@@ -286,7 +330,8 @@ def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> Peo
 
 def soles_of(world: World) -> Keypoints:
     """Heels and big toes of people with their soles in sight."""
-    parameters, model = world.given.bodies.parameters, load_body("embedded")
+    parameters = world.given.bodies.parameters
+    model = load_body("embedded")
     rotations, betas, _ = model.zero_pose(len(world.given.people))
     rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
     vertices = model(rotations, betas, torch.from_numpy(parameters.transl)).vertices.double()
@@ -304,7 +349,8 @@ def soles_of(world: World) -> Keypoints:
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])
 def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
-    keypoints, hole = soles_of(world), world.given.people.masks.any(0)
+    keypoints = soles_of(world)
+    hole = world.given.people.masks.any(0)
     lower = np.ones((HEIGHT, WIDTH), bool)
     lower[:, 35:125] = False
     with np.errstate(divide="ignore"):
@@ -312,7 +358,9 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
     scene = as_pointmap(np.where(lower, np.minimum(below, 8.0), world.depth))
     answers = []
     for label in ("floor", name):
-        labels = SurfaceLabels(np.where((rays()[..., 1] > 0.1) & ~lower, 1, 0).astype(np.uint8), ("unknown", label))
+        labels = SurfaceLabels(
+            np.where((rays()[..., 1] > 0.1) & ~lower, 1, 0).astype(np.uint8), ("unknown", label)
+        )
         people = replace(world.given.people, surfaces=labels)
         evidence = floor_evidence(people, hole, keypoints, CAMERA)
         candidates = candidates_in(scene, evidence, SceneMethod())

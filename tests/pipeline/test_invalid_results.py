@@ -1,4 +1,6 @@
-"""A person for whom something fails is kept with what is known of them, and does not spoil the others."""
+"""A person for whom something fails is kept with what is known of them, and does not spoil the
+others.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,18 @@ from physic_core import reconstruct
 from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
-from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints, real_people
+from physic_core.pipeline.backend_results import (
+    discard_invalid_hands,
+    discard_invalid_keypoints,
+    real_people,
+)
 from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Person, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 
-LOST, KEPT = 0, 1
+LOST = 0
+KEPT = 1
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +65,10 @@ class SeeOne(backends.MockSegmenter):
 class LoseBody(backends.MockBodyEstimator):
     def infer(self, *arguments):
         answer = super().infer(*arguments)
-        return replace(answer, parameters=replace(answer.parameters, body_pose=spoilt(answer.parameters.body_pose)))
+        return replace(
+            answer,
+            parameters=replace(answer.parameters, body_pose=spoilt(answer.parameters.body_pose)),
+        )
 
 
 class LoseKeypoints(backends.MockKeypointDetector):
@@ -70,7 +80,9 @@ class LoseKeypoints(backends.MockKeypointDetector):
 class LoseHands(backends.MockHandEstimator):
     def infer(self, image, people, keypoints):
         answer = super().infer(image, people, keypoints)
-        return replace(answer, rotvecs=spoilt(answer.rotvecs), confidence=np.full_like(answer.confidence, 0.9))
+        return replace(
+            answer, rotvecs=spoilt(answer.rotvecs), confidence=np.full_like(answer.confidence, 0.9)
+        )
 
 
 class LoseContact(backends.MockContactPrior):
@@ -81,7 +93,9 @@ class LoseContact(backends.MockContactPrior):
 
 def apart(a: Person, b: Person) -> float:
     """Mean distance of the vertices, as a share of the person's distance to the camera."""
-    return float(np.linalg.norm(a.vertices - b.vertices, axis=-1).mean() / np.linalg.norm(b.joints[0]))
+    return float(
+        np.linalg.norm(a.vertices - b.vertices, axis=-1).mean() / np.linalg.norm(b.joints[0])
+    )
 
 
 def check_unspoilt(kept: Person, sound: Reconstruction, alone: Person, world: World) -> None:
@@ -91,14 +105,17 @@ def check_unspoilt(kept: Person, sound: Reconstruction, alone: Person, world: Wo
 
 
 def error_m(person: Person, world: World) -> float:
-    return min(float(np.linalg.norm(person.vertices - truth, axis=-1).mean()) for truth in world.vertices)
+    return min(
+        float(np.linalg.norm(person.vertices - truth, axis=-1).mean()) for truth in world.vertices
+    )
 
 
 def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     world: World, sound: Reconstruction, alone: Person, tmp_path: Path
 ) -> None:
     result = run(world, LoseBody, "body_estimator")
-    lost, kept = result.people[LOST], result.people[KEPT]
+    lost = result.people[LOST]
+    kept = result.people[KEPT]
     np.testing.assert_array_equal(lost.mask, sound.people[LOST].mask)
     np.testing.assert_array_equal(lost.keypoints, sound.people[LOST].keypoints)
     assert np.isnan(lost.vertices).all()
@@ -107,7 +124,9 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert np.isposinf(lost.distance).all()
     assert {"missing_outputs", "placed"} <= set(lost.failed_checks)
     reasons = ("no valid values for this person", "the body has non-finite vertices")
-    assert all(reason in warning for reason, warning in zip(reasons, result.warnings[-2:], strict=True))
+    assert all(
+        reason in warning for reason, warning in zip(reasons, result.warnings[-2:], strict=True)
+    )
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
     assert kept.contact.any()
@@ -117,18 +136,28 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert again.checks == result.checks
     assert again.people[LOST].failed_checks == lost.failed_checks
     record = read_record(tmp_path / "out")
-    (answered,) = [c for c in record.checks if (c.name, c.person, c.state) == ("missing_outputs", LOST, "failed")]
+    (answered,) = [
+        c
+        for c in record.checks
+        if (c.name, c.person, c.state) == ("missing_outputs", LOST, "failed")
+    ]
     assert (answered.value, answered.threshold, answered.unit) == (1, 0, "count")
     meshes = set(trimesh.load(tmp_path / "out" / "combined.glb").geometry)
     assert meshes - {"backdrop"} == {"floor", "person_1", "scene"}
     row = summary_text(record, tmp_path).splitlines()[2]
     assert row.split(None, 4)[:4] == ["0", "bad", "-", "-"]
-    assert {str(c) for c in result.checks if c.person == LOST and c.failed} == set(row.split(None, 4)[4].split("; "))
+    assert {str(c) for c in result.checks if c.person == LOST and c.failed} == set(
+        row.split(None, 4)[4].split("; ")
+    )
 
 
 @pytest.mark.parametrize(
     ("kind", "interface"),
-    [(LoseHands, "hand_estimator"), (LoseContact, "contact_prior"), (LoseKeypoints, "keypoint_detector")],
+    [
+        (LoseHands, "hand_estimator"),
+        (LoseContact, "contact_prior"),
+        (LoseKeypoints, "keypoint_detector"),
+    ],
 )
 def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
@@ -136,7 +165,9 @@ def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
     result = run(world, kind, interface)
     failed = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
     assert [(c.person, c.value) for c in failed] == [(LOST, 1)]
-    assert f"person 0: no valid values for this person from {interface}" in "\n".join(result.warnings)
+    assert f"person 0: no valid values for this person from {interface}" in "\n".join(
+        result.warnings
+    )
     assert all(np.isfinite(person.vertices).all() for person in result.people)
     # The two share the scale of their scene: what one of them no longer says of it moves the other.
     moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
@@ -158,7 +189,9 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     monkeypatch.setattr(joint, "_finite_energy", one_is_not)
     result = reconstruct(world.image, "mock")
     assert "placed" in result.people[LOST].failed_checks
-    assert any(warning.endswith("the energy of the start is not finite") for warning in result.warnings)
+    assert any(
+        warning.endswith("the energy of the start is not finite") for warning in result.warnings
+    )
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)
@@ -167,7 +200,9 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
 def test_invalid_rows_become_the_values_for_unknown() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
-    keypoints, lost = discard_invalid_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
+    keypoints, lost = discard_invalid_keypoints(
+        Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0))
+    )
     assert lost.tolist() == [False, True, False]
     assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
     np.testing.assert_array_equal(keypoints.points[1], points[0])
@@ -176,7 +211,8 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
     unseen, lost = discard_invalid_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
-    world = np.repeat(np.arange(3.0), 12).reshape(3, 4, 3)  # zeros for the first, of whom nothing was seen
+    # zeros for the first, of whom nothing was seen
+    world = np.repeat(np.arange(3.0), 12).reshape(3, 4, 3)
     one_unseen, lost = discard_invalid_keypoints(
         Keypoints(np.ones((3, 4, 2)), np.array([[0.0] * 4, [0.5] * 4, [0.5] * 4]), "x", world)
     )
@@ -193,7 +229,9 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
 
 @pytest.mark.parametrize(("on_own", "real"), [(4, False), (7, True)])
 def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own: int, real: bool) -> None:
-    """Of 17 joints 7 on the own mask are a person behind another one; a mask that the user gives is followed."""
+    """Of 17 joints 7 on the own mask are a person behind another one; a mask that the user gives is
+    followed.
+    """
     masks = np.zeros((2, 40, 60), bool)
     masks[0, :, :30] = masks[1, :, 30:] = True
     points = np.full((2, 17, 2), 10.0, np.float32)

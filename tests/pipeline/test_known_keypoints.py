@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 NAMES = SKELETONS["coco17"].names
-LEFT_WRIST, LEFT_ELBOW = NAMES.index("left_wrist"), NAMES.index("left_elbow")
+LEFT_WRIST = NAMES.index("left_wrist")
+LEFT_ELBOW = NAMES.index("left_elbow")
 
 
 def run(world: World, file: Path):
@@ -47,7 +48,10 @@ def detected(world: World, folder: Path):
 
 def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world: World) -> None:
     before = detected(world, tmp_path)
-    found = run(world, written(tmp_path, "person, joint, x, y\n0, left_wrist, 40, 30.5\n0, left_ear, 0, 0\n"))
+    found = run(
+        world,
+        written(tmp_path, "person, joint, x, y\n0, left_wrist, 40, 30.5\n0, left_ear, 0, 0\n"),
+    )
     (one,), (other,) = found.people, before.people
     assert one.keypoints[LEFT_WRIST].tolist() == [40, 30.5]
     assert one.keypoint_confidence[LEFT_WRIST] == 1
@@ -57,7 +61,9 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world:
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
 
 
-def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path: Path, world: World) -> None:
+def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(
+    tmp_path: Path, world: World
+) -> None:
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
     off_body, off_photo = (text for text in found.warnings if "given" in text)
     assert off_body.startswith("person 0: the given left wrist lies ")
@@ -75,7 +81,9 @@ def annotation(points: np.ndarray, hidden: int | None = None) -> dict[str, Any]:
 
 
 def two_people() -> tuple[Keypoints, People]:
-    """A person in the left half of a picture, and one behind them, whose box is larger and whose mask is smaller."""
+    """A person in the left half of a picture, and one behind them, whose box is larger and whose
+    mask is smaller.
+    """
     points = np.random.default_rng(0).uniform((10, 10), (60, 110), (17, 2))
     points = np.stack([points, np.random.default_rng(1).uniform((5, 5), (150, 115), (17, 2))])
     masks = np.zeros((2, 120, 160), bool)
@@ -84,7 +92,9 @@ def two_people() -> tuple[Keypoints, People]:
     return Keypoints(points, np.full((2, 17), 0.9), "coco17"), People(masks, boxes, np.ones(2))
 
 
-def corrected(folder: Path, annotations: list[dict[str, Any]]) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
+def corrected(
+    folder: Path, annotations: list[dict[str, Any]]
+) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
     keypoints, people = two_people()
     file = written(folder, json.dumps({"annotations": annotations}), "coco.json")
     return corrected_keypoints(keypoints, read_keypoints(str(file), 160, 120), people)
@@ -93,7 +103,9 @@ def corrected(folder: Path, annotations: list[dict[str, Any]]) -> tuple[Keypoint
 def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_path: Path) -> None:
     before, _ = two_people()
     shown = before.points[1] + 1
-    after, changed, notes = corrected(tmp_path, [annotation(shown, LEFT_ELBOW), annotation(before.points[0] + 2)])
+    after, changed, notes = corrected(
+        tmp_path, [annotation(shown, LEFT_ELBOW), annotation(before.points[0] + 2)]
+    )
     assert changed.sum(1).tolist() == [17, 16]
     assert after.points[0] == pytest.approx(before.points[0] + 2)
     given = np.arange(17) != LEFT_ELBOW
@@ -103,9 +115,14 @@ def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_p
 
 
 def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path: Path) -> None:
-    file, (keypoints, people) = written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n"), two_people()
+    file, (keypoints, people) = (
+        written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n"),
+        two_people(),
+    )
     settings = PhotoSettings(keypoints=str(file), max_side=160)
-    given = prepare_photo(read_photo(np.zeros((240, 320, 3), np.uint8)), settings, None, None).keypoints
+    given = prepare_photo(
+        read_photo(np.zeros((240, 320, 3), np.uint8)), settings, None, None
+    ).keypoints
     assert given is not None
     keypoints.points[0, LEFT_WRIST] = given.points[0] - [60, 0]
     _, _, (note,) = corrected_keypoints(keypoints, given, people)
@@ -126,24 +143,35 @@ def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is
 ) -> None:
     before, people = two_people()
     before.points[0, [LEFT_WRIST, NAMES.index("right_wrist")]] = (50, 60), (100, 110)
-    points, changed = np.array(before.points), np.zeros((2, 17), bool)
+    points = np.array(before.points)
+    changed = np.zeros((2, 17), bool)
     points[0, LEFT_WRIST], changed[0, LEFT_WRIST] = at, True
     after = replace(before, points=points)
     expected = np.zeros((2, 17))
     expected[0, LEFT_WRIST] = off
-    assert contradicted_keypoints(before, after, changed, people) == pytest.approx(expected, abs=0.5)
+    assert contradicted_keypoints(before, after, changed, people) == pytest.approx(
+        expected, abs=0.5
+    )
 
 
-def test_an_unsure_detector_contradicts_nothing_but_a_joint_far_outside_of_the_mask_is_contradicted() -> None:
+def test_an_unsure_detector_contradicts_nothing_but_a_joint_far_outside_of_the_mask_is_contradicted() -> (  # noqa: E501
+    None
+):
     before, people = two_people()
     unsure = replace(before, confidence=np.full((2, 17), 0.2))
-    points, changed = np.array(before.points), np.zeros((2, 17), bool)
-    points[0, [LEFT_ELBOW, LEFT_WRIST]], changed[0, [LEFT_ELBOW, LEFT_WRIST]] = [(80, 60), (140, 60)], True
+    points = np.array(before.points)
+    changed = np.zeros((2, 17), bool)
+    points[0, [LEFT_ELBOW, LEFT_WRIST]], changed[0, [LEFT_ELBOW, LEFT_WRIST]] = (
+        [(80, 60), (140, 60)],
+        True,
+    )
     off = contradicted_keypoints(unsure, replace(unsure, points=points), changed, people)[0]
     assert off[[LEFT_ELBOW, LEFT_WRIST]] == pytest.approx([0, 71], abs=1)
 
 
-def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(tmp_path: Path) -> None:
+def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(
+    tmp_path: Path,
+) -> None:
     before, _ = two_people()
     three = [annotation(points + 1) for points in (*before.points, before.points[0] + 5)]
     _, changed, notes = corrected(tmp_path, three)
@@ -187,7 +215,9 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path:
         ('[{"image_id": 1}, {"image_id": 2}]', "a.json", "2 images"),
     ],
 )
-def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(tmp_path: Path, text: str, name: str, said: str) -> None:
+def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(
+    tmp_path: Path, text: str, name: str, said: str
+) -> None:
     file = written(tmp_path, text, name)
     with pytest.raises(InputError) as caught:
         read_keypoints(str(file), 160, 120)
@@ -195,8 +225,12 @@ def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(tmp_path: Path, t
     assert str(file) in str(caught.value)
 
 
-@pytest.mark.parametrize(("row", "said"), [("3,nose", "1 people were found"), ("0,left_flipper", "right_ankle")])
-def test_a_person_or_joint_that_is_not_there_is_refused(tmp_path: Path, world: World, row: str, said: str) -> None:
+@pytest.mark.parametrize(
+    ("row", "said"), [("3,nose", "1 people were found"), ("0,left_flipper", "right_ankle")]
+)
+def test_a_person_or_joint_that_is_not_there_is_refused(
+    tmp_path: Path, world: World, row: str, said: str
+) -> None:
     with pytest.raises(InputError, match=said):
         run(world, written(tmp_path, f"person,joint,x,y\n{row},5,5\n"))
 
@@ -206,14 +240,24 @@ def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path:
     points = np.arange(2 * 33 * 2, dtype=float).reshape(2, 33, 2)
     before = Keypoints(points, np.full((2, 33), 0.5), "blazepose33", np.zeros((2, 33, 3)))
     file = written(tmp_path, "person,joint,x,y\n1,left_wrist,7,8\n1,left_eye,3,4\n")
-    after, changed, _ = corrected_keypoints(before, read_keypoints(str(file), 160, 120), two_people()[1])
-    assert [names[column] for column in np.flatnonzero(changed[1])] == ["left_eye_surface", "left_wrist"]
-    moved = {name for row, name in enumerate(names) if (after.points[1, row] != points[1, row]).any()}
+    after, changed, _ = corrected_keypoints(
+        before, read_keypoints(str(file), 160, 120), two_people()[1]
+    )
+    assert [names[column] for column in np.flatnonzero(changed[1])] == [
+        "left_eye_surface",
+        "left_wrist",
+    ]
+    moved = {
+        name for row, name in enumerate(names) if (after.points[1, row] != points[1, row]).any()
+    }
     assert moved == {"left_wrist", "left_pinky1", "left_index1", "left_thumb2", "left_eye_surface"}
     assert after.world is not None
     assert {names[row] for row in np.flatnonzero(np.isnan(after.world[1]).any(1))} == moved
-    wrist, thumb = names.index("left_wrist"), names.index("left_thumb2")
-    assert (after.points[1, thumb] - after.points[1, wrist]).tolist() == (points[1, thumb] - points[1, wrist]).tolist()
+    wrist = names.index("left_wrist")
+    thumb = names.index("left_thumb2")
+    assert (after.points[1, thumb] - after.points[1, wrist]).tolist() == (
+        points[1, thumb] - points[1, wrist]
+    ).tolist()
     assert np.array_equal(after.points[0], points[0])
     assert after.confidence[1].max() == after.confidence[1, wrist] == 1
     assert before.points[1, wrist].tolist() == points[1, wrist].tolist()

@@ -19,7 +19,8 @@ NAN = np.nan
 
 
 def test_statures_grow_with_age_and_shapes_have_the_stature():
-    ages, model = load_ages(), load_body("embedded")
+    ages = load_ages()
+    model = load_body("embedded")
     assert (np.diff(ages.log_stature) > 0).all()
     shown = model.stature(torch.tensor(ages.betas(ages.log_stature)).float()).log().numpy()
     assert np.abs(shown - ages.log_stature).max() < 0.02
@@ -29,7 +30,9 @@ def test_statures_grow_with_age_and_shapes_have_the_stature():
 def two_adults():
     """Bodies beside each other, 3 m and 5 m away, whose head is towards +y."""
     rotations, betas, _ = load_body("embedded").zero_pose(2)
-    return parameters_from_rotations(rotations, betas, None, torch.tensor([[0.0, 0.1, 3.0], [0.5, 0.2, 5.0]]))
+    return parameters_from_rotations(
+        rotations, betas, None, torch.tensor([[0.0, 0.1, 3.0], [0.5, 0.2, 5.0]])
+    )
 
 
 def stature(parameters):
@@ -53,7 +56,9 @@ def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
 def test_a_known_stature_counts_more_than_an_age():
     known = KnownPeople(years=np.array([4.5, 4.5]), stature=np.array([0.95, NAN]))
     found, notes = resize_children(Bodies(two_adults(), "embedded"), load_body("embedded"), known)
-    assert stature(found.parameters) == pytest.approx([0.95, np.exp(load_ages().at_age(4.5)[0])], abs=1e-3)
+    assert stature(found.parameters) == pytest.approx(
+        [0.95, np.exp(load_ages().at_age(4.5)[0])], abs=1e-3
+    )
     assert notes[0] == "person 0 is a child of 4.5 years, 0.95 m tall before the joint fit"
 
 
@@ -96,7 +101,9 @@ def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     child = place_of_child(world)
     given = [0.0, 0.0]
     given[child] = 4.0
-    quick = load_config(preset="mock", overrides=("run.cache=false", "engine.joint.optimiser.steps=5"))
+    quick = load_config(
+        preset="mock", overrides=("run.cache=false", "engine.joint.optimiser.steps=5")
+    )
     result = reconstruct(world.image, quick, known=KnownSizes(age=tuple(given)))
     people = sorted(result.people, key=lambda one: one.box[0] + one.box[2])
     assert [person.age for person in people] == [years or None for years in given]
@@ -108,4 +115,6 @@ def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     assert f"person {number} 4" in note
     assert f"person {1 - number} unknown" in note
     result.save(str(tmp_path / "out"), "numbers")
-    assert [one.age for one in load_reconstruction(str(tmp_path / "out")).people] == [one.age for one in result.people]
+    assert [one.age for one in load_reconstruction(str(tmp_path / "out")).people] == [
+        one.age for one in result.people
+    ]

@@ -1,4 +1,6 @@
-"""What the user knows of sizes holds in the result: statures, the camera's height, lengths between pixels."""
+"""What the user knows of sizes holds in the result: statures, the camera's height, lengths between
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -61,11 +63,14 @@ def test_a_person_has_the_given_stature_and_the_scene_follows(
 ) -> None:
     held = run(stand, KnownSizes(stature=(height,)))
     assert stature(held)[0] == pytest.approx(height, rel=0.01)
-    floor, free_floor = held.scene.floor, free.scene.floor
+    floor = held.scene.floor
+    free_floor = free.scene.floor
     # Nothing else in a photo knows a length: the whole scene is as much larger.
     larger = height / stature(free)[0]
     assert floor.offset / free_floor.offset == pytest.approx(larger, rel=0.06)
-    assert held.people[0].joints[0, 2] / free.people[0].joints[0, 2] == pytest.approx(larger, rel=0.06)
+    assert held.people[0].joints[0, 2] / free.people[0].joints[0, 2] == pytest.approx(
+        larger, rel=0.06
+    )
     assert contradictions(held) == []
 
 
@@ -73,7 +78,10 @@ def test_a_person_has_the_given_stature_and_the_scene_follows(
 def test_the_camera_stands_at_the_given_height(stand: World, height: float, preset: str) -> None:
     result = run(stand, KnownSizes(camera_height=height), f"engine.preset={preset}")
     assert result.scene.floor.offset == pytest.approx(height, rel=0.01)
-    assert given_and_result(result)["the camera height"] == (height, pytest.approx(height, rel=0.01))
+    assert given_and_result(result)["the camera height"] == (
+        height,
+        pytest.approx(height, rel=0.01),
+    )
     assert result.scene.scale_sigma == pytest.approx(0.01)
     assert result.people[0].stature_sigma == pytest.approx(math.hypot(0.01, 0.05))
 
@@ -110,21 +118,27 @@ WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
     [
         (
             KnownSizes(stature=(2.2,), camera_height=1.1),
-            r"of person 0 contradicts the camera height 1\.1 m, by which the photo shows a person of 1\.\d\d m: ",
+            r"of person 0 contradicts the camera height 1\.1 m, by which the photo shows a person "
+            r"of 1\.\d\d m: ",
         ),
         (
             KnownSizes(camera_height=4.0),
-            r"the photo contradicts the camera height 4 m: in a scene of that size it shows person 0 as [345]\.\d\d m "
+            r"the photo contradicts the camera height 4 m: in a scene of that size it shows "
+            r"person 0 as [345]\.\d\d m "
             r"tall; beside people of usual stature it shows the camera height 1\.\d+ m\. ",
         ),
         (
             KnownSizes(camera_height=1.1, lengths=(replace(WIDE, metres=4.0),)),
-            r"in the result the camera height is \d\.\d\d m and was given as 1\.10 m, the length from \(10, 100\) to "
-            r"\(150, 100\) is \d\.\d\d m and was given as 4\.00 m; correct the wrong one, or leave it out",
+            r"in the result the camera height is \d\.\d\d m and was given as 1\.10 m, the length "
+            r"from \(10, 100\) to "
+            r"\(150, 100\) is \d\.\d\d m and was given as 4\.00 m; correct the wrong one, or "
+            r"leave it out",
         ),
     ],
 )
-def test_a_contradiction_beyond_three_standard_errors_is_refused(stand: World, known: KnownSizes, message: str) -> None:
+def test_a_contradiction_beyond_three_standard_errors_is_refused(
+    stand: World, known: KnownSizes, message: str
+) -> None:
     with pytest.raises(ConfigError, match=message):
         run(stand, known)
 
@@ -133,10 +147,15 @@ def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warni
     stand: World, free: Reconstruction
 ) -> None:
     a, b = (free.scene.points[100, x] for x in (10, 150))
-    height, length = float(free.scene.floor.offset), float(np.linalg.norm(a - b))
-    result = run(stand, KnownSizes(camera_height=height, lengths=(replace(WIDE, metres=1.2 * length),)))
+    height = float(free.scene.floor.offset)
+    length = float(np.linalg.norm(a - b))
+    result = run(
+        stand, KnownSizes(camera_height=height, lengths=(replace(WIDE, metres=1.2 * length),))
+    )
     (message,) = contradictions(result)
-    assert message.startswith("the given sizes contradict one another or the photo: in the result the camera height is")
+    assert message.startswith(
+        "the given sizes contradict one another or the photo: in the result the camera height is"
+    )
     assert result.scene.floor is not None
 
 
@@ -149,7 +168,9 @@ def people(centres: list[float]) -> People:
 def test_statures_are_given_from_left_to_right() -> None:
     found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40])).stature
     np.testing.assert_equal(found, [1.8, 1.5, np.nan])
-    np.testing.assert_equal(known_people(KnownSizes(stature=(1.7,)), people([70, 20])).stature, [1.7, 1.7])
+    np.testing.assert_equal(
+        known_people(KnownSizes(stature=(1.7,)), people([70, 20])).stature, [1.7, 1.7]
+    )
 
 
 def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> None:
@@ -162,12 +183,17 @@ def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> Non
 
 
 def test_statures_of_chosen_people_are_in_their_order() -> None:
-    found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True).stature
+    found = known_people(
+        KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True
+    ).stature
     np.testing.assert_equal(found, [1.5, np.nan, 1.8])
 
 
 def test_too_many_statures_are_an_error() -> None:
-    with pytest.raises(ConfigError, match=r"^2 statures were given, but 1 person was found: give one stature for all"):
+    with pytest.raises(
+        ConfigError,
+        match=r"^2 statures were given, but 1 person was found: give one stature for all",
+    ):
         known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
 
 
@@ -177,19 +203,28 @@ def test_a_body_of_another_stature_keeps_its_place_in_the_image() -> None:
     before = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", None)
     after = bodies_of_stature(before, MODEL, np.array([2.0, np.nan]))
     p = after.parameters
-    out = MODEL(rotations_from_parameters(p), torch.from_numpy(p.betas).float(), torch.from_numpy(p.transl).float())
+    out = MODEL(
+        rotations_from_parameters(p),
+        torch.from_numpy(p.betas).float(),
+        torch.from_numpy(p.transl).float(),
+    )
     start = MODEL(rotations, betas, transl)
     height = MODEL.stature(betas)
     torch.testing.assert_close(
-        MODEL.stature(torch.from_numpy(p.betas).float()), torch.stack([height[0] * 0 + 2, height[1]])
+        MODEL.stature(torch.from_numpy(p.betas).float()),
+        torch.stack([height[0] * 0 + 2, height[1]]),
     )
-    torch.testing.assert_close(out.joints[0, 0], start.joints[0, 0] * 2 / height[0], atol=1e-5, rtol=0)
+    torch.testing.assert_close(
+        out.joints[0, 0], start.joints[0, 0] * 2 / height[0], atol=1e-5, rtol=0
+    )
     torch.testing.assert_close(out.vertices[1], start.vertices[1])
 
 
 @pytest.mark.parametrize("height", [1.2, 1.6, 2.1])
 def test_the_nearest_shape_of_a_stature(height: float) -> None:
-    betas = betas_with_stature(MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height))
+    betas = betas_with_stature(
+        MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height)
+    )
     torch.testing.assert_close(MODEL.stature(betas), torch.full((3,), height), atol=1e-4, rtol=0)
 
 
@@ -203,7 +238,9 @@ def test_a_scene_and_the_prior_of_adults_share_a_difference() -> None:
 
 
 def test_the_point_of_a_body_lies_on_the_ray() -> None:
-    grid = torch.stack(torch.meshgrid(torch.linspace(-1, 1, 21), torch.linspace(-1, 1, 21), indexing="ij"), -1)
+    grid = torch.stack(
+        torch.meshgrid(torch.linspace(-1, 1, 21), torch.linspace(-1, 1, 21), indexing="ij"), -1
+    )
     plane = torch.cat([grid.reshape(-1, 2), 4 + 0.5 * grid.reshape(-1, 2)[:, :1]], 1)
     normals = torch.nn.functional.normalize(torch.tensor([0.5, 0.0, -1.0]), dim=0).expand_as(plane)
     K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
@@ -217,9 +254,15 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
     [
         ("stature=17.5", "photo.stature: a stature should be 0.4 to 2.6 metres"),
         ("stature=0.2", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 0.2)"),
-        ("camera_height=-1", "photo.camera_height: the camera height should be 0.01 to 1000 metres"),
+        (
+            "camera_height=-1",
+            "photo.camera_height: the camera height should be 0.01 to 1000 metres",
+        ),
         ("known_length=[1, 2, 30, 40, 0]", "photo.known_length.0.4: should be"),
-        ("known_length=[1, 2, 1, 2, 3]", "a known length needs two different pixels (got (1.0, 2.0) and (1.0, 2.0))"),
+        (
+            "known_length=[1, 2, 1, 2, 3]",
+            "a known length needs two different pixels (got (1.0, 2.0) and (1.0, 2.0))",
+        ),
     ],
 )
 def test_an_impossible_size_is_refused(setting: str, message: str) -> None:

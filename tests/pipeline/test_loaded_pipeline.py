@@ -1,4 +1,6 @@
-"""A Pipeline that stays loaded: what it takes, how often backends are loaded, and what its errors name."""
+"""A Pipeline that stays loaded: what it takes, how often backends are loaded, and what its errors
+name.
+"""
 
 from __future__ import annotations
 
@@ -73,12 +75,15 @@ def same(one: Reconstruction, other: Reconstruction) -> bool:
     )
 
 
-def test_backends_are_loaded_once_and_closed_at_the_end(world: World, result: Reconstruction, events: Counter[str]):
+def test_backends_are_loaded_once_and_closed_at_the_end(
+    world: World, result: Reconstruction, events: Counter[str]
+):
     with Pipeline("mock", backends={"metric_depth": CountedDepth}) as pipeline:
         assert events == Counter()
         pipeline.warm_up()
         assert events == {"load": 1}
-        first, second = pipeline(world.image), pipeline(world.image)
+        first = pipeline(world.image)
+        second = pipeline(world.image)
         assert events == {"load": 1, "infer": 2}
     assert events == {"load": 1, "infer": 2, "close": 1}
     assert same(first, result)
@@ -101,9 +106,17 @@ def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
     assert events == {"load": 2, "infer": 1, "close": 2}
 
 
-def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, result: Reconstruction):
+def test_every_kind_of_photo_gives_the_same_result(
+    photo: Path, world: World, result: Reconstruction
+):
     image = Image.open(photo)
-    read = {"path": photo, "text": str(photo), "bytes": photo.read_bytes(), "PIL": image, "array": world.image}
+    read = {
+        "path": photo,
+        "text": str(photo),
+        "bytes": photo.read_bytes(),
+        "PIL": image,
+        "array": world.image,
+    }
     photos = {kind: read_photo(one) for kind, one in read.items()}
     assert all(np.array_equal(one.image, world.image) for one in photos.values())
     digests = {kind: one.digest for kind, one in photos.items()}
@@ -119,18 +132,26 @@ def test_an_error_names_the_photo(photo: Path):
     class Blind(backends.MockSegmenter):
         def infer(self, image):
             height, width = image.shape[:2]
-            return People(np.zeros((0, height, width), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
+            return People(
+                np.zeros((0, height, width), bool),
+                np.zeros((0, 4), np.float32),
+                np.zeros(0, np.float32),
+            )
 
     config = {"extends": "mock", "photo": {"require_people": True}}
     with Pipeline(config, backends={"segmenter": Blind}) as pipeline, Image.open(photo) as image:
         for one in (photo, image):
             with pytest.raises(NoPersonError) as error:
                 pipeline(one)
-            assert str(error.value).startswith(f"{photo}: no person was found in the photo of 160 x 120 px by ")
+            assert str(error.value).startswith(
+                f"{photo}: no person was found in the photo of 160 x 120 px by "
+            )
 
 
 def test_settings_of_one_photo_hold_for_that_photo_only(world: World):
-    with Pipeline({"extends": "mock", "photo": {"intrinsics": [400.0, 400.0, 160.0, 120.0]}}) as pipeline:
+    with Pipeline(
+        {"extends": "mock", "photo": {"intrinsics": [400.0, 400.0, 160.0, 120.0]}}
+    ) as pipeline:
         found = pipeline(world.image, settings={"focal_px": 300.0})
         assert (found.intrinsics.fx, found.config["photo"]["focal_px"]) == (300.0, 300.0)
         assert "intrinsics" not in found.config["photo"]
@@ -155,9 +176,14 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    own_scale = load_config(preset="mock", overrides=["engine.preset=paper"])  # others weigh it beside the people
-    depths = [reconstruct(world.image, own_scale, backends={"metric_depth": Flat(z)}) for z in (2.0, 4.0)]
-    near, far = (float(np.median(found.scene.points[..., 2]) / found.scene.scale) for found in depths)
+    # others weigh it beside the people
+    own_scale = load_config(preset="mock", overrides=["engine.preset=paper"])
+    depths = [
+        reconstruct(world.image, own_scale, backends={"metric_depth": Flat(z)}) for z in (2.0, 4.0)
+    ]
+    near, far = (
+        float(np.median(found.scene.points[..., 2]) / found.scene.scale) for found in depths
+    )
     assert far == pytest.approx(2 * near, rel=0.05)
     who = next(s.provenance for s in depths[0].stages if s.name == "metric depth")
     assert (who.backend, who.distribution) == (f"{__name__}:Flat", "given in Python")
@@ -167,7 +193,11 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
 @pytest.mark.parametrize(
     ("given", "kind", "message"),
     [
-        ({"metric_dept": Flat(1.0)}, ConfigError, "backends: no interface named 'metric_dept'; there are: segmenter"),
+        (
+            {"metric_dept": Flat(1.0)},
+            ConfigError,
+            "backends: no interface named 'metric_dept'; there are: segmenter",
+        ),
         ({"inpainter": Flat}, BackendError, "backends['inpainter']: "),
         ({"inpainter": "telea"}, BackendError, "backends['inpainter']: "),
     ],
@@ -205,11 +235,14 @@ def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstructi
     assert np.allclose(mesh.vertices, person.vertices)
     assert np.array_equal(mesh.faces, result.faces)
     assert np.array_equal(mesh.vertex_attributes["contact"], person.contact)
-    assert mesh.volume == pytest.approx(0.07, abs=0.03)  # m³ of a grown person; negative if faces point inwards
+    # m³ of a grown person; negative if faces point inwards
+    assert mesh.volume == pytest.approx(0.07, abs=0.03)
     cloud = result.scene_points()
     assert len(cloud.vertices) == result.scene.valid.sum()
     assert np.array_equal(cloud.colors[:, :3], result.scene.colors[result.scene.valid])
-    with pytest.raises(InputError, match=r"^this person has no faces: take it from the people of a Reconstruction$"):
+    with pytest.raises(
+        InputError, match=r"^this person has no faces: take it from the people of a Reconstruction$"
+    ):
         replace(person, faces=None).mesh()
 
 
@@ -218,7 +251,9 @@ def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
     assert numbers.pop("grade") == result.grade
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
     assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
-    assert numbers["nearest_person_m"] == pytest.approx(float(np.linalg.norm(result.people[0].joints[0])))
+    assert numbers["nearest_person_m"] == pytest.approx(
+        float(np.linalg.norm(result.people[0].joints[0]))
+    )
     assert numbers["vertices_in_contact"] == int(result.people[0].contact.sum())
     likely = [contact.partner.kind for contact in result.people[0].contacts if contact.likely]
     assert numbers["contacts"] == len(likely) > 0

@@ -1,4 +1,6 @@
-"""The whole pipeline on worlds whose truth is known, with the mock backends: what stage 3 recovers, in numbers."""
+"""The whole pipeline on worlds whose truth is known, with the mock backends: what stage 3 recovers,
+in numbers.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,10 @@ MOCK = [
     "metric_depth.options.scale=1.1",
     "metric_depth.options.stated_sigma=0.095",
 ]
-STAGE_2 = ['engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]', "engine.joint.optimiser.steps=1"]
+STAGE_2 = [
+    'engine.joint.frozen=["root", "pose", "hands", "betas", "translation"]',
+    "engine.joint.optimiser.steps=1",
+]
 DEPTH_SCALE = 1.1  # the mock's metric depth is this much too large
 
 
@@ -48,7 +53,9 @@ def cases() -> list[Case]:
         Case(
             world=(world := build_world(name)),
             start=start_of(world),
-            placed=reconstruct(world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2])),
+            placed=reconstruct(
+                world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2])
+            ),
             result=reconstruct(world.image, load_config(preset="mock", overrides=MOCK)),
         )
         for name in WORLDS
@@ -60,9 +67,13 @@ def start_of(world: World) -> np.ndarray:
     people = backends["segmenter"].backend.infer(world.image)
     keypoints = backends["keypoint_detector"].backend.infer(world.image, people)
     estimator = backends["body_estimator"].backend
-    parameters = estimator.infer(world.image, people, world.intrinsics, keypoints, Hints()).parameters
+    parameters = estimator.infer(
+        world.image, people, world.intrinsics, keypoints, Hints()
+    ).parameters
     rotations = rotations_from_parameters(parameters, "cpu", torch.float32)
-    posed = load_body()(rotations, torch.from_numpy(parameters.betas), torch.from_numpy(parameters.transl))
+    posed = load_body()(
+        rotations, torch.from_numpy(parameters.betas), torch.from_numpy(parameters.transl)
+    )
     return posed.vertices.numpy()
 
 
@@ -76,8 +87,11 @@ def test_stage_3_brings_people_nearer_to_the_truth(cases):
     for case in cases:
         assert len(case.result.people) == len(case.world.vertices)
         for i, truth in enumerate(case.world.vertices):
-            placed, person = case.placed.people[i], case.result.people[i]
-            place = [vertex_error_mm(v, truth) for v in (case.start[i], placed.vertices, person.vertices)]
+            placed = case.placed.people[i]
+            person = case.result.people[i]
+            place = [
+                vertex_error_mm(v, truth) for v in (case.start[i], placed.vertices, person.vertices)
+            ]
             joints = np.stack([p.joints[:22] for p in (placed, person)]).astype(float)
             pose = pa_mpjpe_mm(joints, np.stack([case.world.joints[i, :22]] * 2))
             rows.append([*place, *pose])
@@ -100,7 +114,8 @@ def test_the_scale_of_the_scene_is_recovered(cases):
 
 def test_the_floor_is_found(cases):
     for case in cases:
-        found, true = case.result.scene.floor, case.world.floor
+        found = case.result.scene.floor
+        true = case.world.floor
         tilt = np.degrees(np.arccos(np.clip(found.normal @ true.normal, -1, 1)))
         assert tilt < 2
         assert abs(found.offset / true.offset - 1) < 0.1
@@ -111,9 +126,12 @@ def test_contact_of_worlds_is_found(cases):
     for case in cases:
         world = case.world
         others = [world.touched_person, world.touched_own_part, world.touched_item]
-        for person, truth in zip(case.result.people, world.contact | np.any([t >= 0 for t in others], 0), strict=True):
+        for person, truth in zip(
+            case.result.people, world.contact | np.any([t >= 0 for t in others], 0), strict=True
+        ):
             hits = (person.contact & truth).sum()
-            precision, recall = hits / max(person.contact.sum(), 1), hits / truth.sum()
+            precision = hits / max(person.contact.sum(), 1)
+            recall = hits / truth.sum()
             scores.append(2 * precision * recall / max(precision + recall, 1e-9))
     assert np.mean(scores) > 0.6
 
@@ -135,9 +153,15 @@ def test_stage_3_computes_in_float64(cases, monkeypatch):
         return joint.optimize(problem, joint_settings)
 
     monkeypatch.setattr(solution, "optimize", optimize)
-    result = reconstruct(cases[0].world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2]))
+    result = reconstruct(
+        cases[0].world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2])
+    )
     (problem,) = problems
-    tensors = [value for f in fields(problem) if isinstance(value := getattr(problem, f.name), torch.Tensor)]
+    tensors = [
+        value
+        for f in fields(problem)
+        if isinstance(value := getattr(problem, f.name), torch.Tensor)
+    ]
     assert {t.dtype for t in tensors if t.is_floating_point()} == {torch.float64}
     posed = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
     assert posed.vertices.dtype == torch.float64

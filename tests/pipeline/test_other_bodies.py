@@ -1,4 +1,6 @@
-"""Bodies of other models, hands with wrists, contact on other meshes: at the border, in the cache, in the pipeline."""
+"""Bodies of other models, hands with wrists, contact on other meshes: at the border, in the cache,
+in the pipeline.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,8 @@ def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
 
 
 def joints_of(estimated: Bodies) -> np.ndarray:
-    model, p = load_body("embedded"), estimated.parameters
+    model = load_body("embedded")
+    p = estimated.parameters
     with torch.no_grad():
         given = (torch.from_numpy(value) for value in (p.betas, p.transl))
         return model(rotations_from_parameters(p), *given, joints_only=True).joints.numpy()
@@ -87,22 +90,31 @@ class Wrists(backends.MockHandEstimator):
     def infer(self, image, people, keypoints):
         estimated = super().infer(image, people, keypoints)
         return replace(
-            estimated, confidence=np.full_like(estimated.confidence, 0.9), wrists=np.full((len(people), 2, 3), 0.3)
+            estimated,
+            confidence=np.full_like(estimated.confidence, 0.9),
+            wrists=np.full((len(people), 2, 3), 0.3),
         )
 
 
 def test_bodies_of_smpl_are_carried_over(world: World) -> None:
-    # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain it alike.
+    # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain
+    # it alike.
     sure = load_config(preset="mock", overrides=["relative_pointmap.options.noise=0"])
-    result, plain = (reconstruct(world.image, sure, backends=given) for given in ({"body_estimator": Smpl}, {}))
+    result, plain = (
+        reconstruct(world.image, sure, backends=given) for given in ({"body_estimator": Smpl}, {})
+    )
     assert result.body_model == "embedded"
-    assert "bodies converted from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
+    assert (
+        "bodies converted from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
+    )
     apart = np.linalg.norm(result.people[0].joints[:22] - plain.people[0].joints[:22], axis=1)
     assert apart.max() < 0.03
 
 
 def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
-    with pytest.raises(BodyModelError, match="the body model 'smpl' with too few joints to convert them"):
+    with pytest.raises(
+        BodyModelError, match="the body model 'smpl' with too few joints to convert them"
+    ):
         reconstruct(world.image, "mock", backends={"body_estimator": TooFew})
 
 
@@ -110,16 +122,25 @@ def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
     result = reconstruct(world.image, "mock", backends={"contact_prior": OtherContact})
     plain = reconstruct(world.image, "mock")
     assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
-    was, found = plain.people[0].contact, result.people[0].contact
+    was = plain.people[0].contact
+    found = result.people[0].contact
     assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:
-    result, plain = (reconstruct(world.image, "mock", backends=given) for given in ({"hand_estimator": Wrists}, {}))
+    result, plain = (
+        reconstruct(world.image, "mock", backends=given)
+        for given in ({"hand_estimator": Wrists}, {})
+    )
     turned = np.linalg.norm(
-        (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(21, 3), axis=1
+        (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(
+            21, 3
+        ),
+        axis=1,
     )
     assert turned[[19, 20]].min() > 0.2  # both wrists
     np.testing.assert_allclose(
-        result.people[0].parameters.left_hand_pose, plain.people[0].parameters.left_hand_pose, atol=0.05
+        result.people[0].parameters.left_hand_pose,
+        plain.people[0].parameters.left_hand_pose,
+        atol=0.05,
     )

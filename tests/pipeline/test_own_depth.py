@@ -1,4 +1,6 @@
-"""A metric depth with a scale of its own in a whole run: its metres count beside the sizes of people."""
+"""A metric depth with a scale of its own in a whole run: its metres count beside the sizes of
+people.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-EXACT = [f"{name}.options.noise=0" for name in ("metric_depth", "relative_pointmap", "body_estimator")]
+EXACT = [
+    f"{name}.options.noise=0" for name in ("metric_depth", "relative_pointmap", "body_estimator")
+]
 
 
 def run(world: World, *settings: str, **known):
@@ -38,7 +42,9 @@ def test_people_follow_a_measured_depth(world: World) -> None:
         run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
         for scale in (1, 1.15)
     )
-    assert camera_height(larger, world) / camera_height(one, world) == pytest.approx(1.15, abs=0.015)
+    assert camera_height(larger, world) / camera_height(one, world) == pytest.approx(
+        1.15, abs=0.015
+    )
     for before, after in zip(one.people, larger.people, strict=True):
         assert after.stature / before.stature == pytest.approx(1.15, abs=0.05)
     assert larger.scene.scale_sigma == pytest.approx(0.01, abs=0.005)
@@ -53,7 +59,13 @@ def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(worl
 
 @pytest.mark.parametrize(
     ("scale", "unit"),
-    [(5, "1/5000 m"), (3.281, "feet"), (0.1, "centimetres"), (5000, "1/5000 m"), (0.2, "optical axis")],
+    [
+        (5, "1/5000 m"),
+        (3.281, "feet"),
+        (0.1, "centimetres"),
+        (5000, "1/5000 m"),
+        (0.2, "optical axis"),
+    ],
 )
 def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(
     world: World, scale: float, unit: str

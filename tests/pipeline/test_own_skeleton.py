@@ -1,4 +1,6 @@
-"""A detector with points that the core has never heard of: from a plugin through the engine, the kit and the files."""
+"""A detector with points that the core has never heard of: from a plugin through the engine, the
+kit and the files.
+"""
 
 from __future__ import annotations
 
@@ -47,11 +49,14 @@ class MarkerDetector(MockKeypointDetector):
 
 def test_truth_follows_the_skeletons_own_places(world: World) -> None:
     points, _ = world_keypoints(world, MARKERS)
-    K, joints = world.intrinsics.matrix, world.joints[0].astype(float)
+    K = world.intrinsics.matrix
+    joints = world.joints[0].astype(float)
     model = load_body("embedded")
     hip, knee = (joints[model.joint_names.index(name)] for name in ("left_hip", "left_knee"))
     spot = K @ ((hip + knee) / 2)
-    np.testing.assert_allclose(points[0, MARKERS.names.index("left_mid_thigh")], spot[:2] / spot[2], atol=1e-2)
+    np.testing.assert_allclose(
+        points[0, MARKERS.names.index("left_mid_thigh")], spot[:2] / spot[2], atol=1e-2
+    )
 
 
 def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) -> None:
@@ -69,7 +74,9 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) 
     found.save(tmp_path / "result", "numbers")
     again = load_reconstruction(tmp_path / "result")
     assert again.skeleton == MARKERS
-    assert consistency(again, load_body("embedded"))[0].keypoint_error_share == pytest.approx(error, rel=1e-3)
+    assert consistency(again, load_body("embedded"))[0].keypoint_error_share == pytest.approx(
+        error, rel=1e-3
+    )
 
 
 def test_the_kit_accepts_a_skeleton_of_ones_own() -> None:

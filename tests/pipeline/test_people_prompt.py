@@ -33,8 +33,11 @@ def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, words: s
 def test_prompts_follow_the_size_of_the_image() -> None:
     mask = np.zeros((1, 30, 40), bool)
     mask[0, 10:20, 20:30] = True
-    smaller = resize_prompt(PeoplePrompt(((0, 0), (39, 29)), ((20, 10, 30, 20),), mask), (40, 30), (20, 15))
-    # The centre of the first pixel lies a quarter of a larger pixel before that of the first large one.
+    smaller = resize_prompt(
+        PeoplePrompt(((0, 0), (39, 29)), ((20, 10, 30, 20),), mask), (40, 30), (20, 15)
+    )
+    # The centre of the first pixel lies a quarter of a larger pixel before that of the first large
+    # one.
     assert smaller.points == ((-0.25, -0.25), (19.25, 14.25))
     assert smaller.boxes == ((10.0, 5.0, 15.0, 10.0),)
     assert smaller.masks is not None

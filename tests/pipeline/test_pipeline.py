@@ -1,4 +1,6 @@
-"""The pipeline at its doors: cameras in, and answers of backends that the interfaces do not allow."""
+"""The pipeline at its doors: cameras in, and answers of backends that the interfaces do not
+allow.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,10 @@ def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None
 
 def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
     # Two views of equal accuracy: exact keypoints and bodies would hold against the other one.
-    noise = [f"{name}.options.noise=0.5" for name in ("keypoint_detector", "body_estimator", "metric_depth")]
+    noise = [
+        f"{name}.options.noise=0.5"
+        for name in ("keypoint_detector", "body_estimator", "metric_depth")
+    ]
     config = load_config(preset="mock", overrides=noise)
     person = reconstruct(world.image, config).people[0]
     aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
@@ -57,7 +62,9 @@ def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
     with Pipeline(config) as pipeline:
         alone, fitted = (pipeline(world.image, views=views).people[0] for views in ((), (view,)))
     np.testing.assert_array_equal(alone.joints, person.joints)
-    assert (fitted.joints[:, 0] / fitted.joints[:, 2] > alone.joints[:, 0] / alone.joints[:, 2]).mean() > 0.9
+    assert (
+        fitted.joints[:, 0] / fitted.joints[:, 2] > alone.joints[:, 0] / alone.joints[:, 2]
+    ).mean() > 0.9
 
 
 def test_bodies_of_another_body_model(world: World) -> None:
@@ -76,12 +83,15 @@ def test_bodies_are_converted_to_the_users_own_body_model(world: World, monkeypa
     result = reconstruct(world.image, "mock")
     assert result.body_model == "smplx"
     assert [note for note in result.notes if "converted" in note] == [
-        "bodies converted from 'embedded' to 'smplx', surface within 0 mm and joints within 0 mm on average"
+        "bodies converted from 'embedded' to 'smplx', surface within 0 mm and joints within 0 mm "
+        "on average"
     ]
 
 
 def test_optional_interfaces_may_be_left_out(world: World) -> None:
-    config = load_config(preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"])
+    config = load_config(
+        preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"]
+    )
     steps: list[tuple[str, int, int]] = []
     result = reconstruct(world.image, config, progress=lambda *step: steps.append(step))
     assert [s.name for s in result.stages] == [name for name, _, _ in steps]
@@ -94,7 +104,9 @@ def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
     reduced = Photo(np.zeros((100, 200, 3), np.uint8), None, (), file_size=(400, 200))
     given = prepare_photo(reduced, PhotoSettings(focal_px=500), None, None).photo.intrinsics
     assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
-    given = prepare_photo(reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5)), None, None).photo.intrinsics
+    given = prepare_photo(
+        reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5)), None, None
+    ).photo.intrinsics
     assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
 
 
@@ -120,7 +132,9 @@ def test_intrinsics_of_another_size_of_the_picture_are_refused(
 @pytest.mark.parametrize("centre", [(959.5, 638.5), (1010, 600), (1300, 500), (700, 638.5)])
 def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre: tuple[float, float]) -> None:
     photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
-    found = prepare_photo(photo, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None).photo.intrinsics
+    found = prepare_photo(
+        photo, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None
+    ).photo.intrinsics
     assert found is not None
 
 
@@ -152,7 +166,9 @@ def test_pixels_of_feet_are_confident_and_inside_the_image() -> None:
 def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     start = backends.MockSegmenter().infer(world.image)
     keypoints = backends.MockKeypointDetector().infer(world.image, start)
-    bodies = backends.MockBodyEstimator().infer(world.image, start, world.intrinsics, keypoints, Hints())
+    bodies = backends.MockBodyEstimator().infer(
+        world.image, start, world.intrinsics, keypoints, Hints()
+    )
     n = len(start)
     hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
     merged = replace_hands(bodies, hands, body.load_body("embedded"))

@@ -1,4 +1,6 @@
-"""A backend cannot change the numbers of others by the state of the process: it is restored, and the backend named."""
+"""A backend cannot change the numbers of others by the state of the process: it is restored, and
+the backend named.
+"""
 
 from __future__ import annotations
 
@@ -96,14 +98,20 @@ DEEDS = {
         torch.get_default_dtype,
     ),
     "default_device": Deed(
-        "torch's default device (cpu -> meta)", lambda: torch.set_default_device("meta"), lambda: torch.zeros(1).device
+        "torch's default device (cpu -> meta)",
+        lambda: torch.set_default_device("meta"),
+        lambda: torch.zeros(1).device,
     ),
     "device_context": Deed(
-        "torch's default device (cpu -> meta)", lambda: enter(torch.device("meta")), lambda: torch.zeros(1).device
+        "torch's default device (cpu -> meta)",
+        lambda: enter(torch.device("meta")),
+        lambda: torch.zeros(1).device,
     ),
     "products": Deed(
         "torch's switches of products",
-        lambda: setattr(torch.backends.opt_einsum, "enabled", not torch.backends.opt_einsum.enabled),
+        lambda: setattr(
+            torch.backends.opt_einsum, "enabled", not torch.backends.opt_einsum.enabled
+        ),
         lambda: torch.backends.opt_einsum.enabled,
     ),
     "new_precision": Deed(
@@ -112,9 +120,13 @@ DEEDS = {
         lambda: (torch.backends.mkldnn.matmul.fp32_precision, product()),
     ),
     "torch_load": Deed("torch.load", lambda: setattr(torch, "load", None), lambda: torch.load),
-    "gradients": Deed("torch's gradient mode", lambda: torch.set_grad_enabled(False), torch.is_grad_enabled),
+    "gradients": Deed(
+        "torch's gradient mode", lambda: torch.set_grad_enabled(False), torch.is_grad_enabled
+    ),
     "inference_mode": Deed(
-        "torch's inference mode", lambda: enter(torch.inference_mode()), torch.is_inference_mode_enabled
+        "torch's inference mode",
+        lambda: enter(torch.inference_mode()),
+        torch.is_inference_mode_enabled,
     ),
     "threads": Deed("torch's threads", lambda: torch.set_num_threads(7), torch.get_num_threads),
     "autocast": Deed(
@@ -138,11 +150,17 @@ DEEDS = {
         torch.are_deterministic_algorithms_enabled,
     ),
     "anomalies": Deed(
-        "torch's search for anomalies", lambda: torch.autograd.set_detect_anomaly(True), torch.is_anomaly_enabled
+        "torch's search for anomalies",
+        lambda: torch.autograd.set_detect_anomaly(True),
+        torch.is_anomaly_enabled,
     ),
-    "benchmark": Deed("cuDNN's `benchmark`", lambda: setattr(CUDNN, "benchmark", True), lambda: CUDNN.benchmark),
+    "benchmark": Deed(
+        "cuDNN's `benchmark`", lambda: setattr(CUDNN, "benchmark", True), lambda: CUDNN.benchmark
+    ),
     "cudnn_deterministic": Deed(
-        "cuDNN's `deterministic`", lambda: setattr(CUDNN, "deterministic", True), lambda: CUDNN.deterministic
+        "cuDNN's `deterministic`",
+        lambda: setattr(CUDNN, "deterministic", True),
+        lambda: CUDNN.deterministic,
     ),
     "onednn": Deed(
         "oneDNN's `enabled`",
@@ -160,10 +178,16 @@ DEEDS = {
         lambda: (sys.float_info.min / 2, (torch.full((1,), 1e-39) / 2).item()),
     ),
     "rounding": Deed("rounding of floats", round_up, lambda: float("1") + 1e-17),
-    "torch_seed": Deed("torch's seed", lambda: torch.manual_seed(0), lambda: torch.get_rng_state().numpy().tobytes()),
+    "torch_seed": Deed(
+        "torch's seed",
+        lambda: torch.manual_seed(0),
+        lambda: torch.get_rng_state().numpy().tobytes(),
+    ),
     "numpy_errors": Deed("numpy's treatment of errors", lambda: np.seterr(all="raise"), np.geterr),
     "numpy_prints": Deed(
-        "numpy's print options", lambda: np.set_printoptions(precision=1), lambda: str(np.array([0.123]))
+        "numpy's print options",
+        lambda: np.set_printoptions(precision=1),
+        lambda: str(np.array([0.123])),
     ),
     "numpy_load": Deed("numpy.load", lambda: setattr(np, "load", None), lambda: np.load),
     "numpy_generator": Deed(
@@ -172,11 +196,17 @@ DEEDS = {
         lambda: (np.random.get_bit_generator(), np.random.get_state(legacy=False)["state"]["pos"]),
     ),
     "numpy_seed": Deed(
-        "numpy's random generator", lambda: np.random.seed(0), lambda: np.random.get_state(legacy=False)["state"]["pos"]
+        "numpy's random generator",
+        lambda: np.random.seed(0),
+        lambda: np.random.get_state(legacy=False)["state"]["pos"],
     ),
-    "scipy_errors": Deed("SciPy's treatment of errors", lambda: special.seterr(all="raise"), special.geterr),
+    "scipy_errors": Deed(
+        "SciPy's treatment of errors", lambda: special.seterr(all="raise"), special.geterr
+    ),
     "opencv_threads": Deed("OpenCV's threads", lambda: cv2.setNumThreads(7), cv2.getNumThreads),
-    "opencv_code": Deed("OpenCV's optimised code", lambda: cv2.setUseOptimized(False), cv2.useOptimized),
+    "opencv_code": Deed(
+        "OpenCV's optimised code", lambda: cv2.setUseOptimized(False), cv2.useOptimized
+    ),
     "large_photos": Deed(
         "Pillow's limit of pixels",
         lambda: setattr(Image, "MAX_IMAGE_PIXELS", None),
@@ -188,50 +218,82 @@ DEEDS = {
         lambda: ImageFile.LOAD_TRUNCATED_IMAGES,
     ),
     "warnings_shown": Deed(
-        "the display of warnings", lambda: setattr(warnings, "showwarning", None), lambda: warnings.showwarning
+        "the display of warnings",
+        lambda: setattr(warnings, "showwarning", None),
+        lambda: warnings.showwarning,
     ),
     "warnings_raise": Deed(
-        "warning filters", lambda: warnings.simplefilter("error", FutureWarning), lambda: list(warnings.filters)
+        "warning filters",
+        lambda: warnings.simplefilter("error", FutureWarning),
+        lambda: list(warnings.filters),
     ),
-    "warnings_off": Deed("warning filters", lambda: warnings.simplefilter("ignore"), lambda: list(warnings.filters)),
-    "warnings_reset": Deed("warning filters", warnings.resetwarnings, lambda: list(warnings.filters)),
-    "logs_off": Deed("the level of logs", lambda: logging.disable(logging.ERROR), lambda: logging.root.manager.disable),
+    "warnings_off": Deed(
+        "warning filters", lambda: warnings.simplefilter("ignore"), lambda: list(warnings.filters)
+    ),
+    "warnings_reset": Deed(
+        "warning filters", warnings.resetwarnings, lambda: list(warnings.filters)
+    ),
+    "logs_off": Deed(
+        "the level of logs",
+        lambda: logging.disable(logging.ERROR),
+        lambda: logging.root.manager.disable,
+    ),
     "root_level": Deed(
-        "the level of logs", lambda: logging.root.setLevel(logging.DEBUG), lambda: logging.getLogger().level
+        "the level of logs",
+        lambda: logging.root.setLevel(logging.DEBUG),
+        lambda: logging.getLogger().level,
     ),
     "variable": Deed(
         "the environment (OMP_NUM_THREADS, SECRET)",
         lambda: os.environ.update(OMP_NUM_THREADS="13", SECRET="s3cret"),
         lambda: dict(os.environ),
     ),
-    "variable_gone": Deed("the environment (PATH)", lambda: os.environ.pop("PATH"), lambda: dict(os.environ)),
+    "variable_gone": Deed(
+        "the environment (PATH)", lambda: os.environ.pop("PATH"), lambda: dict(os.environ)
+    ),
     "folder": Deed("the current folder", lambda: os.chdir("/"), os.getcwd),
     "locale": Deed(
         "the locale",
         lambda: locale.setlocale(locale.LC_ALL, "POSIX"),
         lambda: locale.setlocale(locale.LC_ALL),
     ),
-    "recursion": Deed("the recursion limit", lambda: sys.setrecursionlimit(5000), sys.getrecursionlimit),
-    "digits": Deed("the most digits of an integer", lambda: sys.set_int_max_str_digits(0), sys.get_int_max_str_digits),
+    "recursion": Deed(
+        "the recursion limit", lambda: sys.setrecursionlimit(5000), sys.getrecursionlimit
+    ),
+    "digits": Deed(
+        "the most digits of an integer",
+        lambda: sys.set_int_max_str_digits(0),
+        sys.get_int_max_str_digits,
+    ),
     "decimal": Deed(
         "the decimal context",
         lambda: setattr(decimal.getcontext(), "prec", 3),
         lambda: decimal.Decimal(1) / decimal.Decimal(3),
     ),
-    "print": Deed("builtins (print)", lambda: setattr(builtins, "print", lambda *_, **__: None), lambda: print),
-    "stderr": Deed("the standard streams (stderr)", lambda: setattr(sys, "stderr", sys.stdout), lambda: sys.stderr),
+    "print": Deed(
+        "builtins (print)", lambda: setattr(builtins, "print", lambda *_, **__: None), lambda: print
+    ),
+    "stderr": Deed(
+        "the standard streams (stderr)",
+        lambda: setattr(sys, "stderr", sys.stdout),
+        lambda: sys.stderr,
+    ),
     "ctrl_c": Deed(
         "handlers of signals",
         lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
         lambda: signal.getsignal(signal.SIGINT),
     ),
     "alarm": Deed(
-        "the alarm", lambda: signal.setitimer(signal.ITIMER_REAL, 1000), lambda: signal.getitimer(signal.ITIMER_REAL)
+        "the alarm",
+        lambda: signal.setitimer(signal.ITIMER_REAL, 1000),
+        lambda: signal.getitimer(signal.ITIMER_REAL),
     ),
     "umask": Deed("the mask of new files", lambda: os.umask(0o777), lambda: umask_of_a_new_file()),
     "open_files": Deed("limits of the process", lower_open_files, open_files),
     "garbage": Deed("the garbage collector (off)", gc.disable, gc.isenabled),
-    "sockets": Deed("the timeout of sockets", lambda: socket.setdefaulttimeout(0.01), socket.getdefaulttimeout),
+    "sockets": Deed(
+        "the timeout of sockets", lambda: socket.setdefaulttimeout(0.01), socket.getdefaulttimeout
+    ),
     "random": Deed("the generator of `random`", lambda: random.seed(0), random.getstate),
 }
 
@@ -240,10 +302,15 @@ class Naughty(MetricDepth):
     """Does something in one of its methods, and returns depths of 1 m."""
 
     def __init__(
-        self, where: str = "", do: Callable[[], object] = lambda: None, error: Exception | None = None
+        self,
+        where: str = "",
+        do: Callable[[], object] = lambda: None,
+        error: Exception | None = None,
     ) -> None:
         super().__init__()
-        self.where, self.do, self.error = where, do, error
+        self.where = where
+        self.do = do
+        self.error = error
 
     def load(self, device: str = "cpu") -> None:
         self.act("load")
@@ -264,7 +331,9 @@ class Naughty(MetricDepth):
 
 @pytest.fixture(autouse=True)
 def settings_of_the_test() -> Iterator[None]:
-    """Seed the generators, since a deed that leaves them as they are would not show, and allow the locale to differ."""
+    """Seed the generators, since a deed that leaves them as they are would not show, and allow the
+    locale to differ.
+    """
     torch.manual_seed(1)
     np.random.seed(1)
     random.seed(1)
@@ -276,9 +345,13 @@ def settings_of_the_test() -> Iterator[None]:
 
 def run(backend: Naughty) -> StageRunner:
     stages = StageRunner("cpu", 1)
-    who = ResolvedBackend(backend, Provenance("metric_depth", "naughty", "p", "my-dist", "1.0", {}, ""))
+    who = ResolvedBackend(
+        backend, Provenance("metric_depth", "naughty", "p", "my-dist", "1.0", {}, "")
+    )
     try:
-        stages.call_backend("depth", who, MetricDepthRequest(np.zeros((*SHAPE, 3), np.uint8), Hints()))
+        stages.call_backend(
+            "depth", who, MetricDepthRequest(np.zeros((*SHAPE, 3), np.uint8), Hints())
+        )
     except BackendError:
         assert backend.error is not None
     stages.close()
@@ -304,7 +377,9 @@ def test_the_state_is_restored_after_an_error_too(where: str) -> None:
     assert np.geterr()["divide"] == "warn"
 
 
-def test_state_that_cannot_be_restored_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_state_that_cannot_be_restored_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
@@ -325,14 +400,23 @@ def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning(
 
 def test_a_filter_for_one_kind_of_warning_stays() -> None:
     with warnings.catch_warnings():
-        assert run(Naughty("infer", lambda: warnings.filterwarnings("ignore", "as of my library"))).warnings == []
-        assert any(one[1] is not None and one[1].pattern == "as of my library" for one in warnings.filters)
+        assert (
+            run(
+                Naughty("infer", lambda: warnings.filterwarnings("ignore", "as of my library"))
+            ).warnings
+            == []
+        )
+        assert any(
+            one[1] is not None and one[1].pattern == "as of my library" for one in warnings.filters
+        )
 
 
 def test_a_backend_that_is_loaded_alone_says_what_it_changed(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(Naughty, "__init__", lambda self, options=None: MetricDepth.__init__(self, options))
+    monkeypatch.setattr(
+        Naughty, "__init__", lambda self, options=None: MetricDepth.__init__(self, options)
+    )
     monkeypatch.setattr(Naughty, "load", lambda self, device: np.seterr(all="raise"))
     monkeypatch.setattr(Naughty, "written_for", 1, raising=False)
     load_backend("metric_depth", f"{__name__}:Naughty")
@@ -374,11 +458,25 @@ class Lazy(MockSegmenter):
 """
 
 
-def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(world: World, tmp_path: Path) -> None:
+def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(
+    world: World, tmp_path: Path
+) -> None:
     """In a new process, whose imports set variables and filters, which are no change."""
     (tmp_path / "lazy_plugin.py").write_text(PLUGIN)
     Image.fromarray(world.image).save(tmp_path / "world.png")
-    command = [*(sys.executable, "-m", "physic_core", "run", "world.png", "--preset", "mock", "--save", "numbers")]
+    command = [
+        *(
+            sys.executable,
+            "-m",
+            "physic_core",
+            "run",
+            "world.png",
+            "--preset",
+            "mock",
+            "--save",
+            "numbers",
+        )
+    ]
     lazy = ["--set", "segmenter.backend=lazy_plugin:Lazy"]
     found = []
     for more in ([], lazy):

@@ -1,4 +1,6 @@
-"""A result names all that made it: ``physic run --config OUT/reconstruction.json`` makes it again."""
+"""A result names all that made it: ``physic run --config OUT/reconstruction.json`` makes it
+again.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.M
     Path("base.toml").write_text(
         'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\nthreshold = 0.4\n'
     )
-    Path("my.toml").write_text('extends = "base.toml"\n[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}\n')
+    Path("my.toml").write_text(
+        'extends = "base.toml"\n[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}\n'
+    )
     monkeypatch.setenv("PHYSIC__PHOTO__MASK_GROWTH", "0.02")
     given = (
         "--set",

@@ -1,4 +1,6 @@
-"""A photo without people: the scene alone, with the scale that the metric depth knows, or with a guessed one."""
+"""A photo without people: the scene alone, with the scale that the metric depth knows, or with a
+guessed one.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +31,17 @@ class Broken(backends.MockMetricDepth):
         raise MemoryError
 
 
-def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, tmp_path: Path) -> None:
+def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(
+    world: World, tmp_path: Path
+) -> None:
     result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK))
     assert result.people == ()
     assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
     assert np.array_equal(result.scene.colors, result.image)
-    assert any(note.startswith("no person was found: the result is only the scene") for note in result.notes)
+    assert any(
+        note.startswith("no person was found: the result is only the scene")
+        for note in result.notes
+    )
     measured = {check.name: check.value for check in result.checks}
     assert measured["photo_alignment"] is measured["depth_vs_bodies"] is None
     # No inpainting and no second point map: nothing is removed from the photo.
@@ -50,10 +57,15 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, t
 
 def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World) -> None:
     needs_people = {"metric_depth": NeedsPeople}
-    result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK), backends=needs_people)
+    result = reconstruct(
+        world.empty_image, load_config(preset="mock", overrides=MOCK), backends=needs_people
+    )
     assert result.scene.scale_sigma is None
     assert result.scene.floor.offset == pytest.approx(1.45, abs=0.02)
-    assert any("the camera is assumed to be 1.45 m above the floor" in warning for warning in result.warnings)
+    assert any(
+        "the camera is assumed to be 1.45 m above the floor" in warning
+        for warning in result.warnings
+    )
     known = load_config(preset="mock", overrides=[*MOCK, "photo.camera_height=2.0"])
     measured = reconstruct(world.empty_image, known, backends=needs_people)
     assert measured.scene.floor.offset == pytest.approx(2.0, abs=0.001)
@@ -63,7 +75,9 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
 
 
 class SeesBox(backends.MockSegmenter):
-    """Finds the people of the mock, and one more box without a pose, whose pixels are the top left corner."""
+    """Finds the people of the mock, and one more box without a pose, whose pixels are the top left
+    corner.
+    """
 
     def infer(self, image):
         found = super().infer(image)
@@ -73,7 +87,9 @@ class SeesBox(backends.MockSegmenter):
         return replace(found, unposed=(one,), unposed_mask=corner)
 
 
-def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world: World, tmp_path: Path) -> None:
+def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(
+    world: World, tmp_path: Path
+) -> None:
     holes = []
 
     class Inpainter(backends.MockInpainter):
@@ -81,7 +97,9 @@ def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world: World
             holes.append(mask)
             return super().infer(image, mask)
 
-    result = reconstruct(world.image, "mock", backends={"segmenter": SeesBox, "inpainter": Inpainter})
+    result = reconstruct(
+        world.image, "mock", backends={"segmenter": SeesBox, "inpainter": Inpainter}
+    )
     assert holes[0][:20, :30].all()
     assert len(result.people) == len(world.masks)
     assert result.unposed == (UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box"),)

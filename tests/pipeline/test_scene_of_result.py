@@ -22,7 +22,8 @@ def solved(world: World, *overrides: str) -> Reconstruction:
 
 def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
     world = build_world("sit_on_sofa", 579362556, SIZE)
-    plain, result = solved(world, "engine.scene.carve_m=0"), solved(world)
+    plain = solved(world, "engine.scene.carve_m=0")
+    result = solved(world)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     body = load_body("embedded")
     bodies = torch.from_numpy(np.stack([p.vertices for p in result.people]))
@@ -42,5 +43,7 @@ def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
     people = np.logical_or.reduce([p.mask for p in result.people])
     assert moved.sum() < 1.3 * people.sum()
     assert (moved & ~people).sum() < 0.1 * people.sum() + 200
-    farther = np.linalg.norm(result.scene.points, axis=-1) - np.linalg.norm(plain.scene.points, axis=-1)
+    farther = np.linalg.norm(result.scene.points, axis=-1) - np.linalg.norm(
+        plain.scene.points, axis=-1
+    )
     assert farther[moved].min() > 0

@@ -14,19 +14,31 @@ NO_FLOOR = ['engine.scene.floor="off"']
 
 @pytest.fixture(
     scope="module",
-    params=[("stand", []), ("stand", NO_FLOOR), ("jump", []), ("hang_from_bar", []), ("sit_on_stool", []), ("hug", [])],
+    params=[
+        ("stand", []),
+        ("stand", NO_FLOOR),
+        ("jump", []),
+        ("hang_from_bar", []),
+        ("sit_on_stool", []),
+        ("hug", []),
+    ],
     ids=lambda case: "-".join([case[0], *("no floor" for _ in case[1])]),
 )
 def result(request: pytest.FixtureRequest) -> Reconstruction:
     world, settings = request.param
     noise = ["metric_depth.options.stated_sigma=0.095"]
-    return reconstruct(build_world(world).image, load_config(preset="mock", overrides=[*noise, *settings]))
+    return reconstruct(
+        build_world(world).image, load_config(preset="mock", overrides=[*noise, *settings])
+    )
 
 
 def test_sentences_agree_with_contacts_and_floor(result: Reconstruction) -> None:
     sentences = " ".join([*result.notes, *result.warnings])
     stand = [
-        any(c.likely and c.partner.kind == "floor" and c.part in ("left_foot", "right_foot") for c in person.contacts)
+        any(
+            c.likely and c.partner.kind == "floor" and c.part in ("left_foot", "right_foot")
+            for c in person.contacts
+        )
         for person in result.people
     ]
     for count in re.findall(r"soles of (\d+)", sentences):

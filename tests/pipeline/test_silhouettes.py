@@ -7,14 +7,17 @@ import torch
 
 from physic_core.pipeline.person_measures import compare_silhouettes
 
-HEIGHT, WIDTH = 300, 400
+HEIGHT = 300
+WIDTH = 400
 K = torch.tensor([[200.0, 0.0, 199.5], [0.0, 200.0, 149.5], [0.0, 0.0, 1.0]])
 FACES = torch.tensor([[0, 3, 2], [0, 2, 1], [0, 1, 2], [0, 2, 3]])
 
 
 def plate(x: float = 0.0, z: float = 4.0) -> torch.Tensor:
     """(4, 3): a plate of 1 m by 2 m that faces the camera, 50 by 100 px at 4 m."""
-    return torch.tensor([[x - 0.5, -1.0, z], [x + 0.5, -1.0, z], [x + 0.5, 1.0, z], [x - 0.5, 1.0, z]])
+    return torch.tensor(
+        [[x - 0.5, -1.0, z], [x + 0.5, -1.0, z], [x + 0.5, 1.0, z], [x - 0.5, 1.0, z]]
+    )
 
 
 def mask(left: int = 175, right: int = 225, top: int = 100, bottom: int = 200) -> torch.Tensor:
@@ -39,7 +42,9 @@ def depth(metres: float) -> torch.Tensor:
 
 
 def test_a_body_that_fills_its_mask() -> None:
-    assert compare(mask()) == [{"mask_covered_share": 1.0, "body_in_mask_share": 1.0, "low_depth_ratio": None}]
+    assert compare(mask()) == [
+        {"mask_covered_share": 1.0, "body_in_mask_share": 1.0, "low_depth_ratio": None}
+    ]
 
 
 def test_a_body_over_half_of_a_mask_covers_half_of_its_pixels() -> None:
@@ -55,7 +60,8 @@ def test_a_body_beyond_its_mask() -> None:
 
 
 def test_pixels_that_another_person_hides_do_not_count() -> None:
-    upper, lower = mask(bottom=150), mask(top=150)
+    upper = mask(bottom=150)
+    lower = mask(top=150)
     other = plate(x=1.5)
     assert compare(upper, lower, bodies=(plate(), other))[0]["body_in_mask_share"] == 1
 

@@ -19,7 +19,9 @@ from .consistency import consistency
 def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton: str, world: World) -> None:
     # A sure metric depth: otherwise the distance is mostly its scale's.
     sure = "metric_depth.options.noise=0"
-    config = load_config(preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}", sure])
+    config = load_config(
+        preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}", sure]
+    )
     found = reconstruct(world.image, config)
     person = found.people[0]
     apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
@@ -32,7 +34,9 @@ def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton: str, world: 
     assert apart < 150
 
 
-@pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])
+@pytest.mark.parametrize(
+    ("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)]
+)
 def test_pixels_of_feet_are_found_in_every_skeleton(skeleton: str, soles: int) -> None:
     count = len(SKELETONS[skeleton].names)
     seen = Keypoints(np.full((1, count, 2), 10.0), np.ones((1, count)), skeleton)

@@ -1,4 +1,6 @@
-"""StageRunner: who is loaded when, what is closed when, and what is said of a backend that fails."""
+"""StageRunner: who is loaded when, what is closed when, and what is said of a backend that
+fails.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,13 @@ from physic_core import interfaces
 from physic_core.cache import digests
 from physic_core.cache.results import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
-from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
+from physic_core.errors import (
+    BackendError,
+    BackendOutputError,
+    InputError,
+    NoPersonError,
+    PhysicError,
+)
 from physic_core.interfaces import MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import DepthMap, Hints, People, Provenance
@@ -30,7 +38,9 @@ class Counting(interfaces.MetricDepth):
 
     events: ClassVar[list[str]] = []
 
-    def __init__(self, name: str = "a", fails_in: str = "", error: BaseException | None = None) -> None:
+    def __init__(
+        self, name: str = "a", fails_in: str = "", error: BaseException | None = None
+    ) -> None:
         super().__init__()
         self.name, self.fails_in, self.error = name, fails_in, error or RuntimeError("no")
         self.answer: object = DepthMap(np.ones(SHAPE, np.float32), notes=(f"from {name}",))
@@ -68,21 +78,31 @@ def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def resolved(backend: Counting) -> ResolvedBackend:
-    return ResolvedBackend(backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, ""))
+    return ResolvedBackend(
+        backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, "")
+    )
 
 
 def ask(
-    stages: StageRunner, backend: Counting, request: MetricDepthRequest = REQUEST, *, last: bool = True
+    stages: StageRunner,
+    backend: Counting,
+    request: MetricDepthRequest = REQUEST,
+    *,
+    last: bool = True,
 ) -> DepthMap:
     return stages.call_backend("depth", resolved(backend), request, last=last)
 
 
 def if_it_can(stages: StageRunner, backend: Counting) -> DepthMap | None:
-    return stages.call_optional_backend("depth", resolved(backend), REQUEST, otherwise="all is flat")
+    return stages.call_optional_backend(
+        "depth", resolved(backend), REQUEST, otherwise="all is flat"
+    )
 
 
 def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: list[str]):
-    stages, a, b = StageRunner("cuda:1", 3), Counting("a"), Counting("b")
+    stages = StageRunner("cuda:1", 3)
+    a = Counting("a")
+    b = Counting("b")
     for backend in (a, b, a):
         ask(stages, backend)
     assert events == ["load a on cuda:1", "infer a", "load b on cuda:1", "infer b", "infer a"]
@@ -94,12 +114,21 @@ def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: lis
 @pytest.mark.parametrize("low_memory", [True, False])
 def test_a_used_backend_is_closed_after_its_last_call(events: list[str], low_memory: bool):
     stages = StageRunner("cpu", 3, low_memory=low_memory, close_used=not low_memory)
-    a, b = Counting("a"), Counting("b")
+    a = Counting("a")
+    b = Counting("b")
     ask(stages, a, last=False)
     ask(stages, a)
     ask(stages, b)
     stages.close()
-    assert events == ["load a on cpu", "infer a", "infer a", "close a", "load b on cpu", "infer b", "close b"]
+    assert events == [
+        "load a on cpu",
+        "infer a",
+        "infer a",
+        "close a",
+        "load b on cpu",
+        "infer b",
+        "close b",
+    ]
 
 
 @pytest.mark.parametrize("event", ["load", "infer"])
@@ -115,7 +144,9 @@ def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_m
 
 
 def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
-    stages, a, b = StageRunner("cpu", 2), Counting("a", "close", OSError("gone")), Counting("b")
+    stages = StageRunner("cpu", 2)
+    a = Counting("a", "close", OSError("gone"))
+    b = Counting("b")
     ask(stages, a)
     ask(stages, b)
     stages.close()
@@ -201,7 +232,9 @@ def test_a_run_continues_without_an_optional_backend():
     assert if_it_can(stages, wrong) is None
     right = Counting()
     assert if_it_can(stages, right) is not None
-    for warning, word in zip(stages.warnings, ("FileNotFoundError: w.pt", "depth must be"), strict=True):
+    for warning, word in zip(
+        stages.warnings, ("FileNotFoundError: w.pt", "depth must be"), strict=True
+    ):
         assert word in warning
         assert warning.endswith("; all is flat")
     assert [record.failed for record in stages.records] == [True, True, False]
@@ -219,11 +252,13 @@ class ReadsTheHole(Counting):
     reads = ("hole",)
 
 
-def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(events: list[str], run: Callable[[], StageRunner]):
-    people, hole = (
-        People(np.zeros((0, *SHAPE), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32)),
-        np.ones(SHAPE, bool),
+def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(
+    events: list[str], run: Callable[[], StageRunner]
+):
+    people = People(
+        np.zeros((0, *SHAPE), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32)
     )
+    hole = np.ones(SHAPE, bool)
     for hints in (Hints(), Hints(people=people), Hints(people=people, hole=hole)):
         ask(run(), ReadsTheHole("one"), MetricDepthRequest(PHOTO, hints))
         ask(run(), Counting("all"), MetricDepthRequest(PHOTO, hints))
@@ -246,11 +281,16 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner])
 
 
 def test_a_cached_result_must_pass_the_check(
-    events: list[str], run: Callable[[], StageRunner], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    events: list[str],
+    run: Callable[[], StageRunner],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()
-    monkeypatch.setattr(interfaces.MetricDepth, "check", lambda *_: [] if "infer a" in events[2:] else ["x"])
+    monkeypatch.setattr(
+        interfaces.MetricDepth, "check", lambda *_: [] if "infer a" in events[2:] else ["x"]
+    )
     once = ask(stages, Counting())
     assert once.depth.shape == SHAPE
     stages.close()

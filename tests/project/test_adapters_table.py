@@ -30,7 +30,12 @@ def test_every_backend_has_one_row(tool: ModuleType) -> None:
     assert sorted(listed) == sorted((one.interface, one.name) for one in tool.adapters())
 
 
-def test_every_adapter_reads_weights_by_default_and_their_licence_is_listed(tool: ModuleType) -> None:
+def test_every_adapter_reads_weights_by_default_and_their_licence_is_listed(
+    tool: ModuleType,
+) -> None:
     for one in tool.adapters():
-        options = {name: field.get_default() for name, field in load_class(one).Options.model_fields.items()}
+        options = {
+            name: field.get_default()
+            for name, field in load_class(one).Options.model_fields.items()
+        }
         assert licence_text(named_sets(one.distribution, options)), one

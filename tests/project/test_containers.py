@@ -1,4 +1,7 @@
-"""The container files: what they must state, without building them. ``hadolint`` checks them where it is installed."""
+"""The container files: what they must state, without building them.
+
+``hadolint`` checks them where it is installed.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,10 @@ def test_the_build_gets_what_it_installs_and_no_more():
     kept = {line[1:] for line in lines if line.startswith("!")}
     assert "*" in lines
     assert all((ROOT / name).exists() for name in kept)
-    needed = {line.split()[-1].partition("/")[0] for line in (ROOT / "requirements.txt").read_text().splitlines()[1:]}
+    needed = {
+        line.split()[-1].partition("/")[0]
+        for line in (ROOT / "requirements.txt").read_text().splitlines()[1:]
+    }
     assert needed - {".", "constraints.txt"} <= kept
     assert {
         "physic_core",

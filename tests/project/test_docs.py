@@ -17,13 +17,22 @@ ROOT = Path(__file__).parents[2]
 TOPS = ("benchmarks", "contrib", "docs", "examples", "physic_core", "plugins", "tools")
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
-    [*PAPERS, *ROOT.glob("docs/**/*.md"), *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
+    [
+        *PAPERS,
+        *ROOT.glob("docs/**/*.md"),
+        *ROOT.glob("plugins/*/README.md"),
+        ROOT / "examples" / "README.md",
+    ]
 )
 MARKDOWN = sorted({*ROOT.glob("*.md"), *(p for top in TOPS for p in (ROOT / top).rglob("*.md"))})
 
 
 def blocks(language: str) -> list[str]:
-    return [b for page in PAGES for b in re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.M | re.S)]
+    return [
+        b
+        for page in PAGES
+        for b in re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.M | re.S)
+    ]
 
 
 def commands(program: str) -> list[list[str]]:
@@ -40,9 +49,12 @@ def test_every_config_of_the_pages_holds(text: str):
 
 @pytest.mark.parametrize("words", commands("physic"), ids=" ".join)
 def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Path):
-    group, arguments = cli.main, words[1:]
+    group = cli.main
+    arguments = words[1:]
     while arguments and arguments[0] in getattr(group, "commands", {}):
-        group, arguments = group.commands[arguments[0]], arguments[1:]  # type: ignore[attr-defined,assignment]
+        # type: ignore[attr-defined,assignment]
+        group = group.commands[arguments[0]]
+        arguments = arguments[1:]
     with group.make_context("physic", arguments) as context:
         named = context.params.get("file")
         overrides = context.params.get("overrides", ())
@@ -90,8 +102,12 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
 
 
 def test_the_import_order_of_the_architecture_is_the_contract():
-    (shown,) = re.findall(r"^```text\n(cli\n.*?)^```", (ROOT / "ARCHITECTURE.md").read_text(), re.M | re.S)
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    (shown,) = re.findall(
+        r"^```text\n(cli\n.*?)^```", (ROOT / "ARCHITECTURE.md").read_text(), re.M | re.S
+    )
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+        "contracts"
+    ]
     (layers,) = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
     assert shown.splitlines() == layers
 
@@ -102,8 +118,12 @@ def test_every_file_that_a_paper_names_is_there(page: str):
     for name in re.findall(r"`([a-z_]+/[\w./-]+?)/?`", text):
         roots = (ROOT, ROOT / "physic_core", ROOT / "physic_core" / "engine" / "joint")
         assert any((root / name).exists() for root in roots), name
-    for folder, names in re.findall(r"^\| file in `(.*?)/` .*?\n\|[-|]+\n((?:\|.*\n)+)", text, re.M):
-        for name in re.findall(r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())):
+    for folder, names in re.findall(
+        r"^\| file in `(.*?)/` .*?\n\|[-|]+\n((?:\|.*\n)+)", text, re.M
+    ):
+        for name in re.findall(
+            r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())
+        ):
             assert list((ROOT / "physic_core" / folder).glob(name)), name
 
 

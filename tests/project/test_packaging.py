@@ -18,23 +18,32 @@ from physic_core.discovery.entry_points import group_problem
 from physic_core.interfaces import INTERFACES
 
 ROOT = Path(__file__).parents[2]
-PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {"physic-core": ROOT}
+PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {
+    "physic-core": ROOT
+}
 
 
 def project(folder: Path) -> dict[str, Any]:
     """The metadata of a distribution, as a release will state it (CONTRIBUTING.md)."""
-    text = re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", (folder / "pyproject.toml").read_text())
+    text = re.sub(
+        r"(?m)^( *)# (.+)  # once released.*", r"\1\2", (folder / "pyproject.toml").read_text()
+    )
     return tomllib.loads(text)["project"]
 
 
 def requirements(folder: Path) -> list[str]:
     own = project(folder)
-    return own["dependencies"] + [r for extra in own.get("optional-dependencies", {}).values() for r in extra]
+    return own["dependencies"] + [
+        r for extra in own.get("optional-dependencies", {}).values() for r in extra
+    ]
 
 
 def wheel_files(folder: Path) -> set[str]:
     """What a wheel of the distribution would hold, without building it."""
-    return {f.distribution_path.replace("\\", "/") for f in WheelBuilder(str(folder)).recurse_included_files()}
+    return {
+        f.distribution_path.replace("\\", "/")
+        for f in WheelBuilder(str(folder)).recurse_included_files()
+    }
 
 
 def pins() -> dict[str, str]:
@@ -56,8 +65,12 @@ def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name: str)
 @pytest.mark.parametrize("name", PROJECTS)
 def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machine(name: str):
     for requirement in requirements(PROJECTS[name]):
-        package, bound = re.fullmatch(r"([a-z0-9-]+)(?:\[[a-z]+\])?(>=[\w.]+)(?:; .+)?", requirement, re.I).groups()  # type: ignore[union-attr]
-        assert package.startswith("physic-") or package in pins(), f"{requirement} of {name} is not in constraints.txt"
+        package, bound = re.fullmatch(
+            r"([a-z0-9-]+)(?:\[[a-z]+\])?(>=[\w.]+)(?:; .+)?", requirement, re.I
+        ).groups()  # type: ignore[union-attr]
+        assert package.startswith("physic-") or package in pins(), (
+            f"{requirement} of {name} is not in constraints.txt"
+        )
         assert "<" not in bound
 
 
@@ -73,7 +86,10 @@ def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name:
 
 
 def test_the_catalog_says_which_distributions_require_others():
-    asked = {name: [re.split("[>=[]", text)[0] for text in project(ALL[name])["dependencies"]] for name in ALL}
+    asked = {
+        name: [re.split("[>=[]", text)[0] for text in project(ALL[name])["dependencies"]]
+        for name in ALL
+    }
     assert {
         name: others
         for name, texts in asked.items()
@@ -83,7 +99,9 @@ def test_the_catalog_says_which_distributions_require_others():
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_source_distribution_contains_the_licence(name: str):
-    assert "LICENSE" in {f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()}
+    assert "LICENSE" in {
+        f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()
+    }
 
 
 MODULES = {
@@ -98,21 +116,28 @@ MODULES = {
 THROUGH_OTHERS = {
     "physic-onnx": {"onnxruntime"},  # physic-core
     "physic-serve": {"jinja2", "python-multipart"},  # starlette
-    "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
+    # diffusers
+    "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-core": {"onnxruntime", "pandas"},  # for plugins that run ONNX files; for Reconstruction.to_pandas
+    # for plugins that run ONNX files; for Reconstruction.to_pandas
+    "physic-core": {"onnxruntime", "pandas"},
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-setup": {"torch"},  # of the core; its metadata do not name the build
     "physic-testing": {"pytest"},  # for the tests of plugins only
 }
-"""Modules that are imported if they are there, or whose absence is reported with how to get them."""
+"""Modules that are imported if they are there, or whose absence is reported with how to get
+them.
+"""
 
 
 def imported(folder: Path) -> set[str]:
-    """Top-level modules that the package in a project's folder imports anywhere, without its own and Python's."""
-    package, found = folder.name.replace("-", "_"), set()
+    """Top-level modules that the package in a project's folder imports anywhere, without its own
+    and Python's.
+    """
+    package = folder.name.replace("-", "_")
+    found = set()
     if folder == ROOT:
         package = "physic_core"
     for file in (*(folder / package).rglob("*.py"), *folder.glob(f"{package}.py")):
@@ -129,8 +154,15 @@ def test_a_distribution_requires_what_it_imports_and_nothing_else(name: str):
     own = project(ALL[name])
     tools = {"dev", "docs", "full", "test"}
     wanted = [*own["dependencies"]]
-    wanted += [r for extra, some in own.get("optional-dependencies", {}).items() if extra not in tools for r in some]
-    required = {MODULES.get(r, r.replace("-", "_")) for r in (re.split("[>=]", text)[0] for text in wanted)}
+    wanted += [
+        r
+        for extra, some in own.get("optional-dependencies", {}).items()
+        if extra not in tools
+        for r in some
+    ]
+    required = {
+        MODULES.get(r, r.replace("-", "_")) for r in (re.split("[>=]", text)[0] for text in wanted)
+    }
     through = {module.replace("-", "_") for module in THROUGH_OTHERS.get(name, set())}
     assert required - through == imported(ALL[name]) - BY_THE_USER.get(name, set())
     assert through <= required
@@ -159,9 +191,12 @@ def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
 
 @pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
 def test_a_plugin_registers_modules_of_its_own(name: str):
-    groups, package = project(PROJECTS[name])["entry-points"], name.replace("-", "_")
+    groups = project(PROJECTS[name])["entry-points"]
+    package = name.replace("-", "_")
     assert not any(map(group_problem, groups))
-    modules = {target.partition(":")[0] for entries in groups.values() for target in entries.values()}
+    modules = {
+        target.partition(":")[0] for entries in groups.values() for target in entries.values()
+    }
     assert {module.partition(".")[0] for module in modules} == {package}
     files = wheel_files(PROJECTS[name])
     for path in (module.replace(".", "/") for module in modules):
@@ -177,7 +212,9 @@ SLOW = {"physic-embedded": pytest.mark.slow}
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in ALL])
 def test_a_built_wheel_holds_its_package_and_its_notices(name: str, tmp_path: Path):
-    """Its package alone, licence and notices, nothing of tests or other folders, and no more bytes than known."""
+    """Its package alone, licence and notices, nothing of tests or other folders, and no more bytes
+    than known.
+    """
     (wheel,) = WheelBuilder(str(ALL[name])).build(directory=str(tmp_path))
     package = name.replace("-", "_")
     info = f"{package}-{project(ALL[name])['version']}.dist-info"
@@ -189,7 +226,11 @@ def test_a_built_wheel_holds_its_package_and_its_notices(name: str, tmp_path: Pa
     assert re.search("^License-Expression: Apache-2.0$", metadata, re.M)
     assert {f.partition("/")[0].removesuffix(".py") for f in files} == {package, info}
     assert f"{package}/py.typed" in files or ALL[name].parent.name == "contrib"
-    assert not [f for f in files if re.search(r"(^|/)(tests?|test_[^/]*|conftest\.py|__pycache__|shared|out)(/|$)", f)]
+    assert not [
+        f
+        for f in files
+        if re.search(r"(^|/)(tests?|test_[^/]*|conftest\.py|__pycache__|shared|out)(/|$)", f)
+    ]
     assert NOTICES.get(name, set()) <= files
     assert (f"{info}/licenses/NOTICE" in files) == (ALL[name] / "NOTICE").exists()
     assert Path(wheel).stat().st_size < 1e6 * MEGABYTES.get(name, 1)
@@ -199,7 +240,12 @@ NOTICES = {
     "physic-core": {"physic_core/body/NOTICE-embedded.md"},
     "physic-embedded": {
         f"physic_embedded/weights/{name}"
-        for name in ("NOTICE", "LICENSES/Apache-2.0.txt", "LICENSES/MIT-MI-GAN.txt", "LICENSES/MIT-TinyViT.txt")
+        for name in (
+            "NOTICE",
+            "LICENSES/Apache-2.0.txt",
+            "LICENSES/MIT-MI-GAN.txt",
+            "LICENSES/MIT-TinyViT.txt",
+        )
     },
 }
 """Notices of the assets in a wheel."""
@@ -207,7 +253,10 @@ NOTICES = {
 
 def test_the_core_wheel_holds_presets_and_the_body():
     files = wheel_files(ROOT)
-    assert {f"physic_core/configuration/presets/{name}.toml" for name in ("embedded", "light-cpu", "mock")} <= files
+    assert {
+        f"physic_core/configuration/presets/{name}.toml"
+        for name in ("embedded", "light-cpu", "mock")
+    } <= files
     assert any(f.startswith("physic_core/body/") and f.endswith(".npz") for f in files)
 
 

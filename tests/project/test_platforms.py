@@ -1,4 +1,6 @@
-"""The requirements of all first-party distributions have wheels for the machines that docs/install.md names."""
+"""The requirements of all first-party distributions have wheels for the machines that
+docs/install.md names.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROJECTS = [ROOT, *(p.parent for folder in ("plugins", "contrib") for p in (ROOT / folder).glob("*/pyproject.toml"))]
+PROJECTS = [
+    ROOT,
+    *(
+        p.parent
+        for folder in ("plugins", "contrib")
+        for p in (ROOT / folder).glob("*/pyproject.toml")
+    ),
+]
 NO_NETWORK = ("error sending request", "dns error", "Failed to fetch", "Connection", "timed out")
 
 
 def requirements() -> set[str]:
-    """Requirements and runtime extras of all distributions, without the distributions themselves."""
+    """Requirements and runtime extras of all distributions, without the distributions
+    themselves.
+    """
     found: list[str] = []
     for folder in PROJECTS:
         project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
@@ -29,13 +40,32 @@ def requirements() -> set[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "platform", ["aarch64-manylinux_2_28", "x86_64-manylinux_2_28", "aarch64-apple-darwin", "x86_64-pc-windows-msvc"]
+    "platform",
+    [
+        "aarch64-manylinux_2_28",
+        "x86_64-manylinux_2_28",
+        "aarch64-apple-darwin",
+        "x86_64-pc-windows-msvc",
+    ],
 )
 def test_every_requirement_has_a_wheel(platform: str, tmp_path: Path):
     """Resolved with the versions of constraints.txt, without installing anything."""
-    options = f"-c {ROOT}/constraints.txt --only-binary :all: --python-version 3.11 --python-platform {platform}"
+    options = (
+        f"-c {ROOT}/constraints.txt --only-binary :all: --python-version 3.11 "
+        f"--python-platform {platform}"
+    )
     done = subprocess.run(
-        [sys.executable, "-m", "uv", "pip", "compile", "-", *options.split(), "-o", tmp_path / "resolved.txt"],
+        [
+            sys.executable,
+            "-m",
+            "uv",
+            "pip",
+            "compile",
+            "-",
+            *options.split(),
+            "-o",
+            tmp_path / "resolved.txt",
+        ],
         input="\n".join(requirements()),
         env=os.environ | {"MACOSX_DEPLOYMENT_TARGET": "14.0"},
         capture_output=True,

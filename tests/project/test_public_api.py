@@ -13,7 +13,9 @@ from physic_core import Person, Scene, errors
 
 
 def test_the_page_names_all_public_names(repository: Path):
-    """Tables of stable and provisional names before the first example; errors are named by their base class."""
+    """Tables of stable and provisional names before the first example; errors are named by their
+    base class.
+    """
     tables, _, _ = (repository / "docs" / "api.md").read_text().partition("```")
     cells = re.findall(r"^\| ([^|]*`[^|]*) \|", tables, re.M)
     named = {name for cell in cells for name in re.findall(r"`(\w+)", cell)}
@@ -24,15 +26,21 @@ def test_the_page_names_all_public_names(repository: Path):
 
 @pytest.mark.parametrize("room", ["adapters", "metrics"])
 def test_the_page_of_a_room_names_all_that_is_promised(room: str, repository: Path, module_at):
-    """Each module of the room in one row with its public names, but for what the page calls private."""
+    """Each module of the room in one row with its public names, but for what the page calls
+    private.
+    """
     public_names = module_at("docs/site/reference.py").public_names
     page = (repository / "docs" / f"{room}.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]*) \|", page, re.M))
     named = {module: set(re.findall(r"`(\w+)`", names)) for module, names in rows.items()}
-    modules = {found.name for found in pkgutil.iter_modules([str(repository / "physic_core" / room)])}
+    modules = {
+        found.name for found in pkgutil.iter_modules([str(repository / "physic_core" / room)])
+    }
     assert modules - named.keys() == ({"shapes"} if room == "metrics" else set())
     for module, names in named.items():
-        assert set(public_names(importlib.import_module(f"physic_core.{room}.{module}"))) == names, module
+        assert (
+            set(public_names(importlib.import_module(f"physic_core.{room}.{module}"))) == names
+        ), module
 
 
 @pytest.mark.parametrize("name", physic_core.__all__)
@@ -50,5 +58,7 @@ def test_the_page_of_the_api_lists_every_field_of_a_result(repository: Path, rec
     page = (repository / "docs" / "api.md").read_text()
     _, _, section = page.partition(f", a `{record.__name__}`")
     table = section.split("\n\n")[1]
-    listed = {name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    listed = {
+        name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])
+    }
     assert listed == {field.name for field in fields(record)}

@@ -17,21 +17,29 @@ TABLES = {
     "What cannot run code": {
         "a photo": "test_an_unusable_file_is_refused_with_its_path_and_the_reason",
         "a result folder (`Reconstruction.load`)": "test_a_pickle_in_the_arrays_is_not_opened",
-        "an SMPL-X, SMPL or MANO file": "test_no_pickle_calls_anything test_a_smplx_file_is_read_without_unpickling",
-        "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": "is_read_only_if_trusted",
-        "the cache": "test_a_pickle_is_never_opened test_a_graph_that_others_could_write_is_not_opened",
+        "an SMPL-X, SMPL or MANO file": "test_no_pickle_calls_anything "
+        "test_a_smplx_file_is_read_without_unpickling",
+        "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without "
+        "`trust_checkpoint`": "is_read_only_if_trusted",
+        "the cache": "test_a_pickle_is_never_opened "
+        "test_a_graph_that_others_could_write_is_not_opened",
         "an upload to `physic serve`": "test_a_photo_that_breaks_the_process_costs_itself_alone",
-        "a page of another site, while `physic serve` runs": "test_a_page_of_another_site_can_send_and_read_nothing",
-        "`report.html`, made from names and results of others": "test_only_the_scripts_of_the_page_may_run",
+        "a page of another site, while "
+        "`physic serve` runs": "test_a_page_of_another_site_can_send_and_read_nothing",
+        "`report.html`, made from names and "
+        "results of others": "test_only_the_scripts_of_the_page_may_run",
         "a table of photos for `physic batch`": "test_the_cells_of_a_row_are_checked_like_settings",
-        "text of others in messages": "test_a_run_escapes_names_and_texts test_a_batch_escapes_names",
+        "text of others in messages": "test_a_run_escapes_names_and_texts "
+        "test_a_batch_escapes_names",
         "the current folder": "test_physic_imports_nothing_of_the_current_folder",
     },
     "Limits of what is read": {
         "a setting": "test_every_setting_is_bounded",
-        "a file that an argument or a setting names": "test_a_mistake_is_one_message_with_the_code_of_its_kind",
+        "a file that an argument or a "
+        "setting names": "test_a_mistake_is_one_message_with_the_code_of_its_kind",
         "a photo": "test_decoding_the_largest_image_of_each_format",
-        "a photo, in a worker of `physic batch` or `physic serve`": "test_a_worker_takes_no_more_memory",
+        "a photo, in a worker of `physic batch` or "
+        "`physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",
     },
@@ -40,11 +48,13 @@ LISTS = {
     "Weights": {
         "A run downloads nothing.": "test_a_test_that_uses_the_network_fails",
         "A downloaded file is compared": "test_a_wrong_hash_is_reported_and_the_file_removed",
-        "`physic weights verify` repeats": "test_verify_lists_what_differs_and_what_has_no_published_hash",
+        "`physic weights verify` repeats": "test_verify_lists_what_differs_and_what_has_no_published_hash",  # noqa: E501
         "A run compares a weight file": "test_a_damaged_file_is_refused_and_not_missing",
-        "The embedded networks and the embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
+        "The embedded networks and the "
+        "embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
         "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
-        "A weight set with a restricted licence": "test_restricted_weights_are_fetched_only_with_accept_licence",
+        "A weight set with a "
+        "restricted licence": "test_restricted_weights_are_fetched_only_with_accept_licence",
     },
     "Files that PhySIC writes": {
         "Each file of a result": "test_a_write_happens_completely_or_not_at_all",
@@ -53,14 +63,18 @@ LISTS = {
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",
-        "A file of yours is never replaced": "test_every_foreign_file_is_named_at_once test_an_edited_file_and_a_link",
+        "A file of yours is "
+        "never replaced": "test_every_foreign_file_is_named_at_once test_an_edited_file_and_a_link",
         "`physic export --overwrite` replaces": "test_the_photo_and_links_are_never_replaced",
         "Tables, pages and logs": "test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
         "No file of an output folder": "test_a_file_is_appended_to_and_a_link_is_not",
         "The photo is never replaced": "test_the_photo_is_never_overwritten",
     },
 }
-LIMITS = {"`physic batch --timeout` ends a photo": "test_a_worker_that_hangs", "a button of": "test_a_photo_that_hangs"}
+LIMITS = {
+    "`physic batch --timeout` ends a photo": "test_a_worker_that_hangs",
+    "a button of": "test_a_photo_that_hangs",
+}
 
 
 def section(title: str) -> str:
@@ -73,18 +87,23 @@ def test_every_statement_has_its_tests():
         assert rows[1:] == list(tests)
     for title, tests in LISTS.items():
         points = re.findall(r"^- (.*)", section(title), re.M)
-        assert [next(start for start in tests if point.startswith(start)) for point in points] == list(tests)
+        assert [
+            next(start for start in tests if point.startswith(start)) for point in points
+        ] == list(tests)
     assert all(statement in " ".join(section("Limits").split()) for statement in LIMITS)
 
 
 @cache
 def names_of_tests() -> str:
     files = (*ROOT.glob("tests/**/test_*.py"), *ROOT.glob("plugins/*/tests/**/test_*.py"))
-    return "\n".join(name for file in files for name in re.findall(r"def (test_\w+)", file.read_text("utf-8")))
+    return "\n".join(
+        name for file in files for name in re.findall(r"def (test_\w+)", file.read_text("utf-8"))
+    )
 
 
 @pytest.mark.parametrize(
-    "tests", [tests for one in (*TABLES.values(), *LISTS.values(), LIMITS) for tests in one.values()]
+    "tests",
+    [tests for one in (*TABLES.values(), *LISTS.values(), LIMITS) for tests in one.values()],
 )
 def test_the_tests_of_a_statement_are_there(tests: str):
     assert all(test in names_of_tests() for test in tests.split())
@@ -96,5 +115,7 @@ def test_a_warning_cannot_control_a_terminal():
         "import warnings; from physic_core.cli.output import printed_logs\n"
         "with printed_logs(): warnings.warn('a\\x1b[2Jb')"
     )
-    done = subprocess.run([sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True
+    )
     assert done.stderr == "<string>:2: UserWarning: a\\x1b[2Jb\n"

@@ -24,14 +24,18 @@ def bill(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def is_list_of_others(name: str) -> bool:
-    """Return whether a distribution installs nothing but its metadata, so that there is nothing to license."""
+    """Return whether a distribution installs nothing but its metadata, so that there is nothing to
+    license.
+    """
     return all(file.parts[0].endswith(".dist-info") for file in distribution(name).files or ())
 
 
 def test_every_component_states_a_licence(bill: dict[str, Any]):
     names = [component["name"] for component in bill["components"]]
     assert {"physic-core", "physic-embedded", "numpy", "torch", "pydantic-core"} <= set(names)
-    unstated = [component["name"] for component in bill["components"] if not component.get("licenses")]
+    unstated = [
+        component["name"] for component in bill["components"] if not component.get("licenses")
+    ]
     assert [name for name in unstated if not is_list_of_others(name)] == []
     assert len(names) == len(set(names))
 

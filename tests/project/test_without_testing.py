@@ -17,7 +17,9 @@ main(sys.argv[1:])
 def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"PHYSIC_PLUGINS": plugins}
     command = [sys.executable, "-c", RUN, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=600, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment, timeout=600, check=False
+    )
 
 
 def test_its_commands_are_not_there_and_the_others_are():

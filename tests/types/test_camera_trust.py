@@ -8,7 +8,14 @@ import pytest
 
 from physic_core.types import CameraTrust, Intrinsics
 
-TEXTS = ("given", "EXIF: 50 mm", "measured by lines", "default (1.2 x the long side)", "Default", "a network")
+TEXTS = (
+    "given",
+    "EXIF: 50 mm",
+    "measured by lines",
+    "default (1.2 x the long side)",
+    "Default",
+    "a network",
+)
 
 
 @pytest.mark.parametrize("source", TEXTS)

@@ -27,11 +27,20 @@ def test_distances_err_by_scale_and_focal_length(
     assert result.summary()["distance_sigma"] == result.distance_sigma
 
 
-def test_distances_have_no_interval_without_an_error_of_the_scale(reconstruction: Reconstruction) -> None:
-    assert replace(reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)).distance_sigma is None
+def test_distances_have_no_interval_without_an_error_of_the_scale(
+    reconstruction: Reconstruction,
+) -> None:
+    assert (
+        replace(
+            reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)
+        ).distance_sigma
+        is None
+    )
 
 
-@pytest.mark.parametrize(("own", "scale", "expected"), [(0.2, 0.07, 0.2), (0.01, 0.07, 0.07), (0.2, None, 0.2)])
+@pytest.mark.parametrize(
+    ("own", "scale", "expected"), [(0.2, 0.07, 0.2), (0.01, 0.07, 0.07), (0.2, None, 0.2)]
+)
 def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(
     reconstruction: Reconstruction, own: float, scale: float | None, expected: float
 ) -> None:
@@ -42,12 +51,16 @@ def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(
     assert result.distance_sigmas == (pytest.approx(expected), *[scale] * (len(people) - 1))
 
 
-def test_a_measured_depth_gives_the_error_along_the_optical_axis(reconstruction: Reconstruction) -> None:
+def test_a_measured_depth_gives_the_error_along_the_optical_axis(
+    reconstruction: Reconstruction,
+) -> None:
     camera = replace(reconstruction.intrinsics, trust=CameraTrust.GUESSED, focal_sigma=0.25)
     scene = replace(reconstruction.scene, scale_sigma=0.01, measured=True)
     joints = np.zeros((55, 3), np.float32)
     ahead, aside = (joints + np.float32([x, 0, 3]) for x in (0, 3))
-    people = tuple(replace(reconstruction.people[0], joints=one, stature_sigma=0.2) for one in (ahead, aside))
+    people = tuple(
+        replace(reconstruction.people[0], joints=one, stature_sigma=0.2) for one in (ahead, aside)
+    )
     result = replace(reconstruction, people=people, intrinsics=camera, scene=scene)
     assert result.distance_sigma == 0.01
     assert result.distance_sigmas == pytest.approx((0.01, math.hypot(0.01, 0.125)))

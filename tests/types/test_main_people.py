@@ -18,7 +18,9 @@ from physic_core.types.results import main_people
         ([(0, 0, 40, 100), (0, 0, 90, 30)], (0, 1)),  # the second person lies
     ],
 )
-def test_main_people_are_half_as_large_in_the_photo_as_the_largest(boxes: Any, main: tuple[int, ...]) -> None:
+def test_main_people_are_half_as_large_in_the_photo_as_the_largest(
+    boxes: Any, main: tuple[int, ...]
+) -> None:
     assert main_people(np.array(boxes, float).reshape(-1, 4)) == main
 
 

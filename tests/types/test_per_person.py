@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Keypoints, Mesh, People
+from physic_core.types import (
+    Bodies,
+    BodyParameters,
+    ContactProbability,
+    Hands,
+    Keypoints,
+    Mesh,
+    People,
+)
 from physic_core.types.arrays import PER_PERSON, select_people
 
 N = 3
@@ -50,7 +58,9 @@ def test_what_people_share_stays_although_it_has_as_many_rows():
     shared = {name: np.zeros((N, N), bool) for name in ("floor", "unposed_mask", "objects")}
     some = select_people(People(np.ones((N, N, N), bool), rows(4), rows(), **shared), LAST_TWO)
     assert all(getattr(some, name) is value for name, value in shared.items())
-    mesh = select_people(Mesh("smpl", rows(4, 3), np.zeros((N, 3), int), np.zeros((N, 3))), LAST_TWO)
+    mesh = select_people(
+        Mesh("smpl", rows(4, 3), np.zeros((N, 3), int), np.zeros((N, 3))), LAST_TWO
+    )
     assert len(mesh.vertices) == 2
     assert len(mesh.faces) == len(mesh.rest) == N
 

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Reconstruction, Support
+from physic_core.types import (
+    BodyContact,
+    CheckResult,
+    CheckState,
+    ContactPartner,
+    Grade,
+    Reconstruction,
+    Support,
+)
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 
@@ -19,7 +27,8 @@ def check(name: str, person: int, state: CheckState, label: str) -> CheckResult:
 def two_people(reconstruction: Reconstruction) -> Reconstruction:
     """Person 0, good, 3 m away; person 1, bad, a fifth as high in the photo, without a body."""
     near, far = reconstruction.people[:2]
-    floor, other = ContactPartner("floor", "floor"), ContactPartner("person", person=1, part="left_hand")
+    floor = ContactPartner("floor", "floor")
+    other = ContactPartner("person", person=1, part="left_hand")
     contacts = (BodyContact("left_foot", floor, 0.9, 20), BodyContact("seat", other, None, 9))
     near = replace(
         near,
@@ -42,7 +51,10 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
         contacts=(),
     )
     failed = CheckState.FAILED
-    checks = (check("lean", 1, failed, "Leans"), check("support", 1, failed, "Distance to the nearest surface"))
+    checks = (
+        check("lean", 1, failed, "Leans"),
+        check("support", 1, failed, "Distance to the nearest surface"),
+    )
     camera = replace(reconstruction.intrinsics, trust="known")
     return replace(reconstruction, people=(near, far), checks=checks, intrinsics=camera)
 
@@ -77,19 +89,27 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
     assert all(["id", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
 
 
-def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(reconstruction: Reconstruction) -> None:
-    water, pool, seat = (ContactPartner("scene", name, id) for name, id in (("water", 0), ("water", 4), ("seat", 2)))
+def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(
+    reconstruction: Reconstruction,
+) -> None:
+    water, pool, seat = (
+        ContactPartner("scene", name, id) for name, id in (("water", 0), ("water", 4), ("seat", 2))
+    )
     touched = {"left_foot": water, "right_foot": pool, "seat": seat}
     contacts = tuple(BodyContact(part, partner, 0.9, 20) for part, partner in touched.items())
     person = replace(reconstruction.people[0], contacts=contacts)
     row = person_rows(replace(reconstruction, people=(person,)))[0]
-    assert row["contacts"] == "left foot: water 0, 0.90; right foot: water 4, 0.90; buttocks: seat, 0.90"
+    assert (
+        row["contacts"]
+        == "left foot: water 0, 0.90; right foot: water 4, 0.90; buttocks: seat, 0.90"
+    )
     support = Support("balanced", contacts, None, (0.0, 0.0, 1.0))
     assert str(support) == "balanced: left foot on water 0, right foot on water 4, buttocks on seat"
 
 
 @pytest.mark.parametrize(
-    ("grade", "why"), [(Grade.DOUBTFUL, "not measured: Distance to the nearest surface"), (Grade.GOOD, "")]
+    ("grade", "why"),
+    [(Grade.DOUBTFUL, "not measured: Distance to the nearest surface"), (Grade.GOOD, "")],
 )
 def test_what_was_not_measured_explains_a_grade_that_is_not_good(
     two_people: Reconstruction, grade: Grade, why: str

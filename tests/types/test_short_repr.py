@@ -13,10 +13,20 @@ from physic_core.types.records import Exported
 from physic_core.types.short_repr import ShortRepr
 
 
-def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(reconstruction: Reconstruction, make):
-    assert repr(reconstruction) == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
-    unsure = replace(make(people=1), scene=replace(reconstruction.scene, scale_sigma=None), warnings=())
-    assert repr(unsure) == "Reconstruction(1 person, 160 x 120, floor found, scale of unknown error, no warnings)"
+def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(
+    reconstruction: Reconstruction, make
+):
+    assert (
+        repr(reconstruction)
+        == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
+    )
+    unsure = replace(
+        make(people=1), scene=replace(reconstruction.scene, scale_sigma=None), warnings=()
+    )
+    assert (
+        repr(unsure)
+        == "Reconstruction(1 person, 160 x 120, floor found, scale of unknown error, no warnings)"
+    )
     assert reconstruction._repr_html_().startswith('<img src="data:image/')
     empty = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))
     assert "0 people, 160 x 120, no floor" in repr(empty)
@@ -25,7 +35,8 @@ def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(rec
 def test_arrays_are_their_type_and_shape_and_few_numbers_themselves(reconstruction: Reconstruction):
     camera = Intrinsics.from_focal(500, 640, 480)
     assert repr(DepthMap(np.zeros((480, 640), np.float32), camera, 0.123456, ("a", "b"))) == (
-        f"DepthMap(depth=float32 (480, 640), intrinsics={camera!r}, scale_sigma=0.1235, notes=<2 x str>)"
+        f"DepthMap(depth=float32 (480, 640), intrinsics={camera!r}, scale_sigma=0.1235, notes=<2 "
+        f"x str>)"
     )
     assert repr(Plane(np.array([0, -1.0, 0]), 1.5)) == "Plane(normal=[0, -1, 0], offset=1.5)"
     person = replace(reconstruction.people[0], box=np.array([1.0, 2.5, 100, 200]))

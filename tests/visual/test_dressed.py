@@ -29,7 +29,9 @@ def saturation(colors: np.ndarray) -> np.ndarray:
     return np.ptp(colors.astype(int), axis=-1)
 
 
-def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it_elsewhere(pink: Reconstruction):
+def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it_elsewhere(
+    pink: Reconstruction,
+):
     dressed = dressed_bodies(pink)
     images = dressed_images(pink)
     assert set(dressed.colors) == set(images) == {0, 1}
@@ -41,22 +43,33 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
         assert (np.abs(colors - PINK).max(1) < 3).mean() > 0.1
         guess = colors[away > 0.3]
         assert dressed.filled[index][away > 0.3].min() == 1
-        np.testing.assert_allclose(guess / guess.max(1, keepdims=True), np.tile(PINK / 230, (len(guess), 1)), atol=0.03)
+        np.testing.assert_allclose(
+            guess / guess.max(1, keepdims=True), np.tile(PINK / 230, (len(guess), 1)), atol=0.03
+        )
         assert guess[:, 0].max() < 0.92 * PINK[0]
         assert np.ptp(guess[:, 0]) > 30  # with a light
         assert saturation(images[index]).max() > 200
 
 
 def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink: Reconstruction):
-    person, image, blue = pink.people[0], pink.image.copy(), np.array([20, 40, 220])
+    person = pink.people[0]
+    image = pink.image.copy()
+    blue = np.array([20, 40, 220])
     head = person.joints[15].astype(np.float64)
     column, row = np.round(pink.intrinsics.matrix[:2] @ head / head[2]).astype(int)
     hair = ~person.mask
-    hair[row - 1 :], hair[: row - 13], hair[:, : column - 10], hair[:, column + 11 :] = False, False, False, False
+    hair[row - 1 :], hair[: row - 13], hair[:, : column - 10], hair[:, column + 11 :] = (
+        False,
+        False,
+        False,
+        False,
+    )
     image[hair] = blue
     curly = replace(pink, image=image, people=(replace(person, mask=person.mask | hair),))
     mesh = person.mesh()
-    behind = (mesh.vertex_normals @ head / np.linalg.norm(head) > 0.8) & (mesh.vertices[:, 1] < head[1] - 0.03)
+    behind = (mesh.vertex_normals @ head / np.linalg.norm(head) > 0.8) & (
+        mesh.vertices[:, 1] < head[1] - 0.03
+    )
     assert behind.sum() > 20
     for one, expected in ((curly, blue), (pink, PINK)):
         guess = dressed_bodies(one).colors[0][behind].astype(float).mean(0)
@@ -93,7 +106,9 @@ def test_who_has_no_body_has_no_colours(result: Reconstruction):
     assert not dressed_bodies(replace(result, people=())).colors
 
 
-def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair: Path, tmp_path: Path):
+def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(
+    saved_pair: Path, tmp_path: Path
+):
     code = (
         "import sys\n"
         "from physic_core import Reconstruction, save_reconstruction\n"
@@ -101,5 +116,7 @@ def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair:
         f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'numbers')\n"
         "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
     assert done.stdout.strip() == "[]"

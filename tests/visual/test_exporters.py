@@ -1,4 +1,6 @@
-"""Exporters of plugins: how they are found and called, messages about missing ones, and the frame that they get."""
+"""Exporters of plugins: how they are found and called, messages about missing ones, and the frame
+that they get.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ def ends(request):
 
 def text(request):
     return "text"
-"""
+"""  # noqa: E501
 
 
 @pytest.fixture
@@ -59,12 +61,19 @@ def physic(*arguments: object) -> Result:
     return CliRunner().invoke(main, list(map(str, arguments)))
 
 
-def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path):
-    (line,) = [line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")]
+def test_a_plugin_adds_a_format(
+    plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path
+):
+    (line,) = [
+        line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")
+    ]
     assert line.split("  ")[-1].strip() == "a ruler"
     file = tmp_path / "a.box"
     done = physic("export", saved_pair, "-o", file)
-    assert (done.exit_code, done.output.splitlines()) == (0, ["note: corners are round", f"{file}  (0 kB)"])
+    assert (done.exit_code, done.output.splitlines()) == (
+        0,
+        ["note: corners are round", f"{file}  (0 kB)"],
+    )
     count = len(result.people[0].vertices)
     assert file.read_text() == f"0 y {count}\n1 y {count}"
     assert result.export(str(tmp_path), "box").files == (tmp_path / "box.box",)
@@ -79,8 +88,15 @@ def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
     ("name", "message"),
     [
         ("lost", "the exporter 'lost' of physic-box 1.0 cannot be imported: ModuleNotFoundError"),
-        ("ends", "the exporter 'ends' of physic-box 1.0 fails: SystemExit: 3 (physic_box_export.py:9)"),
-        ("text", "the exporter 'text' of physic-box 1.0 should return physic_core.ExportedFiles, got str"),
+        (
+            "ends",
+            "the exporter 'ends' of physic-box 1.0 fails: SystemExit: 3 (physic_box_export.py:9)",
+        ),
+        (
+            "text",
+            "the exporter 'text' of physic-box 1.0 should return physic_core.ExportedFiles, got "
+            "str",
+        ),
     ],
 )
 def test_a_broken_exporter_names_its_plugin(
@@ -110,7 +126,10 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
     assert done.exit_code == 2
-    assert "choose one of glb; further formats are in physic-export, which is not installed" in done.output
+    assert (
+        "choose one of glb; further formats are in physic-export, which is not installed"
+        in done.output
+    )
 
 
 def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path):
@@ -120,14 +139,17 @@ def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair
         assert "docs/exports.md" in done.output
 
 
-def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path):
+def test_without_plugins_the_core_writes_glb(
+    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
     assert "physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     written, saved = (
-        set(trimesh.load_scene(path).geometry) for path in (tmp_path / "a.glb", saved_pair / "combined.glb")
+        set(trimesh.load_scene(path).geometry)
+        for path in (tmp_path / "a.glb", saved_pair / "combined.glb")
     )
     assert written == saved
 
@@ -138,9 +160,13 @@ def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
     frame = export_frame(floor, up)
     points = np.random.default_rng(0).normal(size=(5, 3))
     heights = points @ floor.normal + floor.offset
-    np.testing.assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)
+    np.testing.assert_allclose(
+        transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6
+    )
     # The camera looks along its -z: a point ahead of it in the photo is there.
-    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1)
+    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(
+        transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1
+    )
     np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
 
 

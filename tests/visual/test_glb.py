@@ -43,7 +43,9 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
     matrix = gltf_from_camera(Plane(unit, offset))
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
     assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
-    assert transform_points(matrix, np.array([point]))[0, 1] == pytest.approx(unit @ point + offset, abs=1e-9)
+    assert transform_points(matrix, np.array([point]))[0, 1] == pytest.approx(
+        unit @ point + offset, abs=1e-9
+    )
     np.testing.assert_allclose(matrix[[0, 2], 3], 0.0)
     # The camera looks towards -z, unless straight down or up.
     ahead = matrix[:3, :3] @ [0, 0, 1]
@@ -55,7 +57,9 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
 def flat_scene(depth: np.ndarray) -> Scene:
     height, width = depth.shape
     rows, columns = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
-    points = np.stack([(columns - width / 2) / 50 * depth, (rows - height / 2) / 50 * depth, depth], -1)
+    points = np.stack(
+        [(columns - width / 2) / 50 * depth, (rows - height / 2) / 50 * depth, depth], -1
+    )
     return Scene(
         points=points.astype(np.float32),
         normals=np.broadcast_to(np.float32([0, 0, -1]), points.shape),
@@ -71,7 +75,9 @@ def test_a_wall_becomes_one_sheet_that_faces_the_camera():
     assert len(surface.vertices) == 240
     assert len(surface.faces) == 2 * 11 * 19
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    np.testing.assert_allclose(mesh.face_normals, np.tile([0, 0, -1], (len(mesh.faces), 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        mesh.face_normals, np.tile([0, 0, -1], (len(mesh.faces), 1)), atol=1e-6
+    )
     assert mesh.area == pytest.approx(11 * 19 * (3 / 50) ** 2, rel=1e-5)
 
 
@@ -128,7 +134,9 @@ def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make)
 
 @pytest.fixture
 def far_away(reconstruction):
-    """The room, of which the upper third of the photo has no depth, apart from a crack of one column below."""
+    """The room, of which the upper third of the photo has no depth, apart from a crack of one
+    column below.
+    """
     scene = reconstruction.scene
     valid = scene.valid.copy()
     valid[: len(valid) // 3] = False
@@ -137,10 +145,14 @@ def far_away(reconstruction):
 
 
 def test_a_backdrop_shows_what_has_no_distance(far_away):
-    """It lies on a sphere, in the direction of its pixels, faces the camera, and has no holes seen from there."""
+    """It lies on a sphere, in the direction of its pixels, faces the camera, and has no holes seen
+    from there.
+    """
     surface = mesh_scene(far_away.scene, scene_reach(far_away))
     backdrop = mesh_backdrop(far_away, surface)
-    np.testing.assert_allclose(np.linalg.norm(backdrop.vertices, axis=1), scene_reach(far_away), rtol=1e-5)
+    np.testing.assert_allclose(
+        np.linalg.norm(backdrop.vertices, axis=1), scene_reach(far_away), rtol=1e-5
+    )
     seen = backdrop.vertices @ far_away.intrinsics.matrix.T
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], backdrop.pixels, atol=1e-3)
     height, width = far_away.scene.valid.shape
@@ -173,7 +185,8 @@ def test_the_backdrop_is_a_node_of_its_own_that_says_what_it_is(far_away):
     assert node["extras"] == {"meaning": BACKDROP, "radius_m": round(scene_reach(far_away), 3)}
     scene, backdrop = (tree["meshes"][one["mesh"]]["primitives"][0] for one in tree["nodes"][:2])
     materials = [tree["materials"][one["material"]] for one in (scene, backdrop)]
-    assert [one["doubleSided"] for one in materials] == [True, False]  # seen from outside, it hides nothing
+    # seen from outside, it hides nothing
+    assert [one["doubleSided"] for one in materials] == [True, False]
     assert materials[0]["pbrMetallicRoughness"] == materials[1]["pbrMetallicRoughness"]
 
 
@@ -189,17 +202,22 @@ def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstructi
     matrix = np.array(tree_of(content)["scenes"][0]["extras"]["gltf_from_camera"])
     np.testing.assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
     mesh = opened(content).geometry["person_1"]
-    np.testing.assert_allclose(mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6)
+    np.testing.assert_allclose(
+        mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6
+    )
     np.testing.assert_array_equal(mesh.faces, reconstruction.faces)
 
 
 def test_a_large_scene_has_indices_of_16_bits_and_all_its_triangles(reconstruction):
     large = replace(reconstruction, people=(), scene=flat_scene(np.full((300, 400), 3.0)))
-    content, surface = combined_glb(large), mesh_scene(large.scene, scene_reach(large))
+    content = combined_glb(large)
+    surface = mesh_scene(large.scene, scene_reach(large))
     assert len(surface.vertices) > 65535
     tree = tree_of(content)
     (scene,) = (mesh for mesh in tree["meshes"] if mesh["name"] == "scene")
-    assert {tree["accessors"][part["indices"]]["componentType"] for part in scene["primitives"]} == {5123}
+    assert {
+        tree["accessors"][part["indices"]]["componentType"] for part in scene["primitives"]
+    } == {5123}
     parts = [mesh for name, mesh in opened(content).geometry.items() if name.startswith("scene")]
     assert sum(len(part.faces) for part in parts) == len(surface.faces)
     whole = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
@@ -213,10 +231,16 @@ def test_materials_are_unlit_as_the_photo_brings_its_own_light(content):
     assert photo["extensions"] == {"KHR_materials_unlit": {}}
     assert photo["doubleSided"] is True
     assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
-    # The mannequins of the room have no texture coordinates: their vertices have the colours of the photo.
+    # The mannequins of the room have no texture coordinates: their vertices have the colours of the
+    # photo.
     assert people["extensions"] == {"KHR_materials_unlit": {}}
     used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
-    assert [used[name]["material"] for name in ("scene", "floor", "person_0", "person_1")] == [0, 1, 2, 2]
+    assert [used[name]["material"] for name in ("scene", "floor", "person_0", "person_1")] == [
+        0,
+        1,
+        2,
+        2,
+    ]
     assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
     assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT", "COLOR_0"}
 
@@ -235,11 +259,15 @@ def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, recon
     np.testing.assert_allclose(pixel, [215, 120, 95], atol=12)
 
 
-def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(content, reconstruction, make):
+def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(
+    content, reconstruction, make
+):
     tree = tree_of(content)
     assert "skins" not in tree
     count = len(reconstruction.people[0].vertices)
     reason = f"the body model has 13348 vertices, a body of the result {count}: "
     assert tree["scenes"][0]["extras"]["no_skeleton"].startswith(reason)
     theirs = combined_glb(replace(reconstruction, body_model="smplx"))
-    assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"].startswith("it is in a file of yours; ")
+    assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"].startswith(
+        "it is in a file of yours; "
+    )

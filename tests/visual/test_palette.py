@@ -1,4 +1,6 @@
-"""One palette: contact by what is touched, apart for every reader, with a legend of what a result shows."""
+"""One palette: contact by what is touched, apart for every reader, with a legend of what a result
+shows.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ READERS = {
     "without blue cones": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
 }
 TO_CONES = np.array([[0.4122, 0.5363, 0.0514], [0.2119, 0.6807, 0.1074], [0.0883, 0.2817, 0.6300]])
-TO_OKLAB = np.array([[0.2105, 0.7936, -0.0041], [1.9780, -2.4286, 0.4506], [0.0259, 0.7828, -0.8087]])
+TO_OKLAB = np.array(
+    [[0.2105, 0.7936, -0.0041], [1.9780, -2.4286, 0.4506], [0.0259, 0.7828, -0.8087]]
+)
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -57,7 +61,8 @@ def test_each_partner_has_the_colour_of_its_kind(partner, label):
 
 
 def test_vertices_and_legend_have_the_colours_of_what_is_touched(reconstruction):
-    floor, seat = ContactPartner("floor"), ContactPartner("scene", "seat", 1)
+    floor = ContactPartner("floor")
+    seat = ContactPartner("scene", "seat", 1)
     unused = ContactPartner("self", part="head")
     person = reconstruction.people[0]
     partner = np.full(len(person.vertices), -1, np.int32)
@@ -67,7 +72,9 @@ def test_vertices_and_legend_have_the_colours_of_what_is_touched(reconstruction)
     colors = contact_colors(person, result.contact_partners)
     wanted = [CONTACT_PALETTE["seat"], CONTACT_PALETTE["floor"], CONTACT_PALETTE["seat"], BODY_RGB]
     np.testing.assert_array_equal(colors[:4], wanted)
-    assert list(contact_legend(result).items()) == [(name, CONTACT_PALETTE[name]) for name in ("floor", "seat")]
+    assert list(contact_legend(result).items()) == [
+        (name, CONTACT_PALETTE[name]) for name in ("floor", "seat")
+    ]
 
 
 def test_contact_is_painted_by_its_probability(reconstruction):
@@ -77,7 +84,9 @@ def test_contact_is_painted_by_its_probability(reconstruction):
     probability = np.zeros(len(touching), np.float16)
     probability[:4] = 0.9, 0.5, 0.4, 0.0
     partner = np.where(touching, 0, -1).astype(np.int16)
-    person = replace(person, contact=touching, contact_probability=probability, contact_partner=partner)
+    person = replace(
+        person, contact=touching, contact_probability=probability, contact_partner=partner
+    )
     result = replace(reconstruction, people=(person,))
     away = painted_contact(person, result.contact_partners).astype(int) - BODY_RGB
     full = np.array(CONTACT_PALETTE["floor"]) - BODY_RGB
@@ -87,7 +96,8 @@ def test_contact_is_painted_by_its_probability(reconstruction):
     assert has_faint_contact(result)
     sure = replace(person, contact_probability=None)
     np.testing.assert_array_equal(
-        painted_contact(sure, result.contact_partners), contact_colors(sure, result.contact_partners)
+        painted_contact(sure, result.contact_partners),
+        contact_colors(sure, result.contact_partners),
     )
     assert not has_faint_contact(replace(result, people=(sure,)))
 
@@ -96,6 +106,8 @@ def test_without_partners_all_contact_has_one_colour(reconstruction):
     people = tuple(replace(person, contact_partner=None) for person in reconstruction.people)
     assert contact_legend(replace(reconstruction, people=people)) == {"anything": CONTACT_RGB}
     colors = contact_colors(people[0], (), body=(1, 2, 3))
-    np.testing.assert_array_equal(colors[people[0].contact], np.tile(CONTACT_RGB, (people[0].contact.sum(), 1)))
+    np.testing.assert_array_equal(
+        colors[people[0].contact], np.tile(CONTACT_RGB, (people[0].contact.sum(), 1))
+    )
     np.testing.assert_array_equal(colors[~people[0].contact][0], [1, 2, 3])
     assert contact_legend(replace(reconstruction, people=())) == {}

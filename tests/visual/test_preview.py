@@ -21,7 +21,13 @@ from physic_core.visual.panels import (
     render_contact_views,
 )
 from physic_core.visual.preview import preview_image, preview_png, summary_line
-from physic_core.visual.render import LONGEST_BODY_EDGE_M, View, prepare_meshes, render_mesh, render_points
+from physic_core.visual.render import (
+    LONGEST_BODY_EDGE_M,
+    View,
+    prepare_meshes,
+    render_mesh,
+    render_points,
+)
 from physic_core.visual.views import (
     BACKGROUND_RGB,
     PAGE_RGB,
@@ -58,7 +64,10 @@ def test_a_sphere_is_a_disc_of_the_right_size():
     radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
     assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
     rows, columns = np.nonzero(layer.alpha > 0.5)
-    assert (rows.mean(), columns.mean()) == (pytest.approx(40, abs=0.05), pytest.approx(50, abs=0.05))
+    assert (rows.mean(), columns.mean()) == (
+        pytest.approx(40, abs=0.05),
+        pytest.approx(50, abs=0.05),
+    )
     assert layer.distance[40, 50] == pytest.approx(3.5, abs=0.005)
     assert np.isinf(layer.distance[0, 0])
 
@@ -86,14 +95,18 @@ def test_a_parallel_view_is_to_scale():
 
 def test_a_parallel_view_can_cut():
     view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
-    layer = render_mesh(sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3)))
+    layer = render_mesh(
+        sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3))
+    )
     assert layer.distance[np.isfinite(layer.distance)].min() == pytest.approx(0.4, abs=0.005)
 
 
 def test_a_splat_is_a_square_and_the_nearer_wins():
     view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
     points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
-    layer = render_points(view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]]))
+    layer = render_points(
+        view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]])
+    )
     assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
     np.testing.assert_array_equal(layer.color[5, 10], [1, 0, 0])
     np.testing.assert_array_equal(layer.color[5, 12], [0, 1, 0])
@@ -106,16 +119,23 @@ def test_people_are_drawn_where_their_joints_project(reconstruction):
     for index, person in enumerate(reconstruction.people):
         spots = person.joints[[0, 9]] @ reconstruction.intrinsics.resized(320, 240).matrix.T
         for column, row in spots[:, :2] / spots[:, 2:]:
-            assert is_hue(picture[round(row)][round(column)][None], index).all(), (index, row, column)
+            assert is_hue(picture[round(row)][round(column)][None], index).all(), (
+                index,
+                row,
+                column,
+            )
 
 
-def test_people_over_the_photo_are_dressed_and_have_an_outline_in_the_colour_of_their_number(reconstruction):
+def test_people_over_the_photo_are_dressed_and_have_an_outline_in_the_colour_of_their_number(
+    reconstruction,
+):
     image = np.full_like(reconstruction.image, 250)
     shown = replace(reconstruction, image=image)
     picture = overlay_panel(shown, build_preview_geometry(shown), 640, 480)
     plain = overlay_panel(shown, in_colors_of_numbers(shown), 640, 480)
     for index in range(2):
-        body, outline = is_hue(plain, index), is_hue(picture, index)
+        body = is_hue(plain, index)
+        outline = is_hue(picture, index)
         inside = cv2.erode(body.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
         assert 0.02 < outline.sum() / body.sum() < 0.5
         assert not outline[inside].any()
@@ -179,13 +199,18 @@ def test_from_above_people_stand_beside_each_other(reconstruction):
     assert (spots[0][0] - plan.camera[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
 
 
-def test_from_the_side_people_have_the_colours_of_the_photo_and_are_darker_where_it_does_not_show_them(reconstruction):
+def test_from_the_side_people_have_the_colours_of_the_photo_and_are_darker_where_it_does_not_show_them(  # noqa: E501
+    reconstruction,
+):
     image = reconstruction.image.copy()
     for person in reconstruction.people:
         image[person.mask] = [220, 30, 200]
-    picture = side_view(build_preview_geometry(replace(reconstruction, image=image)), 600, 440).picture.astype(int)
+    picture = side_view(
+        build_preview_geometry(replace(reconstruction, image=image)), 600, 440
+    ).picture.astype(int)
     pink = picture[..., 0] - picture[..., 1] > 60
-    seen, guessed = pink & (picture[..., 0] > 210), pink & (picture[..., 0] < 190)
+    seen = pink & (picture[..., 0] > 210)
+    guessed = pink & (picture[..., 0] < 190)
     assert min(seen.sum(), guessed.sum()) > 200
     # The photo is on the left, and shows the left sides of the people.
     assert np.nonzero(seen)[1].mean() < np.nonzero(guessed)[1].mean()
@@ -200,11 +225,17 @@ def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
 
 def test_from_aside_people_stand_before_what_is_farther(reconstruction):
     """The upper third of the photo is a pink sky, which has no depth."""
-    scene, pink = reconstruction.scene, (230, 20, 200)
-    valid, colors = scene.valid.copy(), scene.colors.copy()
+    scene = reconstruction.scene
+    pink = (230, 20, 200)
+    valid = scene.valid.copy()
+    colors = scene.colors.copy()
     valid[: len(valid) // 3], colors[: len(valid) // 3] = False, pink
     picture = view_from_aside(
-        in_colors_of_numbers(replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))), 400, 320
+        in_colors_of_numbers(
+            replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))
+        ),
+        400,
+        320,
     )
     assert min(is_hue(picture, index).sum() for index in (0, 1)) > 500
     rows = np.nonzero((picture == pink).all(-1))[0]
@@ -220,7 +251,9 @@ def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
 
 
 def test_contact_views_hold_the_person_and_enlarge_the_view_from_below(reconstruction):
-    shown = np.split((render_contact_views(reconstruction, 0, 900, 300) != PAGE_RGB).any(-1), 3, axis=1)
+    shown = np.split(
+        (render_contact_views(reconstruction, 0, 900, 300) != PAGE_RGB).any(-1), 3, axis=1
+    )
     spans = [[np.ptp(np.flatnonzero(view.any(axis))) + 1 for axis in (0, 1)] for view in shown]
     height = 1.69
     assert spans[0][1] == pytest.approx(300 * height / (height + 0.1), abs=4)
@@ -228,7 +261,9 @@ def test_contact_views_hold_the_person_and_enlarge_the_view_from_below(reconstru
 
 
 def test_the_front_is_the_side_with_the_toes(reconstruction):
-    """The mannequin's shoes point ahead: they are seen from the front, and the heels from the back."""
+    """The mannequin's shoes point ahead: they are seen from the front, and the heels from the
+    back.
+    """
     person = reconstruction.people[0]
     toes = np.zeros(len(person.vertices), bool)
     toe = (person.joints[10] + person.joints[11]) / 2
@@ -244,17 +279,31 @@ def test_no_people_and_no_scene_make_empty_plans(make):
     scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
     geometry = build_preview_geometry(replace(before, scene=scene))
     for plan in (side_view(geometry, 60, 40), top_view(geometry, 60, 40)):
-        np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(BACKGROUND_RGB), (40, 60, 3)))
+        np.testing.assert_array_equal(
+            plan.picture, np.broadcast_to(np.uint8(BACKGROUND_RGB), (40, 60, 3))
+        )
 
 
 def checks(*states):
-    return tuple(CheckResult(f"check {i}", s, None, 1.0, "at most", "m", "", 0) for i, s in enumerate(states))
+    return tuple(
+        CheckResult(f"check {i}", s, None, 1.0, "at most", "m", "", 0) for i, s in enumerate(states)
+    )
 
 
 def test_the_headline_states_the_facts(reconstruction):
     judged = replace(reconstruction, checks=checks("failed", "unknown", "ok"))
     line = summary_line(replace(judged, grade=Grade.BAD))
-    for fact in ("bad", "160 x 120", "128 px", "±7 %", "+6.2 %", "1.40 ± 0.10 m", "12°", "1 failed", "2 warnings"):
+    for fact in (
+        "bad",
+        "160 x 120",
+        "128 px",
+        "±7 %",
+        "+6.2 %",
+        "1.40 ± 0.10 m",
+        "12°",
+        "1 failed",
+        "2 warnings",
+    ):
         assert fact in line
 
 

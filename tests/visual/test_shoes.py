@@ -15,7 +15,11 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.shoes import with_shoes
 
-SKIN, DARK_SKIN, BLACK, GREY, RED = [222, 175, 150], [120, 80, 62], [25, 25, 28], [150, 150, 150], [200, 30, 40]
+SKIN = [222, 175, 150]
+DARK_SKIN = [120, 80, 62]
+BLACK = [25, 25, 28]
+GREY = [150, 150, 150]
+RED = [200, 30, 40]
 
 
 def with_legs_of_colour(result: Reconstruction, color: list[int]) -> Reconstruction:
@@ -28,8 +32,12 @@ def with_legs_of_colour(result: Reconstruction, color: list[int]) -> Reconstruct
     return replace(result, image=image)
 
 
-@pytest.mark.parametrize(("color", "shod"), [(SKIN, 0), (DARK_SKIN, 0), (BLACK, 2), (GREY, 2), (RED, 2)])
-def test_feet_have_shoes_unless_they_have_the_colour_of_skin(result: Reconstruction, color: list[int], shod: int):
+@pytest.mark.parametrize(
+    ("color", "shod"), [(SKIN, 0), (DARK_SKIN, 0), (BLACK, 2), (GREY, 2), (RED, 2)]
+)
+def test_feet_have_shoes_unless_they_have_the_colour_of_skin(
+    result: Reconstruction, color: list[int], shod: int
+):
     dressed = dressed_bodies(with_legs_of_colour(result, color))
     for index, person in enumerate(result.people):
         assert len(dressed.shoes[index]) == shod
@@ -44,15 +52,19 @@ def test_feet_that_no_photo_shows_have_shoes(result: Reconstruction):
 
 @pytest.mark.parametrize("extent", [(0, 0, 0), (1, 1, 0)], ids=["point", "plane"])
 def test_a_body_without_volume_keeps_its_toes(result: Reconstruction, extent: tuple[int, int, int]):
-    person, middle = result.people[0], result.people[0].vertices.mean(0)
-    vertices = (middle + (person.vertices - middle) * np.array(extent)).astype(person.vertices.dtype)
+    person = result.people[0]
+    middle = result.people[0].vertices.mean(0)
+    vertices = (middle + (person.vertices - middle) * np.array(extent)).astype(
+        person.vertices.dtype
+    )
     flat = replace(result, people=(replace(person, vertices=vertices),))
     np.testing.assert_array_equal(dressed_bodies(flat).vertices[0], vertices)
 
 
 def test_a_shoe_is_the_hull_of_the_toes_and_stands_where_they_stood():
     model = load_body("embedded")
-    vertices, faces = model.skin.template.T.double().numpy(), model.faces.numpy()
+    vertices = model.skin.template.T.double().numpy()
+    faces = model.faces.numpy()
     weight = model.skin.weights[JOINT_INDEX["left_foot"]].double().numpy()
     shod, normals = with_shoes(vertices, vertex_normals(vertices, faces), [weight])
     np.testing.assert_array_equal(shod[weight == 0], vertices[weight == 0])

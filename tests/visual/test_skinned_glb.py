@@ -43,7 +43,9 @@ def array(tree, index: int) -> np.ndarray:
     view = tree.bufferViews[accessor.bufferView]
     width = WIDTH[accessor.type]
     start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
-    values = np.frombuffer(tree.binary_blob(), DTYPES[accessor.componentType], accessor.count * width, start)
+    values = np.frombuffer(
+        tree.binary_blob(), DTYPES[accessor.componentType], accessor.count * width, start
+    )
     return values.reshape(accessor.count, width)
 
 
@@ -51,9 +53,12 @@ def node_poses(tree) -> dict[int, np.ndarray]:
     poses: dict[int, np.ndarray] = {}
 
     def visit(index: int, parent: np.ndarray) -> None:
-        node, own = tree.nodes[index], np.eye(4)
+        node = tree.nodes[index]
+        own = np.eye(4)
         if node.rotation:
-            own[:3, :3] = roma.unitquat_to_rotmat(torch.tensor(node.rotation, dtype=torch.float64)).numpy()
+            own[:3, :3] = roma.unitquat_to_rotmat(
+                torch.tensor(node.rotation, dtype=torch.float64)
+            ).numpy()
         if node.translation:
             own[:3, 3] = node.translation
         poses[index] = parent @ own
@@ -78,11 +83,13 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(
     if kind == "saved":
         tree = type(tree)().load(str(saved_pair / "combined.glb"))
     _, node = named(tree, f"person_{person}")
-    skin, attributes = tree.skins[node.skin], tree.meshes[node.mesh].primitives[0].attributes
+    skin = tree.skins[node.skin]
+    attributes = tree.meshes[node.mesh].primitives[0].attributes
     inverse = array(tree, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
     poses = node_poses(tree)
     bones = np.stack([poses[joint] for joint in skin.joints]) @ inverse
-    joints, weights = array(tree, attributes.JOINTS_0), array(tree, attributes.WEIGHTS_0).astype(np.float64)
+    joints = array(tree, attributes.JOINTS_0)
+    weights = array(tree, attributes.WEIGHTS_0).astype(np.float64)
     points = np.pad(array(tree, attributes.POSITION), ((0, 0), (0, 1)), constant_values=1.0)
     posed = np.einsum("vk,vkij,vj->vi", weights, bones[joints], points)[:, :3]
     frame = export_frame(result.scene.floor, "y")
@@ -101,7 +108,9 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(
 def test_readers_without_skinning_show_people_of_the_combined_file_at_their_place(
     saved_pair: Path, result: Reconstruction, person: int
 ):
-    mesh = trimesh.load_scene(saved_pair / "combined.glb", process=False).geometry[f"person_{person}"]
+    mesh = trimesh.load_scene(saved_pair / "combined.glb", process=False).geometry[
+        f"person_{person}"
+    ]
     vertices = result.people[person].vertices
     wanted = transform_points(export_frame(result.scene.floor, "y").from_camera, vertices)
     np.testing.assert_allclose(mesh.vertices[: len(wanted)], wanted, atol=1e-5)
@@ -120,9 +129,13 @@ def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result:
         moved = np.frombuffer(tree.binary_blob(), np.uint16, moves.sparse.count, start)
         assert toes[moved[moved < len(toes)]].all()
         start = tree.bufferViews[moves.sparse.values.bufferView].byteOffset
-        steps = np.frombuffer(tree.binary_blob(), np.float32, 3 * moves.sparse.count, start).reshape(-1, 3)
+        steps = np.frombuffer(
+            tree.binary_blob(), np.float32, 3 * moves.sparse.count, start
+        ).reshape(-1, 3)
         assert 0.005 < np.linalg.norm(steps, axis=1).max() < 0.06
-        np.testing.assert_array_equal([moves.min, moves.max], [steps.min(0).clip(max=0), steps.max(0).clip(min=0)])
+        np.testing.assert_array_equal(
+            [moves.min, moves.max], [steps.min(0).clip(max=0), steps.max(0).clip(min=0)]
+        )
 
 
 def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):
@@ -150,11 +163,15 @@ def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_sk
     for index in (0, 1):
         primitive = tree.meshes[named(tree, f"person_{index}")[1].mesh].primitives[0]
         photo, neutral, contact = (
-            tree.materials[one["material"]] for one in primitive.extensions["KHR_materials_variants"]["mappings"]
+            tree.materials[one["material"]]
+            for one in primitive.extensions["KHR_materials_variants"]["mappings"]
         )
         assert tree.materials[primitive.material] == photo
         assert "KHR_materials_unlit" in photo.extensions
-        assert photo.pbrMetallicRoughness.baseColorTexture.index != contact.pbrMetallicRoughness.baseColorTexture.index
+        assert (
+            photo.pbrMetallicRoughness.baseColorTexture.index
+            != contact.pbrMetallicRoughness.baseColorTexture.index
+        )
         assert neutral.pbrMetallicRoughness.baseColorTexture is None
         assert photo.extras["share_from_photo"] == pytest.approx(shown[index], abs=1e-4)
     assert tree.scenes[0].extras["colors_of_people"] == f"those of the photo; {GUESSED}"
@@ -178,16 +195,22 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstr
     np.testing.assert_allclose(pixels + shift, wanted[:, :2] / wanted[:, 2:], atol=1e-3)
 
 
-def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(file: Path, result: Reconstruction):
+def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(
+    file: Path, result: Reconstruction
+):
     scene = trimesh.load_scene(file)
-    floor, surface = scene.geometry["floor"], scene.geometry["scene"]
+    floor = scene.geometry["floor"]
+    surface = scene.geometry["scene"]
     bodies = np.concatenate([scene.geometry[f"person_{index}"].bounds for index in (0, 1)])
-    low, high = np.min([surface.bounds[0], bodies.min(0) - 0.6], 0), np.max([surface.bounds[1], bodies.max(0) + 0.6], 0)
+    low = np.min([surface.bounds[0], bodies.min(0) - 0.6], 0)
+    high = np.max([surface.bounds[1], bodies.max(0) + 0.6], 0)
     assert (floor.bounds[0] >= low - 0.11)[[0, 2]].all()
     assert (floor.bounds[1] <= high + 0.11)[[0, 2]].all()
     triangles = surface.triangles_center[(np.abs(surface.triangles[..., 1]) < 0.02).all(1)]
     down = trimesh.ray.ray_pyembree.RayMeshIntersector(floor)
-    hit = down.intersects_any(triangles + np.array([0, 1, 0]), np.tile([0.0, -1.0, 0.0], (len(triangles), 1)))
+    hit = down.intersects_any(
+        triangles + np.array([0, 1, 0]), np.tile([0.0, -1.0, 0.0], (len(triangles), 1))
+    )
     assert len(triangles) > 500
     assert not hit.any()
 
@@ -214,14 +237,25 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
 @pytest.mark.parametrize("kind", ["exported", "saved"])
 def test_khronos_validator_has_nothing_to_report(file: Path, saved_pair: Path, kind: str):
     file = file if kind == "exported" else saved_pair / "combined.glb"
-    node, npm = shutil.which("node"), shutil.which("npm")
+    node = shutil.which("node")
+    npm = shutil.which("npm")
     if node is None or npm is None:
         pytest.skip("needs node and npm")
-    modules = subprocess.run([npm, "root", "-g"], capture_output=True, text=True, check=True).stdout.strip()
+    modules = subprocess.run(
+        [npm, "root", "-g"], capture_output=True, text=True, check=True
+    ).stdout.strip()
     if not (Path(modules) / "gltf-validator").is_dir():
         pytest.skip("needs `npm install -g gltf-validator`")
     command = [node, "-e", VALIDATE, str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env={"NODE_PATH": modules})
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, env={"NODE_PATH": modules}
+    )
     issues = json.loads(done.stdout)
     assert issues["messages"] == []
-    assert issues["numErrors"] == issues["numWarnings"] == issues["numInfos"] == issues["numHints"] == 0
+    assert (
+        issues["numErrors"]
+        == issues["numWarnings"]
+        == issues["numInfos"]
+        == issues["numHints"]
+        == 0
+    )

@@ -23,7 +23,9 @@ def assumed(result: Reconstruction, part: str, on: np.ndarray) -> Reconstruction
     contact = BodyContact(part, partner, 0.7, int(on.sum()))
     person = result.people[0]
     support = Support(SupportState.ASSUMED, (contact,), -0.1, (0.0, 0.0, 3.0))
-    sits = replace(person, contact=on, contact_partner=np.where(on, 0, -1).astype(np.int16), support=support)
+    sits = replace(
+        person, contact=on, contact_partner=np.where(on, 0, -1).astype(np.int16), support=support
+    )
     return replace(result, people=(sits,), contact_partners=(partner,))
 
 
@@ -48,13 +50,18 @@ def test_a_slab_lies_level_under_the_skin_on_it(result: Reconstruction, heights:
     mesh = trimesh.Trimesh(slab.vertices, SLAB_FACES, process=False)
     assert mesh.is_watertight
     assert mesh.volume > 0
-    level = result.people[0].vertices[on] - np.outer(heights[on] - levels.mean(), up_in_camera(result.scene.floor))
+    level = result.people[0].vertices[on] - np.outer(
+        heights[on] - levels.mean(), up_in_camera(result.scene.floor)
+    )
     assert mesh.contains(level).all()
 
 
 def test_a_slab_has_the_name_of_what_it_carries(result: Reconstruction, heights: np.ndarray):
     on = lowest(result, heights)
-    assert assumed_supports(assumed(result, "left_foot", on))[0].name == "assumed support under the feet"
+    assert (
+        assumed_supports(assumed(result, "left_foot", on))[0].name
+        == "assumed support under the feet"
+    )
     assert not assumed_supports(result)
 
 
@@ -63,4 +70,7 @@ def test_a_glb_has_a_node_for_each_assumed_support(result: Reconstruction, heigh
     tree = json.loads(content[20 : 20 + struct.unpack("<I", content[12:16])[0]])
     (node,) = (one for one in tree["nodes"] if one["name"].startswith("assumed"))
     assert node["name"] == "assumed_seat_of_person_0"
-    assert tree["materials"][tree["meshes"][node["mesh"]]["primitives"][0]["material"]]["alphaMode"] == "BLEND"
+    assert (
+        tree["materials"][tree["meshes"][node["mesh"]]["primitives"][0]["material"]]["alphaMode"]
+        == "BLEND"
+    )

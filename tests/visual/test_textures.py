@@ -7,7 +7,11 @@ import pytest
 
 from physic_core.body import load_body
 from physic_core.errors import BodyModelError
-from physic_core.visual.textures.raster import load_texture_coordinates, rasterize_texture, split_at_seams
+from physic_core.visual.textures.raster import (
+    load_texture_coordinates,
+    rasterize_texture,
+    split_at_seams,
+)
 
 
 def test_split_vertices_keep_the_vertex_of_the_body():
@@ -21,7 +25,9 @@ def test_split_vertices_keep_the_vertex_of_the_body():
 
 def test_the_corners_of_faces_keep_their_coordinates():
     rng = np.random.default_rng(0)
-    faces, corners, uv = np.array([[0, 1, 2], [2, 1, 3]]), np.array([[0, 1, 2], [3, 1, 4]]), rng.random((5, 2))
+    faces = np.array([[0, 1, 2], [2, 1, 3]])
+    corners = np.array([[0, 1, 2], [3, 1, 4]])
+    uv = rng.random((5, 2))
     mesh = split_at_seams(faces, corners, uv)
     np.testing.assert_allclose(mesh.uv[mesh.faces], uv[corners], atol=1e-7)
     np.testing.assert_array_equal(mesh.vertex, [0, 1, 2, 3, 2])
@@ -40,8 +46,13 @@ def test_texture_coordinates_come_from_the_smplx_file(tmp_path):
 
 
 def test_the_texels_of_a_triangle_are_those_inside():
-    mesh = split_at_seams(np.array([[0, 1, 2]]), np.array([[0, 1, 2]]), np.array([[0, 0], [1, 0], [0, 1.0]]))
+    mesh = split_at_seams(
+        np.array([[0, 1, 2]]), np.array([[0, 1, 2]]), np.array([[0, 0], [1, 0], [0, 1.0]])
+    )
     raster = rasterize_texture(mesh, 8)
-    u, v = (raster.columns + 0.5) / 8, 1 - (raster.rows + 0.5) / 8
+    u = (raster.columns + 0.5) / 8
+    v = 1 - (raster.rows + 0.5) / 8
     assert len(u) == 8 * 9 / 2
-    np.testing.assert_allclose(raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7)
+    np.testing.assert_allclose(
+        raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7
+    )

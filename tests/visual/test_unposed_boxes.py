@@ -11,7 +11,9 @@ from physic_core.types import Reconstruction, UnposedPerson
 from physic_core.visual.preview import draw_unposed, unposed_boxes
 
 
-def test_a_person_without_a_body_is_listed_beside_the_unposed_boxes(reconstruction: Reconstruction) -> None:
+def test_a_person_without_a_body_is_listed_beside_the_unposed_boxes(
+    reconstruction: Reconstruction,
+) -> None:
     first, second = reconstruction.people
     nobody = replace(second, vertices=np.full_like(second.vertices, np.nan))
     one = UnposedPerson((8.0, 6.0, 40.0, 60.0), 0.7, "no pose fits the box")

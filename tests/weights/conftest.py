@@ -19,20 +19,32 @@ HASH = hashlib.sha256(CONTENT).hexdigest()
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A user's folder for caches and one of Hugging Face's, both of the test alone; no folder of the user's own."""
+def own_cache(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """A user's folder for caches and one of Hugging Face's, both of the test alone; no folder of
+    the user's own.
+    """
     from huggingface_hub import constants
 
     monkeypatch.delenv("PHYSIC_WEIGHTS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))  # beside no file
+    # beside no file
+    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     return tmp_path / "cache" / "physic" / "weights"
 
 
 def weights(*files: WeightFile, **keys: Any) -> WeightSet:
     """Return a set named net."""
-    known = {"summary": "", "license": "MIT", "commercial": True, "account": False, "homepage": "", "advice": ""}
+    known = {
+        "summary": "",
+        "license": "MIT",
+        "commercial": True,
+        "account": False,
+        "homepage": "",
+        "advice": "",
+    }
     return WeightSet(name="net", files=files, **(known | keys))
 
 
@@ -46,7 +58,10 @@ class Lists:
     def add(self, name: str, *files: dict[str, Any], **keys: Any) -> Path:
         """Add a set in a file of its own; return the folder."""
         keys = {"summary": f"The {name} weights", "license": "MIT", "commercial": True} | keys
-        lines = [f'["{name}"]', *(f"{key} = {_toml(v)}" for key, v in keys.items() if v is not None)]
+        lines = [
+            f'["{name}"]',
+            *(f"{key} = {_toml(v)}" for key, v in keys.items() if v is not None),
+        ]
         for file in files:
             lines += [f'[["{name}".files]]', *(f"{key} = {_toml(v)}" for key, v in file.items())]
         (self.folder / f"{name}.toml").write_text("\n".join(lines) + "\n")
@@ -92,7 +107,9 @@ class Server:
         self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
         self._http.handle_error = lambda request, address: None  # type: ignore[method-assign]  # who asked has gone
         self.address = f"http://127.0.0.1:{self._http.server_port}"
-        threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
+        threading.Thread(
+            target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True
+        ).start()
 
     def add(self, path: str, content: bytes = b"", **more: Any) -> str:
         """Serve a file; return its address."""
@@ -101,7 +118,11 @@ class Server:
 
     def ranges(self, path: str) -> list[str]:
         """What parts of a file were asked for, in turn; "" for the whole."""
-        return [headers.get("Range", "") for method, asked, headers in self.asked if (method, asked) == ("GET", path)]
+        return [
+            headers.get("Range", "")
+            for method, asked, headers in self.asked
+            if (method, asked) == ("GET", path)
+        ]
 
     def close(self) -> None:
         self._http.shutdown()
@@ -126,7 +147,9 @@ class Server:
                 path = self.path.partition("?")[0]
                 server.asked.append((self.command, path, dict(self.headers.items())))
                 page = server.pages.get(path, Page(status=404))
-                content, status, headers = page.content, page.status, dict(page.headers)
+                content = page.content
+                status = page.status
+                headers = dict(page.headers)
                 if page.etag:
                     headers["ETag"] = page.etag
                 wanted = self.headers.get("Range")
@@ -134,10 +157,16 @@ class Server:
                 if status == 200 and wanted and fits:
                     begin = int(wanted.removeprefix("bytes=").rstrip("-"))
                     if begin >= len(content):
-                        status, headers["Content-Range"], content = 416, f"bytes */{len(content)}", b""
+                        status, headers["Content-Range"], content = (
+                            416,
+                            f"bytes */{len(content)}",
+                            b"",
+                        )
                     else:
                         status = 206
-                        headers["Content-Range"] = f"bytes {begin}-{len(content) - 1}/{len(content)}"
+                        headers["Content-Range"] = (
+                            f"bytes {begin}-{len(content) - 1}/{len(content)}"
+                        )
                         content = content[begin:]
                 self.send_response(status)
                 for name, value in headers.items():

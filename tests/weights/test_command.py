@@ -75,7 +75,10 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin: Any, o
     assert own[3:] == ["not stated", "-", "in part", "CC-BY-4.0"]
     put(own_cache / "free" / "free.onnx")
     assert physic("list").stdout.splitlines()[1].split()[6] == "here"
-    assert [line.split()[0] for line in physic("list", "--missing").stdout.splitlines()[1:]] == ["gated", "own"]
+    assert [line.split()[0] for line in physic("list", "--missing").stdout.splitlines()[1:]] == [
+        "gated",
+        "own",
+    ]
     put(own_cache / "free" / "free.onnx", b"cut off")
     assert "here, DIFFERS  MIT" in physic("list").stdout
 
@@ -110,7 +113,9 @@ def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     assert "physic weights fetch gated --accept-licence" in done.stderr
 
 
-def test_a_fetched_folder_is_read_offline_by_another_machine(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
+def test_a_fetched_folder_is_read_offline_by_another_machine(
+    plugin: Any, tmp_path: Path, server: Any, monkeypatch
+):
     stick = tmp_path / "stick"
     done = physic("fetch", "free", "--to", str(stick))
     assert (done.exit_code, str(stick / "free") in done.stdout) == (0, True)
@@ -127,7 +132,10 @@ def test_a_name_that_two_plugins_list_needs_its_distribution(
     site.list_weights("physic-more", manifest(f"{server.address}/gone"))
     done = physic("verify", "free")
     assert done.exit_code == 2
-    assert "several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'" in done.stderr
+    assert (
+        "several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'"
+        in done.stderr
+    )
     assert physic("fetch", "physic-nets:free").exit_code == 0
 
 
@@ -136,7 +144,9 @@ def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, o
     put(own_cache / "own" / "own.json", b"{}")
     done = physic("verify")
     assert done.exit_code == 4
-    assert re.search(rf"DIFFERS.* {hashlib.sha256(CONTENT[::-1]).hexdigest()} .*{HASH}", done.stdout)
+    assert re.search(
+        rf"DIFFERS.* {hashlib.sha256(CONTENT[::-1]).hexdigest()} .*{HASH}", done.stdout
+    )
     assert re.search(r"ok .*own\.json.*no SHA-256", done.stdout)
     done = physic("verify", "own")
     assert [line.split()[0] for line in done.stdout.splitlines()[:2]] == ["missing", "ok"]

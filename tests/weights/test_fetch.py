@@ -18,7 +18,9 @@ from .conftest import CONTENT, HASH, weights
 
 
 def one(source: str, content: bytes = CONTENT, path: str = "model.onnx", **keys: Any) -> WeightSet:
-    return weights(WeightFile(path, len(content), hashlib.sha256(content).hexdigest(), source), **keys)
+    return weights(
+        WeightFile(path, len(content), hashlib.sha256(content).hexdigest(), source), **keys
+    )
 
 
 def refusal(chosen: WeightSet, **settings: Any) -> str:
@@ -34,7 +36,9 @@ def left(folder: Path) -> list[str]:
 
 def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Path, lists: Any):
     url = server.add("/model.onnx", CONTENT)
-    folder = lists.add("net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url})
+    folder = lists.add(
+        "net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url}
+    )
     chosen = read_manifest(folder)["net"]
     reported: list[WeightFile] = []
     assert fetch(chosen, report=reported.append) == ("model.onnx",)
@@ -47,7 +51,8 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Pa
 
 def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
     both = weights(
-        WeightFile("a.onnx", source=server.add("/a", b"a")), WeightFile("deep/b.onnx", source=server.add("/b", b"b"))
+        WeightFile("a.onnx", source=server.add("/a", b"a")),
+        WeightFile("deep/b.onnx", source=server.add("/b", b"b")),
     )
     (own_cache / "net").mkdir(parents=True)
     (own_cache / "net" / "a.onnx").write_bytes(b"mine")
@@ -56,7 +61,9 @@ def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
     assert (own_cache / "net" / "deep" / "b.onnx").read_bytes() == b"b"
 
 
-def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(server: Any, tmp_path: Path, monkeypatch):
+def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(
+    server: Any, tmp_path: Path, monkeypatch
+):
     chosen = one(server.add("/model.onnx", CONTENT))
     fetch(chosen)
     assert fetch(chosen, to=tmp_path / "stick") == ("model.onnx",)
@@ -73,7 +80,9 @@ def test_a_lost_connection_leaves_nothing(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_ctrl_c_leaves_no_part_of_a_file(server: Any, own_cache: Path, monkeypatch: pytest.MonkeyPatch):
+def test_ctrl_c_leaves_no_part_of_a_file(
+    server: Any, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     def interrupt(*arguments: object, **settings: object) -> None:
         raise KeyboardInterrupt
 
@@ -95,7 +104,9 @@ def test_a_wrong_hash_is_reported_and_the_file_removed(server: Any, own_cache: P
 @pytest.mark.parametrize("size", [len(CONTENT) - 7, len(CONTENT) + 7], ids=["longer", "shorter"])
 def test_a_file_of_another_size_is_removed(server: Any, own_cache: Path, size: int, length: bool):
     url = server.add("/model.onnx", CONTENT, length=length)
-    assert f"{len(CONTENT)} bytes instead of {size}" in refusal(weights(WeightFile("model.onnx", size, None, url)))
+    assert f"{len(CONTENT)} bytes instead of {size}" in refusal(
+        weights(WeightFile("model.onnx", size, None, url))
+    )
     assert left(own_cache) == []
 
 
@@ -121,9 +132,16 @@ def test_a_folder_that_cannot_be_made_is_reported(server: Any, own_cache: Path):
     assert server.asked == []
 
 
-@pytest.mark.parametrize("keys", [{"commercial": False}, {"commercial": None}, {"account": True}], ids=str)
+@pytest.mark.parametrize(
+    "keys", [{"commercial": False}, {"commercial": None}, {"account": True}], ids=str
+)
 def test_restricted_weights_are_fetched_only_with_accept_licence(server: Any, keys: dict[str, Any]):
-    chosen = one(server.add("/model.onnx", CONTENT), license="Own licence", homepage="https://example.org", **keys)
+    chosen = one(
+        server.add("/model.onnx", CONTENT),
+        license="Own licence",
+        homepage="https://example.org",
+        **keys,
+    )
     message = refusal(chosen)
     assert "Own licence" in message
     assert "https://example.org" in message
@@ -153,7 +171,8 @@ def zipped(**members: bytes) -> bytes:
 def test_members_come_out_of_a_zip(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(x__a=CONTENT, x__b=b"b", other=b"no"))
     both = weights(
-        WeightFile("model.onnx", len(CONTENT), HASH, f"{url}#x/a"), WeightFile("deep/b", source=f"{url}#x/b")
+        WeightFile("model.onnx", len(CONTENT), HASH, f"{url}#x/a"),
+        WeightFile("deep/b", source=f"{url}#x/b"),
     )
     assert fetch(both) == ("model.onnx", "deep/b")
     assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT

@@ -1,4 +1,6 @@
-"""Fetching from Hugging Face's hub, here a server on this machine that answers what the library asks of it."""
+"""Fetching from Hugging Face's hub, here a server on this machine that answers what the library
+asks of it.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +32,29 @@ class Hub:
     def __init__(self, server: Any) -> None:
         self.server = server
 
-    def add(self, path: str, content: bytes, repository: str = "owner/net", revision: str = "main", **more: Any) -> str:
+    def add(
+        self,
+        path: str,
+        content: bytes,
+        repository: str = "owner/net",
+        revision: str = "main",
+        **more: Any,
+    ) -> str:
         """Serve a file, large ones from another place as the hub does; return its source."""
         etag = hashlib.sha256(content).hexdigest() if len(content) > 1000 else git(content)
-        address, headers = f"/{repository}/resolve/{revision}/{path}", {"X-Repo-Commit": COMMIT}
+        address = f"/{repository}/resolve/{revision}/{path}"
+        headers = {"X-Repo-Commit": COMMIT}
         if len(content) > 1000:
             there = f"/cdn/{etag}"
             # Another host, since the library follows what stays on the same one.
-            elsewhere = self.server.add(there, content, etag='"of the cdn"', **more).replace("127.0.0.1", "localhost")
-            linked = {"X-Linked-Etag": f'"{etag}"', "X-Linked-Size": str(len(content)), "Location": elsewhere}
+            elsewhere = self.server.add(there, content, etag='"of the cdn"', **more).replace(
+                "127.0.0.1", "localhost"
+            )
+            linked = {
+                "X-Linked-Etag": f'"{etag}"',
+                "X-Linked-Size": str(len(content)),
+                "Location": elsewhere,
+            }
             self.server.add(address, b"", status=302, headers=headers | linked)
         else:
             self.server.add(address, content, etag=f'"{etag}"', headers=headers, **more)
@@ -59,14 +75,16 @@ def hub(server: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterato
     monkeypatch.setattr(constants, "ENDPOINT", server.address)
     template = server.address + "/{repo_id}/resolve/{revision}/{filename}"
     monkeypatch.setattr(constants, "HUGGINGFACE_CO_URL_TEMPLATE", template)
-    monkeypatch.setattr(file_download, "HUGGINGFACE_CO_URL_TEMPLATE", template, raising=False)  # before 1.0
+    # before 1.0
+    monkeypatch.setattr(file_download, "HUGGINGFACE_CO_URL_TEMPLATE", template, raising=False)
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     for name in ("HF_TOKEN", "HUGGING_FACE_HUB_TOKEN", "HF_OIDC_RESOURCE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(constants, "HF_TOKEN_PATH", str(tmp_path / "token"))
     monkeypatch.setattr(constants, "HF_HUB_DISABLE_IMPLICIT_TOKEN", False)
     yield Hub(server)
-    # The library keeps connections for later requests: none of them must reach the server of another test.
+    # The library keeps connections for later requests: none of them must reach the server of
+    # another test.
     (getattr(utils, "close_session", None) or utils.reset_sessions)()
 
 
@@ -78,13 +96,24 @@ def refusal(source: str, file: dict[str, Any] | None = None, **settings: Any) ->
 
 def left(folder: Path) -> list[str]:
     return sorted(
-        str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file() and ".locks" not in path.parts
+        str(path.relative_to(folder))
+        for path in folder.rglob("*")
+        if path.is_file() and ".locks" not in path.parts
     )
 
 
-def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub: Hub, lists: Any, own_cache: Path, tmp_path: Path):
-    large = {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": hub.add("onnx/model.onnx", CONTENT)}
-    folder = lists.add("net", large, {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)})
+def test_a_set_of_one_repository_comes_into_the_librarys_cache(
+    hub: Hub, lists: Any, own_cache: Path, tmp_path: Path
+):
+    large = {
+        "path": "model.onnx",
+        "bytes": len(CONTENT),
+        "sha256": HASH,
+        "source": hub.add("onnx/model.onnx", CONTENT),
+    }
+    folder = lists.add(
+        "net", large, {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)}
+    )
     chosen = read_manifest(folder)["net"]
     assert fetch(chosen) == ("model.onnx", "config.json")
     snapshot = tmp_path / "hub" / "models--owner--net" / "snapshots" / COMMIT / "onnx"
@@ -107,9 +136,14 @@ def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub: Hub, own_c
     assert fetch(both) == ()
 
 
-def test_files_in_several_places_are_gathered_without_a_network(hub: Hub, own_cache: Path, server: Any, lists: Any):
+def test_files_in_several_places_are_gathered_without_a_network(
+    hub: Hub, own_cache: Path, server: Any, lists: Any
+):
     one = {"path": "encoder.onnx", "source": hub.add("encoder.onnx", CONTENT)}
-    other = {"path": "decoder.onnx", "source": hub.add("decoder.onnx", CONFIG, repository="owner/other")}
+    other = {
+        "path": "decoder.onnx",
+        "source": hub.add("decoder.onnx", CONFIG, repository="owner/other"),
+    }
     for file in (one, other):
         fetch(weights(WeightFile(**file)))
     server.close()
@@ -135,7 +169,9 @@ def test_weights_of_a_revision_are_fetched(hub: Hub, lists: Any, tmp_path: Path)
     assert locate(folder, "net").read_bytes() == CONTENT
 
 
-def test_a_broken_connection_is_taken_up_again_at_once(hub: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_broken_connection_is_taken_up_again_at_once(
+    hub: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     from huggingface_hub import constants
 
     monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 65_536)
@@ -148,15 +184,22 @@ def test_a_broken_connection_is_taken_up_again_at_once(hub: Hub, tmp_path: Path,
 def test_a_file_that_differs_from_the_manifest_is_removed(hub: Hub, tmp_path: Path, to: str | None):
     source = hub.add("model.onnx", CONTENT)
     folder = None if to is None else tmp_path / to
-    assert f"its SHA-256 is {HASH} instead of {'ab' * 32}" in refusal(source, {"sha256": "ab" * 32}, to=folder)
-    assert f"it has {len(CONTENT)} bytes instead of 7: removed" in refusal(source, {"bytes": 7}, to=folder)
+    assert f"its SHA-256 is {HASH} instead of {'ab' * 32}" in refusal(
+        source, {"sha256": "ab" * 32}, to=folder
+    )
+    assert f"it has {len(CONTENT)} bytes instead of 7: removed" in refusal(
+        source, {"bytes": 7}, to=folder
+    )
     assert [name for name in left(tmp_path) if "model.onnx" in name or HASH in name] == []
 
 
 def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: Any, monkeypatch):
     monkeypatch.setenv("HF_TOKEN", "hf_mine")
     fetch(weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT))))
-    tokens = {path: headers.get("Authorization", headers.get("authorization")) for _, path, headers in server.asked}
+    tokens = {
+        path: headers.get("Authorization", headers.get("authorization"))
+        for _, path, headers in server.asked
+    }
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
 
 
@@ -165,7 +208,9 @@ def test_a_gated_repository_is_reported(hub: Hub):
     assert "restricted" in refusal(source)
 
 
-def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub: Hub, own_cache: Path):
+def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(
+    hub: Hub, own_cache: Path
+):
     """The mirror may name its files as it likes; of a small one the hub tells the size alone."""
     hub.add("any/name.bin", CONTENT, repository="other/mirror", revision=COMMIT)
     hub.add("settings", CONFIG, repository="other/mirror", revision=COMMIT)
@@ -179,7 +224,12 @@ def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub: H
     hub.server.add("/api/models/other/mirror", page, headers={"Content-Type": "application/json"})
     gated = weights(
         WeightFile("model.ckpt", len(CONTENT), HASH, hub.refuse("model.ckpt", 403, "GatedRepo")),
-        WeightFile("config.yaml", len(CONFIG), hashlib.sha256(CONFIG).hexdigest(), hub.refuse("config.yaml", 403)),
+        WeightFile(
+            "config.yaml",
+            len(CONFIG),
+            hashlib.sha256(CONFIG).hexdigest(),
+            hub.refuse("config.yaml", 403),
+        ),
         account=True,
         mirrors=("other/mirror",),
     )

@@ -25,7 +25,9 @@ def write(path: Path, content: bytes = b"weights") -> Path:
     return path
 
 
-def in_hub(tmp_path: Path, name: str, content: bytes = b"weights", repository: str = "owner/net") -> Path:
+def in_hub(
+    tmp_path: Path, name: str, content: bytes = b"weights", repository: str = "owner/net"
+) -> Path:
     """A file as Hugging Face's library keeps it."""
     repo = tmp_path / "hub" / f"models--{repository.replace('/', '--')}"
     commit = "c" * 40
@@ -39,9 +41,12 @@ def test_a_set_is_found_in_the_users_cache(net: Path, own_cache: Path):
     assert missing(net, "net") == ()
 
 
-def test_the_folders_of_the_environment_go_first_in_their_order(net: Path, own_cache: Path, tmp_path, monkeypatch):
+def test_the_folders_of_the_environment_go_first_in_their_order(
+    net: Path, own_cache: Path, tmp_path, monkeypatch
+):
     write(own_cache / "net" / "model.onnx")
-    first, second = tmp_path / "first", tmp_path / "second"
+    first = tmp_path / "first"
+    second = tmp_path / "second"
     there = write(second / "net" / "model.onnx")
     monkeypatch.setenv("PHYSIC_WEIGHTS", f"{first}{os.pathsep}{second}")
     assert locate(net, "net") == there
@@ -84,12 +89,19 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
     ("keys", "way"),
     [
         ({}, "`physic weights fetch net`"),
-        ({"commercial": False}, "`physic weights fetch net --accept-licence` (commercial use NOT allowed)"),
+        (
+            {"commercial": False},
+            "`physic weights fetch net --accept-licence` (commercial use NOT allowed)",
+        ),
         (
             {"commercial": None},
-            "`physic weights fetch net --accept-licence` (commercial use not stated: read the licence)",
+            "`physic weights fetch net --accept-licence` (commercial use not stated: read the "
+            "licence)",
         ),
-        ({"account": True}, f"{FETCH[:-1]} --accept-licence` (an account with access, commercial use allowed)"),
+        (
+            {"account": True},
+            f"{FETCH[:-1]} --accept-licence` (an account with access, commercial use allowed)",
+        ),
     ],
 )
 def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
@@ -111,17 +123,25 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(net: Path, tmp_path: Path):
         ("such.onnx", None, "no file or folder such.onnx"),
         ("nett", None, "no weight set, file or folder is named 'nett'. Did you mean 'net'?"),
         ("x", None, "no weight set, file or folder is named 'x'; there are: net"),
-        (" ", None, "the option weights is empty: set it to a name of `physic weights list`, or to a path"),
+        (
+            " ",
+            None,
+            "the option weights is empty: set it to a name of `physic weights list`, or to a path",
+        ),
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],
 )
-def test_a_missing_weight_path_is_named(net: Path, tmp_path: Path, value: str, file: str | None, says: str):
+def test_a_missing_weight_path_is_named(
+    net: Path, tmp_path: Path, value: str, file: str | None, says: str
+):
     value = value.replace("{tmp}", str(tmp_path))
     with pytest.raises(WeightsMissingError, match=re.escape(says.replace("{tmp}", str(tmp_path)))):
         locate(net, value, file)
 
 
-def test_a_sets_name_goes_before_a_folder_of_that_name(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
+def test_a_sets_name_goes_before_a_folder_of_that_name(
+    lists: Any, own_cache: Path, tmp_path: Path, monkeypatch
+):
     folder = lists.add("sam2.1-tiny", {"path": "model.onnx", "source": SOURCE})
     there = write(own_cache / "sam2.1-tiny" / "model.onnx")
     (tmp_path / "sam2.1-tiny").mkdir()
@@ -129,8 +149,12 @@ def test_a_sets_name_goes_before_a_folder_of_that_name(lists: Any, own_cache: Pa
     assert locate(folder, "sam2.1-tiny") == there
 
 
-def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists: Any, own_cache: Path, tmp_path: Path):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 7, "sha256": "ab" * 32})
+def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(
+    lists: Any, own_cache: Path, tmp_path: Path
+):
+    folder = lists.add(
+        "net", {"path": "model.onnx", "source": SOURCE, "bytes": 7, "sha256": "ab" * 32}
+    )
     assert fingerprint(folder, "net") == ""
     there = in_hub(tmp_path, "model.onnx")
     first = fingerprint(folder, "net")
@@ -144,7 +168,12 @@ def test_a_fingerprint_of_files_without_a_published_hash_follows_their_content(
     net: Path, own_cache: Path, tmp_path: Path
 ):
     one, two, listed = (
-        write(path) for path in (tmp_path / "one" / "x", tmp_path / "two" / "x", own_cache / "net" / "model.onnx")
+        write(path)
+        for path in (
+            tmp_path / "one" / "x",
+            tmp_path / "two" / "x",
+            own_cache / "net" / "model.onnx",
+        )
     )
     os.utime(two, (5, 5))
     assert fingerprint(net, str(one)) == fingerprint(net, str(two))

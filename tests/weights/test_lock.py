@@ -23,7 +23,9 @@ NAME = "net/model.onnx"
 
 @pytest.fixture
 def manifest(lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A set whose file is here, without a SHA-256; the lock file is physic.lock of the current folder."""
+    """A set whose file is here, without a SHA-256; the lock file is physic.lock of the current
+    folder.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path / "physic.lock"))
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
@@ -65,17 +67,23 @@ def test_a_revision_of_the_lock_is_the_one_that_is_fetched(manifest: Path) -> No
     assert read_lock()[NAME]["sha256"] == "0" * 64, "the first stays"
 
 
-def test_a_published_hash_needs_no_lock(lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_published_hash_needs_no_lock(
+    lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path / "physic.lock"))
     digest = hashlib.sha256(b"one").hexdigest()
-    manifest = lists.add("net", {"path": "model.onnx", "sha256": digest, "source": "https://example.org/a"})
+    manifest = lists.add(
+        "net", {"path": "model.onnx", "sha256": digest, "source": "https://example.org/a"}
+    )
     pin({NAME: {"sha256": "0" * 64}})
     assert locked(read_manifest(manifest)["net"]) == read_manifest(manifest)["net"]
 
 
 def test_a_damaged_lock_file_is_an_error(manifest: Path) -> None:
     Path("physic.lock").write_text("not [ toml")
-    with pytest.raises(WeightsMissingError, match=r"physic\.lock cannot be read: .*; mend or delete it"):
+    with pytest.raises(
+        WeightsMissingError, match=r"physic\.lock cannot be read: .*; mend or delete it"
+    ):
         read_lock()
 
 
@@ -85,7 +93,17 @@ def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest: 
             locate(manifest, "net")
 
         def requirements(self) -> tuple[Repository, ...]:
-            return (Repository("checkout", "Thing", "https://example.org/thing", "b" * 40, "thing", "c" * 40, True),)
+            return (
+                Repository(
+                    "checkout",
+                    "Thing",
+                    "https://example.org/thing",
+                    "b" * 40,
+                    "thing",
+                    "c" * 40,
+                    True,
+                ),
+            )
 
         def infer(self, image, hints) -> DepthMap:
             return DepthMap(np.full(image.shape[:2], 3.0, np.float32))
@@ -93,11 +111,19 @@ def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest: 
     fetch(read_manifest(manifest)["net"])
     Path("mine/net/model.onnx").write_bytes(b"other")
     world = build_world("stand", 0, (160, 120))
-    config = {"extends": "mock", "run": {"cache": False}, "engine": {"joint": {"optimiser": {"steps": 5}}}}
+    config = {
+        "extends": "mock",
+        "run": {"cache": False},
+        "engine": {"joint": {"optimiser": {"steps": 5}}},
+    }
     found = reconstruct(world.image, config, backends={"metric_depth": Depth()})
     assert found.diagnostics["weights"][NAME]["state"] == "differs"
-    assert found.diagnostics["repositories"] == {"https://example.org/thing": {"commit": "c" * 40, "state": "differs"}}
+    assert found.diagnostics["repositories"] == {
+        "https://example.org/thing": {"commit": "c" * 40, "state": "differs"}
+    }
     lock = Path("physic.lock").absolute()
     assert f"weights {NAME} are not those of {lock}" in found.warnings
-    checkout = "the checkout of https://example.org/thing is at ccccccc, not at the commit that was pinned"
+    checkout = (
+        "the checkout of https://example.org/thing is at ccccccc, not at the commit that was pinned"
+    )
     assert checkout in found.warnings

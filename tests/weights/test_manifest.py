@@ -31,7 +31,8 @@ def fault(path: Path) -> str:
 def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
     path = write(
         tmp_path,
-        '["net-1.5"]\nsummary = "A network"\nlicense = "CC-BY-NC-4.0"\ncommercial = false\naccount = true\n'
+        '["net-1.5"]\nsummary = "A network"\nlicense = "CC-BY-NC-4.0"\ncommercial = '
+        "false\naccount = true\n"
         'homepage = "https://example.org"\nadvice = "export b"\n'
         '[["net-1.5".files]]\npath = "deep/a.onnx"\nbytes = 7\n'
         f'sha256 = "{"ab" * 32}"\nsource = "hf://owner/repo/x/a.onnx@refs/pr/1"\n'
@@ -58,8 +59,14 @@ def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
     ("source", "origin"),
     [
         ("hf://owner/repo/model.onnx", HubSource("owner/repo", "model.onnx", "main")),
-        ("https://example.org/a%20b.onnx?download=1", WebSource("https://example.org/a%20b.onnx?download=1")),
-        ("https://example.org/all.zip#x/end2end.onnx", WebSource("https://example.org/all.zip", "x/end2end.onnx")),
+        (
+            "https://example.org/a%20b.onnx?download=1",
+            WebSource("https://example.org/a%20b.onnx?download=1"),
+        ),
+        (
+            "https://example.org/all.zip#x/end2end.onnx",
+            WebSource("https://example.org/all.zip", "x/end2end.onnx"),
+        ),
     ],
 )
 def test_every_kind_of_source_is_parsed(tmp_path: Path, source: str, origin: object):
@@ -100,9 +107,15 @@ def table(files: str, head: str = 'summary = "A"\nlicense = "MIT"\n') -> str:
         (table("[[net.files]]\npath = '../up'\n" + SOURCE), "path"),
         (table("[[net.files]]\npath = 'a'\nbytes = 0\n" + SOURCE), "bytes"),
         (table("[[net.files]]\npath = 'a'\nsha256 = 'AB12'\n" + SOURCE), "sha256"),
-        (table("[[net.files]]\npath = 'a'\nsource = 'ftp://example.org/x'\n"), "hf://owner/repository/path"),
+        (
+            table("[[net.files]]\npath = 'a'\nsource = 'ftp://example.org/x'\n"),
+            "hf://owner/repository/path",
+        ),
         (table("[[net.files]]\npath = 'a'\nsize = 3\n" + SOURCE), "size"),
-        (table("[[net.files]]\npath = 'a'\n" + SOURCE + "[[net.files]]\npath = 'a'\n" + SOURCE), "twice"),
+        (
+            table("[[net.files]]\npath = 'a'\n" + SOURCE + "[[net.files]]\npath = 'a'\n" + SOURCE),
+            "twice",
+        ),
         (table("[[net.files]]\npath = 'a'\nsource = 'http://example.org/x'\n"), "sha256"),
         (table("[[net.files]]\npath = 'a'\n"), "advice"),
         (table("files = []\n"), "no files"),
@@ -123,14 +136,28 @@ def test_one_name_in_two_manifests_is_an_error(tmp_path: Path):
 
 def test_a_missing_manifest_is_an_error(tmp_path: Path):
     with pytest.raises(
-        BackendError, match=r"^the weight manifest .*no\.toml cannot be read: No such file or directory$"
+        BackendError,
+        match=r"^the weight manifest .*no\.toml cannot be read: No such file or directory$",
     ):
         read_manifest(tmp_path / "no.toml")
 
 
 @pytest.mark.parametrize(
     "path",
-    ["../x", "a/../../x", "/etc/x", "C:/x", "C:\\x", "a\\..\\x", "..", "", ".", "a/", "\\\\host\\share\\x", "x:stream"],
+    [
+        "../x",
+        "a/../../x",
+        "/etc/x",
+        "C:/x",
+        "C:\\x",
+        "a\\..\\x",
+        "..",
+        "",
+        ".",
+        "a/",
+        "\\\\host\\share\\x",
+        "x:stream",
+    ],
 )
 def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: str):
     assert not is_inside(path)
@@ -147,7 +174,9 @@ def test_manifests_name_the_backends_that_use_their_sets_by_default():
     for offer in list_backends():
         kind = load_class(offer)
         fields = kind.Options.model_fields
-        options = {name: field.get_default() for name, field in fields.items() if not field.is_required()}
+        options = {
+            name: field.get_default() for name, field in fields.items() if not field.is_required()
+        }
         named = {one.name for one in named_sets(offer.distribution, options)}
         stated = default_sets(offer)
         assert {one.name for one in stated} == named, offer

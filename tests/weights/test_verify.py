@@ -18,7 +18,12 @@ DIGEST = hashlib.sha256(CONTENT).hexdigest()
 
 @pytest.fixture
 def folder(lists: Any) -> Path:
-    file = {"path": "model.onnx", "source": "hf://owner/net/model.onnx", "bytes": len(CONTENT), "sha256": DIGEST}
+    file = {
+        "path": "model.onnx",
+        "source": "hf://owner/net/model.onnx",
+        "bytes": len(CONTENT),
+        "sha256": DIGEST,
+    }
     return lists.add("net", file)
 
 
@@ -31,7 +36,9 @@ def model(own_cache: Path) -> Path:
 
 
 def flip_bit(path: Path) -> str:
-    """Change a bit, as a failing disk does, without a trace in size and time; return the SHA-256."""
+    """Change a bit, as a failing disk does, without a trace in size and time; return the
+    SHA-256.
+    """
     before = path.stat()
     content = bytearray(path.read_bytes())
     content[3456] ^= 4
@@ -59,7 +66,9 @@ def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
     assert missing(folder, "net") == ()
 
 
-def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, model: Path, monkeypatch):
+def test_a_file_of_another_size_is_refused_without_reading_it(
+    folder: Path, model: Path, monkeypatch
+):
     model.write_bytes(CONTENT[:-1])
     monkeypatch.setattr(hashlib, "file_digest", None)
     assert "is not the published file: it has 6999 bytes instead of 7000: " in refusal(folder)
@@ -68,7 +77,9 @@ def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, mode
 def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: Path, monkeypatch):
     reads = []
     compute = hashlib.file_digest
-    monkeypatch.setattr(hashlib, "file_digest", lambda *given: reads.append(given) or compute(*given))
+    monkeypatch.setattr(
+        hashlib, "file_digest", lambda *given: reads.append(given) or compute(*given)
+    )
     for _ in range(3):
         locate(folder, "net")
     assert len(reads) == 1
@@ -77,7 +88,8 @@ def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: 
 
 
 def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp_path: Path):
-    good, other = tmp_path / "good", tmp_path / "other"
+    good = tmp_path / "good"
+    other = tmp_path / "other"
     good.write_bytes(CONTENT)
     other.write_bytes(CONTENT)
     flip_bit(other)

@@ -1,4 +1,6 @@
-"""Backends that return numbers at and beyond every bound: each is a mock backend with one deviation."""
+"""Backends that return numbers at and beyond every bound: each is a mock backend with one
+deviation.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ class Deviation:
         name: what deviates.
         change: returns the deviating result for a valid one.
         refused: part of the message of the interface's check; "" if the run uses the result.
-        missing: whether the run goes on without the numbers of this backend, and says so of each person.
+        missing: whether the run goes on without the numbers of this backend, and says so of each
+            person.
     """
 
     interface: str
@@ -53,12 +56,16 @@ def mock_of(interface: str) -> type:
     return next(
         kind
         for kind in vars(backends).values()
-        if isinstance(kind, type) and issubclass(kind, INTERFACES[interface]) and kind.__name__[:4] == "Mock"
+        if isinstance(kind, type)
+        and issubclass(kind, INTERFACES[interface])
+        and kind.__name__[:4] == "Mock"
     )
 
 
 def record(image: UInt8Array) -> dict[str, list[Any]]:
-    """Return the results of all mock backends for a photo, in the order of the calls, by interface."""
+    """Return the results of all mock backends for a photo, in the order of the calls, by
+    interface.
+    """
     results: dict[str, list[Any]] = {name: [] for name in INTERFACES}
 
     def recording(interface: str) -> type:
@@ -79,7 +86,8 @@ def deviating_backends(deviation: Deviation, recorded: Mapping[str, list[Any]]) 
     """Return backends that return the recorded results for any input; one of them deviates."""
 
     def replaying(interface: str) -> type:
-        mock, calls = mock_of(interface), recorded[interface]
+        mock = mock_of(interface)
+        calls = recorded[interface]
 
         def infer(self: Any, image: Any, *arguments: Any) -> Any:
             hints = arguments[0] if interface == "relative_pointmap" else None
@@ -100,7 +108,11 @@ def _of_people(result: Any, count: int) -> Any:
     def chosen(value: Any) -> Any:
         if isinstance(value, np.ndarray):
             return value[rows]
-        return replace(value, **{k: chosen(v) for k, v in vars(value).items()}) if is_dataclass(value) else value
+        return (
+            replace(value, **{k: chosen(v) for k, v in vars(value).items()})
+            if is_dataclass(value)
+            else value
+        )
 
     return chosen(result)
 
@@ -147,7 +159,8 @@ def _people(count: int, pixel: Callable[[int, int, int], tuple[int, int]]) -> Ch
 
     def change(result: People) -> People:
         height, width = result.masks.shape[1:]
-        masks, boxes = np.zeros((count, height, width), bool), np.zeros((count, 4), np.float32)
+        masks = np.zeros((count, height, width), bool)
+        boxes = np.zeros((count, 4), np.float32)
         for i in range(count):
             x, y = pixel(i, width, height)
             masks[i, y, x], boxes[i] = True, (x, y, x + 1, y + 1)
@@ -174,14 +187,22 @@ class _Subclass(np.ndarray):
 
 
 _INF = np.inf
-_S, _I, _M, _R = "segmenter", "inpainter", "metric_depth", "relative_pointmap"
-_K, _B, _H, _C = "keypoint_detector", "body_estimator", "hand_estimator", "contact_prior"
+_S = "segmenter"
+_I = "inpainter"
+_M = "metric_depth"
+_R = "relative_pointmap"
+_K = "keypoint_detector"
+_B = "body_estimator"
+_H = "hand_estimator"
+_C = "contact_prior"
 
 DEVIATIONS: tuple[Deviation, ...] = (
     # ---- segmenter
     Deviation(_S, "all-True mask", _full_mask),
     Deviation(_S, "8 people of 1 pixel", _people(8, lambda i, w, h: (i % w, i // w))),
-    Deviation(_S, "boxes far outside", _boxes(1e9, 1e9, 2e9, 2e9), "boxes must be x0 y0 x1 y1 inside"),
+    Deviation(
+        _S, "boxes far outside", _boxes(1e9, 1e9, 2e9, 2e9), "boxes must be x0 y0 x1 y1 inside"
+    ),
     Deviation(_S, "denormal boxes", _boxes(0, 0, 1e-40, 1e-40)),
     Deviation(_S, "infinite boxes", _set(boxes=_INF), "boxes must be finite"),
     Deviation(_S, "infinite scores", _set(scores=_INF), "scores must lie in [0, 1]"),
@@ -190,30 +211,57 @@ DEVIATIONS: tuple[Deviation, ...] = (
     # ---- inpainter
     Deviation(_I, "another size", lambda image: image[:-1], "image must be"),
     Deviation(_I, "text", lambda image: "image", "image must be a numpy array"),
-    Deviation(_I, "read-only and strided", lambda image: np.broadcast_to(image[:1, :1], image.shape)),
+    Deviation(
+        _I, "read-only and strided", lambda image: np.broadcast_to(image[:1, :1], image.shape)
+    ),
     # ---- relative point map
     Deviation(_R, "all points equal", _set(points=1.0)),
     Deviation(_R, "denormal points", _set(points=1e-42), "the median of z must lie between"),
     Deviation(_R, "points of 1e-3", lambda r: replace(r, points=r.points * np.float32(1e-3))),
     Deviation(_R, "one pixel valid", lambda r: replace(r, valid=_only(r.valid, 1))),
     Deviation(_R, "infinite points", _set(points=_INF), "points must be finite"),
-    Deviation(_R, "all x and y zero", lambda r: replace(r, points=r.points * np.float32([0, 0, 1]))),
+    Deviation(
+        _R, "all x and y zero", lambda r: replace(r, points=r.points * np.float32([0, 0, 1]))
+    ),
     Deviation(_R, "one point at 1e30", lambda r: replace(r, points=_one(r.points, 1e30))),
     Deviation(_R, "float16", lambda r: replace(r, points=r.points.astype(np.float16))),
-    Deviation(_R, "focal length of 1e-9 px", _camera(fx=1e-9, fy=1e-9), "fx and fy must lie between"),
+    Deviation(
+        _R, "focal length of 1e-9 px", _camera(fx=1e-9, fy=1e-9), "fx and fy must lie between"
+    ),
     Deviation(_R, "principal point at 1e9 px", _camera(cx=1e9), "cx and cy must lie within"),
     # ---- metric depth
     Deviation(_M, "all equal", _set(depth=3.0)),
     Deviation(_M, "1e30 m", _set(depth=1e30), "the median of depth must lie between"),
     Deviation(_M, "scale of 0", _set(depth=0.0), "depth must be > 0 m"),
-    Deviation(_M, "one pixel known", lambda r: replace(r, depth=np.where(_only(r.depth > 0, 1), r.depth, np.nan))),
+    Deviation(
+        _M,
+        "one pixel known",
+        lambda r: replace(r, depth=np.where(_only(r.depth > 0, 1), r.depth, np.nan)),
+    ),
     Deviation(_M, "one pixel at 1e30", lambda r: replace(r, depth=_one(r.depth, 1e30))),
     Deviation(_M, "infinities and NaN", lambda r: replace(r, depth=_checkered(r.depth))),
-    Deviation(_M, "scale_sigma of 1e30", lambda r: replace(r, scale_sigma=1e30), "scale_sigma must be"),
+    Deviation(
+        _M, "scale_sigma of 1e30", lambda r: replace(r, scale_sigma=1e30), "scale_sigma must be"
+    ),
     Deviation(_M, "scale_sigma of 0", lambda r: replace(r, scale_sigma=0.0)),
-    Deviation(_M, "masked array", lambda r: replace(r, depth=np.ma.masked_less(r.depth, 3.0)), "got MaskedArray"),
-    Deviation(_M, "subclass of ndarray", lambda r: replace(r, depth=r.depth.view(_Subclass)), "got _Subclass"),
-    Deviation(_M, "array of objects", lambda r: replace(r, depth=r.depth.astype(object)), "depth must be float"),
+    Deviation(
+        _M,
+        "masked array",
+        lambda r: replace(r, depth=np.ma.masked_less(r.depth, 3.0)),
+        "got MaskedArray",
+    ),
+    Deviation(
+        _M,
+        "subclass of ndarray",
+        lambda r: replace(r, depth=r.depth.view(_Subclass)),
+        "got _Subclass",
+    ),
+    Deviation(
+        _M,
+        "array of objects",
+        lambda r: replace(r, depth=r.depth.astype(object)),
+        "depth must be float",
+    ),
     Deviation(_M, "big-endian", lambda r: replace(r, depth=r.depth.astype(">f4"))),
     Deviation(_M, "long notes", lambda r: replace(r, notes=("x" * 1_000_000,))),
     # ---- keypoints
@@ -222,8 +270,18 @@ DEVIATIONS: tuple[Deviation, ...] = (
     Deviation(_K, "infinite", _set(points=_INF), "points must be finite"),
     Deviation(_K, "confidence of 0", _set(confidence=0.0)),
     Deviation(_K, "negative confidence", _set(confidence=-1.0), "confidence must lie in [0, 1]"),
-    Deviation(_K, "world at 1e9 m", lambda r: replace(r, world=np.full((*r.points.shape[:2], 3), 1e9)), "world must"),
-    Deviation(_K, "one person too many", lambda r: replace(r, points=np.repeat(r.points, 2, 0)), "points must be"),
+    Deviation(
+        _K,
+        "world at 1e9 m",
+        lambda r: replace(r, world=np.full((*r.points.shape[:2], 3), 1e9)),
+        "world must",
+    ),
+    Deviation(
+        _K,
+        "one person too many",
+        lambda r: replace(r, points=np.repeat(r.points, 2, 0)),
+        "points must be",
+    ),
     # ---- bodies
     Deviation(_B, "betas of 1e20", _parameters(betas=1e20), "betas must lie within"),
     Deviation(_B, "infinite transl", _parameters(transl=_INF), "transl must be finite"),
@@ -232,13 +290,20 @@ DEVIATIONS: tuple[Deviation, ...] = (
     Deviation(_B, "behind the camera", _parameters(transl=lambda t: t * [1, 1, -1])),
     Deviation(_B, "transl of 0", _parameters(transl=0.0)),
     Deviation(_B, "rotations of 1e6 rad", _parameters(body_pose=1e6), "body_pose must lie within"),
-    Deviation(_B, "joints at 1e9 m", lambda r: replace(r, joints=np.full((len(r.parameters), 55, 3), 1e9)), "joints"),
+    Deviation(
+        _B,
+        "joints at 1e9 m",
+        lambda r: replace(r, joints=np.full((len(r.parameters), 55, 3), 1e9)),
+        "joints",
+    ),
     # ---- hands
     Deviation(_H, "1e20 rad", _set(rotvecs=1e20, confidence=1.0), missing=True),
     # ---- contact
     Deviation(_C, "probability of 2", _set(probability=2.0), missing=True),
     Deviation(_C, "probability of 1", _set(probability=1.0)),
-    Deviation(_C, "no vertices", lambda r: replace(r, probability=r.probability[:, :0]), missing=True),
+    Deviation(
+        _C, "no vertices", lambda r: replace(r, probability=r.probability[:, :0]), missing=True
+    ),
 )
 
 

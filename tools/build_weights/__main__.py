@@ -2,8 +2,9 @@
 
     python -m tools.build_weights [NETWORK ...] --out FOLDER
 
-Needs npm on the path, and onnx, ai-edge-litert, torch and setuptools in Python. The files that ship were made with the
-versions that MANIFEST.json states; other versions of onnx or torch may write other bytes for the same network.
+Needs npm on the path, and onnx, ai-edge-litert, torch and setuptools in Python. The files that ship
+were made with the versions that MANIFEST.json states; other versions of onnx or torch may write
+other bytes for the same network.
 """
 
 from __future__ import annotations
@@ -19,12 +20,19 @@ SHIPPED = Path(__file__).parents[2] / "plugins" / "physic-embedded" / "physic_em
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("networks", nargs="*", choices=[*RECIPES, []], help="default: all")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the ONNX files and, in it, the packages")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for the ONNX files and, in it, the packages"
+    )
     args = parser.parse_args()
     manifest = json.loads((SHIPPED / "MANIFEST.json").read_text())
-    expected = {entry["file"]: entry["sha256"] for entry in (*manifest["models"], *manifest.get("weights", []))}
+    expected = {
+        entry["file"]: entry["sha256"]
+        for entry in (*manifest["models"], *manifest.get("weights", []))
+    }
     cache = Cache(args.out / "packages")
     different = 0
     for name in args.networks or RECIPES:
@@ -33,7 +41,11 @@ def main() -> int:
             (args.out / file).write_bytes(data)
             same = sha256(data) == expected.get(file)
             different += not same
-            print(f"{file}: {len(data)} bytes, {'as shipped' if same else 'other bytes than shipped'}", flush=True)
+            print(
+                f"{file}: {len(data)} bytes, "
+                f"{'as shipped' if same else 'other bytes than shipped'}",
+                flush=True,
+            )
     return 1 if different else 0
 
 

@@ -1,7 +1,8 @@
 """Storing the weights of an ONNX model in fewer bits.
 
-A float32 weight becomes float16 with a Cast, or int8 per output channel with a Cast and a Mul. onnxruntime folds both
-when it loads the model, so the arithmetic stays float32; only what lies on the disk is smaller.
+A float32 weight becomes float16 with a Cast, or int8 per output channel with a Cast and a Mul.
+onnxruntime folds both when it loads the model, so the arithmetic stays float32; only what lies on
+the disk is smaller.
 """
 
 from __future__ import annotations
@@ -31,13 +32,16 @@ def store(
 
     Args:
         model: to be rewritten.
-        axis_of: which weights become int8 and along which axis their scales run; None for float16 throughout.
-        products: matrices (K, N) that become int8 for integer products, see :mod:`tools.build_weights.products`.
+        axis_of: which weights become int8 and along which axis their scales run; None for float16
+            throughout.
+        products: matrices (K, N) that become int8 for integer products, see
+            :mod:`tools.build_weights.products`.
         smallest: weights with fewer values stay as they are.
         smallest_int8: weights with fewer values never become int8.
     """
     graph = model.graph
-    nodes, weights = [], []
+    nodes = []
+    weights = []
     for tensor in list(graph.initializer):
         if tensor.data_type not in (TensorProto.FLOAT, TensorProto.FLOAT16):
             continue
@@ -45,13 +49,20 @@ def store(
         if value.size < smallest:
             continue
         graph.initializer.remove(tensor)
-        name, exact = tensor.name, value.astype(np.float32)
-        axis = axis_of(name, value) if axis_of and value.ndim >= 2 and value.size >= smallest_int8 else None
+        name = tensor.name
+        exact = value.astype(np.float32)
+        axis = (
+            axis_of(name, value)
+            if axis_of and value.ndim >= 2 and value.size >= smallest_int8
+            else None
+        )
         if name in products:
             nodes += _stored_in_int8(name, exact, product_scales(exact), weights)
         elif axis is None:
             if np.abs(exact).max() >= 65000:
-                raise ValueError(f"weight {name} reaches {np.abs(exact).max()}, which float16 cannot hold")
+                raise ValueError(
+                    f"weight {name} reaches {np.abs(exact).max()}, which float16 cannot hold"
+                )
             weights.append(numpy_helper.from_array(exact.astype(np.float16), f"{name}.h"))
             nodes.append(helper.make_node("Cast", [f"{name}.h"], [name], to=TensorProto.FLOAT))
         else:
@@ -65,9 +76,14 @@ def store(
 
 
 def _stored_in_int8(
-    name: str, value: np.ndarray[Any, Any], scale: np.ndarray[Any, Any], weights: list[onnx.TensorProto]
+    name: str,
+    value: np.ndarray[Any, Any],
+    scale: np.ndarray[Any, Any],
+    weights: list[onnx.TensorProto],
 ) -> list[onnx.NodeProto]:
-    """Append a weight in int8 and its scale to ``weights``; return the nodes that make float32 of them."""
+    """Append a weight in int8 and its scale to ``weights``; return the nodes that make float32 of
+    them.
+    """
     rounded = np.clip(np.rint(value / scale), -127, 127).astype(np.int8)
     weights.append(numpy_helper.from_array(rounded, f"{name}.q8"))
     weights.append(numpy_helper.from_array(scale, f"{name}.s"))
@@ -78,19 +94,24 @@ def _stored_in_int8(
 
 
 def _scales(value: np.ndarray[Any, Any], axis: int) -> np.ndarray[Any, Any]:
-    """int8 scales per channel, of a few that clip more or less the one with the least squared error."""
+    """int8 scales per channel, of a few that clip more or less the one with the least squared
+    error.
+    """
     others = tuple(i for i in range(value.ndim) if i != axis)
     full = np.abs(value).max(others, keepdims=True) / 127
-    best, least = None, None
+    best = None
+    least = None
     for shrink in (1, 0.97, 0.94, 0.9, 0.85, 0.8):
         scale = np.maximum(full * shrink, 1e-12)
         rounded = np.clip(np.rint(value / scale), -127, 127)
         error = ((rounded * scale - value) ** 2).sum(others, keepdims=True)
         if best is None or least is None:
-            best, least = scale, error
+            best = scale
+            least = error
         else:
             better = error < least
-            best, least = np.where(better, scale, best), np.where(better, error, least)
+            best = np.where(better, scale, best)
+            least = np.where(better, error, least)
     assert best is not None
     return best.astype(np.float32)
 
@@ -104,7 +125,9 @@ def output_channel_axes(model: onnx.ModelProto) -> dict[str, int]:
         elif node.op_type in ("ConvTranspose", "MatMul"):
             axes[node.input[1]] = 1
         elif node.op_type == "Gemm":
-            axes[node.input[1]] = 0 if any(a.name == "transB" and a.i for a in node.attribute) else 1
+            axes[node.input[1]] = (
+                0 if any(a.name == "transB" and a.i for a in node.attribute) else 1
+            )
     return axes
 
 
@@ -112,15 +135,21 @@ def save(model: onnx.ModelProto, source: str, licence: str) -> bytes:
     """Check a model and serialise it with its origin."""
     for key, value in (("source", source), ("license", licence)):
         entry = model.metadata_props.add()
-        entry.key, entry.value = key, value
+        entry.key = key
+        entry.value = value
     model.producer_name = "embedded-weights-build"
-    if not any(tensor.HasField("data_location") and tensor.external_data for tensor in model.graph.initializer):
+    if not any(
+        tensor.HasField("data_location") and tensor.external_data
+        for tensor in model.graph.initializer
+    ):
         onnx.checker.check_model(model)  # the checker looks for external weights on the disk
     data: bytes = model.SerializeToString()
     return data
 
 
-def save_together(models: dict[str, onnx.ModelProto], weights: str, source: str, licence: str) -> dict[str, bytes]:
+def save_together(
+    models: dict[str, onnx.ModelProto], weights: str, source: str, licence: str
+) -> dict[str, bytes]:
     """Serialise graphs of one network, whose weights of 1 KB and more are in one further file.
 
     Args:

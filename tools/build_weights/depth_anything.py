@@ -1,7 +1,9 @@
-"""Depth Anything V2 Small: the text and the weight blob of a Core ML program to ONNX with dynamic height and width.
+"""Depth Anything V2 Small: the text and the weight blob of a Core ML program to ONNX with dynamic
+height and width.
 
-The program is fixed to 518 x 518 px, 37 x 37 patches. Here the patch grid is read off the input at run time, and the
-positional embedding is resized to it inside the graph, as the authors' own code does.
+The program is fixed to 518 x 518 px, 37 x 37 patches. Here the patch grid is read off the input at
+run time, and the positional embedding is resized to it inside the graph, as the authors' own code
+does.
 """
 
 from __future__ import annotations
@@ -15,16 +17,23 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 Array = np.ndarray[Any, Any]
-GRID, PATCH, WIDTH, HEADS = 37, 14, 384, 6
+GRID = 37
+PATCH = 14
+WIDTH = 384
+HEADS = 6
 END = np.iinfo(np.int64).max
 DTYPES: dict[str, Any] = {
-    "fp16": np.float16, "fp32": np.float32, "int32": np.int32, "bool": bool, "string": object, "uint64": np.uint64,
+    "fp16": np.float16, "fp32": np.float32, "int32": np.int32, "bool": bool, "string": object,
+    "uint64": np.uint64,
 }  # fmt: skip
 STATEMENT = re.compile(
     r"^\s*tensor<(\w+), \[([^\]]*)\]> (\w+) = (\w+)\((.*)\)"
-    r'\[name = tensor<string, \[\]>\("[^"]*"\)(?:, val = tensor<(\w+), \[([^\]]*)\]>\((.*)\))?\];\s*$'
+    r'\[name = tensor<string, \[\]>\("[^"]*"\)(?:, val = tensor<(\w+), '
+    r"\[([^\]]*)\]>\((.*)\))?\];\s*$"
 )
-LITERAL = re.compile(r'"[^"]*"|[-+]?0x[0-9a-f.]+p[-+]?\d+|true|false|[-+]?[\d.]+(?:e[-+]?\d+)?|inf|nan')
+LITERAL = re.compile(
+    r'"[^"]*"|[-+]?0x[0-9a-f.]+p[-+]?\d+|true|false|[-+]?[\d.]+(?:e[-+]?\d+)?|inf|nan'
+)
 BLOB = re.compile(r"BLOBFILE\(.*offset = tensor<uint64, \[\]>\((\d+)\)\)")
 
 
@@ -51,13 +60,15 @@ def convert(program: str, blob: bytes) -> onnx.ModelProto:
 
 
 def fuse_attention(model: onnx.ModelProto) -> None:
-    """Replace the products and the softmax of each attention by one operator, which never holds all weights at once.
+    """Replace the products and the softmax of each attention by one operator, which never holds all
+    weights at once.
 
     With 2036 tokens the weights and their softmax are 100 MB each.
     """
     nodes = list(model.graph.node)
     maker = {name: node for node in nodes for name in node.output}
-    user = {name: node for node in nodes for name in node.input}  # each of the names below has one user
+    # each of the names below has one user
+    user = {name: node for node in nodes for name in node.input}
     fused: dict[str, list[onnx.NodeProto]] = {}
     dropped: set[str] = set()
     for softmax in [node for node in nodes if node.op_type == "Softmax"]:
@@ -66,11 +77,25 @@ def fuse_attention(model: onnx.ModelProto) -> None:
         weighted = user[softmax.output[0]]
         swapped = user[weighted.output[0]]
         result = user[swapped.output[0]]
-        parts = [maker[name] for name in (scaled_query.input[0], transposed_key.input[0], weighted.input[1])]
+        parts = [
+            maker[name]
+            for name in (scaled_query.input[0], transposed_key.input[0], weighted.input[1])
+        ]
         slices = [maker[part.input[0]] for part in parts]
         by_part = maker[slices[0].input[0]]
         by_head = maker[by_part.input[0]]
-        chain = [by_head, by_part, *slices, *parts, scaled_query, transposed_key, scores, softmax, weighted, swapped]
+        chain = [
+            by_head,
+            by_part,
+            *slices,
+            *parts,
+            scaled_query,
+            transposed_key,
+            scores,
+            softmax,
+            weighted,
+            swapped,
+        ]
         dropped.update(node.output[0] for node in chain)
         names = [f"{result.output[0]}_{part}" for part in ("query", "key", "value")]
         fused[result.output[0]] = [
@@ -129,7 +154,9 @@ class _Converter:
         self.shapes[name] = shape
         if operator == "const":
             at = BLOB.match(value)
-            self.constants[name] = self._blob(int(at[1]), shape, dtype) if at else _literal(value, dtype, shape)
+            self.constants[name] = (
+                self._blob(int(at[1]), shape, dtype) if at else _literal(value, dtype, shape)
+            )
             return
         args = {q[1]: q[2] for q in re.finditer(r"(\w+) = (\([^)]*\)|\w+)", arguments)}
         self._operator(operator, name, shape, args)
@@ -142,7 +169,9 @@ class _Converter:
         return np.frombuffer(self.blob, kind, size // kind.itemsize, start).reshape(shape)
 
     def _value(self, name: str) -> str:
-        """A tensor by name, entered among the weights if it is a constant; float16 becomes float32."""
+        """A tensor by name, entered among the weights if it is a constant; float16 becomes
+        float32.
+        """
         if name in self.constants and name not in self.weights:
             value = np.asarray(self.constants[name])
             value = value.astype(np.float32) if value.dtype == np.float16 else value
@@ -164,7 +193,11 @@ class _Converter:
 
     def _size(self, factor: int, channels: int, tag: str) -> str:
         """Run-time shape (1, channels, factor * rows, factor * columns) of the patch grid."""
-        grid = self._add("Mul", ["_hw", self._numbers(factor, factor)], tag + "_m") if factor != 1 else "_hw"
+        grid = (
+            self._add("Mul", ["_hw", self._numbers(factor, factor)], tag + "_m")
+            if factor != 1
+            else "_hw"
+        )
         return self._add("Concat", [self._numbers(1, channels), grid], tag + "_sz", axis=0)
 
     def _positions(self, name: str) -> str:
@@ -172,11 +205,14 @@ class _Converter:
         table = np.asarray(self.constants[name]).astype(np.float32)
         self._weight(table[:, :1].copy(), "pos_cls")
         self._weight(table[:, 1:].reshape(1, GRID, GRID * WIDTH).copy(), "pos_grid")
-        # The resized unit matrix holds the weights of the interpolation, and products are faster than resizing.
+        # The resized unit matrix holds the weights of the interpolation, and products are faster
+        # than resizing.
         self._weight(np.eye(GRID, dtype=np.float32)[None, None], "pos_unit")
         for axis, name in ((0, "pos_rows"), (1, "pos_columns")):
             length = self._add("Gather", ["_hw", self._numbers(axis)], f"{name}_n", axis=0)
-            size = self._add("Concat", [self._numbers(1, 1), length, self._numbers(GRID)], f"{name}_sz", axis=0)
+            size = self._add(
+                "Concat", [self._numbers(1, 1), length, self._numbers(GRID)], f"{name}_sz", axis=0
+            )
             self._add(
                 "Resize", ["pos_unit", "", "", size], f"{name}_r",
                 mode="cubic", cubic_coeff_a=-0.75, coordinate_transformation_mode="half_pixel",
@@ -194,11 +230,17 @@ class _Converter:
             pair = {}
             for side in ("x", "y"):
                 tensor = args[side]
-                table = tensor in self.constants and self.shapes[tensor] == [1, GRID * GRID + 1, WIDTH]
+                table = tensor in self.constants and self.shapes[tensor] == [
+                    1,
+                    GRID * GRID + 1,
+                    WIDTH,
+                ]
                 pair[side] = self._positions(tensor) if table else tensor
             self._add(operator.capitalize(), [self._value(pair["x"]), self._value(pair["y"])], name)
         elif operator in ("cast", "relu"):
-            self._add({"cast": "Identity", "relu": "Relu"}[operator], [self._value(args["x"])], name)
+            self._add(
+                {"cast": "Identity", "relu": "Relu"}[operator], [self._value(args["x"])], name
+            )
         elif operator in ("conv", "conv_transpose"):
             self._convolution(operator, name, shape, args)
         elif operator == "reshape":
@@ -215,14 +257,17 @@ class _Converter:
             self._add("Concat", parts, name, axis=int(constant("axis")))
         elif operator == "layer_norm":
             inputs = [self._value(args[k]) for k in ("x", "gamma", "beta")]
-            self._add("LayerNormalization", inputs, name, axis=-1, epsilon=float(constant("epsilon")))
+            self._add(
+                "LayerNormalization", inputs, name, axis=-1, epsilon=float(constant("epsilon"))
+            )
         elif operator == "linear":
             matrix = np.asarray(constant("weight")).astype(np.float32).T.copy()
             weight = self._weight(matrix, args["weight"] + "_T")
             self._add("MatMul", [self._value(args["x"]), weight], name + "_mm")
             self._add("Add", [name + "_mm", self._value(args["bias"])], name)
         elif operator == "matmul":
-            x, y = self._value(args["x"]), self._value(args["y"])
+            x = self._value(args["x"])
+            y = self._value(args["y"])
             if "transpose_x" in args and bool(constant("transpose_x")):
                 raise ValueError("a matrix product with its first factor transposed")
             if "transpose_y" in args and bool(constant("transpose_y")):
@@ -246,7 +291,9 @@ class _Converter:
         else:
             raise ValueError(f"unknown operator {operator}")
 
-    def _convolution(self, operator: str, name: str, shape: list[int], args: dict[str, str]) -> None:
+    def _convolution(
+        self, operator: str, name: str, shape: list[int], args: dict[str, str]
+    ) -> None:
         constant = lambda key: self.constants[args[key]]  # noqa: E731
         kind = str(constant("pad_type"))
         if kind not in ("valid", "custom"):
@@ -261,10 +308,13 @@ class _Converter:
             dilations=list(map(int, constant("dilations"))),
             group=int(constant("groups")),
         )
-        if shape == [1, WIDTH, GRID, GRID] and "_hw" not in self.shapes:  # the patch embedding: the grid is known now
+        # the patch embedding: the grid is known now
+        if shape == [1, WIDTH, GRID, GRID] and "_hw" not in self.shapes:
             self.shapes["_hw"] = [2]
             self._add("Shape", [name], "_shp")
-            self._add("Slice", ["_shp", self._numbers(2), self._numbers(4), self._numbers(0)], "_hw")
+            self._add(
+                "Slice", ["_shp", self._numbers(2), self._numbers(4), self._numbers(0)], "_hw"
+            )
 
     def _reshape(self, name: str, shape: list[int], args: dict[str, str]) -> None:
         if shape == [1, WIDTH, GRID, GRID]:
@@ -290,7 +340,9 @@ class _Converter:
             whole = open_end[i] or (int(end[i]) == shape[i] and not squeezed[i])
             last.append(END if whole else (first[i] + 1 if squeezed[i] else int(end[i])))
         axes = [i for i in range(len(shape)) if not (first[i] == 0 and last[i] == END)]
-        if any(shape[i] in (GRID, GRID * PATCH) or (last[i] != END and shape[i] >= GRID) for i in axes):
+        if any(
+            shape[i] in (GRID, GRID * PATCH) or (last[i] != END and shape[i] >= GRID) for i in axes
+        ):
             raise ValueError(f"a slice of the patch grid in {name}")
         dropped = [i for i in range(len(shape)) if squeezed[i]]
         bounds = [self._numbers(*[v[i] for i in axes]) for v in (first, last)]

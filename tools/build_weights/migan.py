@@ -1,9 +1,10 @@
 """MI-GAN: the generator of the published pipeline, without operators that only cost time.
 
-The pipeline also finds the hole, crops, resizes and blends, all of it on the full photo and in operators that are slow
-there. The generator doubles the size of a map by zeros between its values and a convolution, which is a transposed
-convolution with a third of the memory. It multiplies each activation by a gain, which is folded into the weights, and
-clamps it to +-256, which is skipped: over holes in 19 photos the largest activation was 74.
+The pipeline also finds the hole, crops, resizes and blends, all of it on the full photo and in
+operators that are slow there. The generator doubles the size of a map by zeros between its values
+and a convolution, which is a transposed convolution with a third of the memory. It multiplies each
+activation by a gain, which is folded into the weights, and clamps it to +-256, which is skipped:
+over holes in 19 photos the largest activation was 74.
 """
 
 from __future__ import annotations
@@ -32,11 +33,15 @@ def cut(model: onnx.ModelProto, inputs: Ends, outputs: Ends) -> None:
     del graph.value_info[:]
     for ends, values in ((inputs, graph.input), (outputs, graph.output)):
         del values[:]
-        values.extend(helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in ends.values())
+        values.extend(
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
+            for name, shape in ends.values()
+        )
 
 
 def fold_gains(model: onnx.ModelProto) -> int:
-    """Fold the gain behind each leaky ReLU into the weights before it, and drop the clamps; return how many.
+    """Fold the gain behind each leaky ReLU into the weights before it, and drop the clamps; return
+    how many.
 
     A leaky ReLU of a scaled value is the scaled leaky ReLU, if the scale is positive.
     """
@@ -53,7 +58,9 @@ def fold_gains(model: onnx.ModelProto) -> int:
         (gain_node,) = users[activation.output[0]]
         (clamp,) = users[gain_node.output[0]]
         if (gain_node.op_type, clamp.op_type) != ("Mul", "Clip"):
-            raise ValueError(f"{activation.name} is followed by {gain_node.op_type} and {clamp.op_type}")
+            raise ValueError(
+                f"{activation.name} is followed by {gain_node.op_type} and {clamp.op_type}"
+            )
         gain = float(_constant(gain_node.input[1], maker, weights))
         limits = [float(_constant(name, maker, weights)) for name in clamp.input[1:]]
         if gain <= 0 or limits != [-CLAMP, CLAMP]:
@@ -76,7 +83,8 @@ def fold_gains(model: onnx.ModelProto) -> int:
 
 
 def transpose_upsampling(model: onnx.ModelProto) -> int:
-    """Replace each upsampling by a transposed convolution with the same weights, in place; return how many.
+    """Replace each upsampling by a transposed convolution with the same weights, in place; return
+    how many.
 
     Its zeros come from a product with a map of ones and zeros, and its filter is symmetric.
     """
@@ -90,7 +98,9 @@ def transpose_upsampling(model: onnx.ModelProto) -> int:
         product = maker[pad.input[0]]
         repeat = maker[product.input[0]]
         if (pad.op_type, product.op_type, repeat.op_type) != ("Pad", "Mul", "Resize"):
-            raise ValueError(f"{node.name} follows {repeat.op_type}, {product.op_type} and {pad.op_type}")
+            raise ValueError(
+                f"{node.name} follows {repeat.op_type}, {product.op_type} and {pad.op_type}"
+            )
         group = next(attribute.i for attribute in node.attribute if attribute.name == "group")
         node.CopyFrom(
             helper.make_node(
@@ -111,7 +121,8 @@ def transpose_upsampling(model: onnx.ModelProto) -> int:
 def _drop_unused(model: onnx.ModelProto, outputs: set[str]) -> None:
     """Keep only the nodes and weights that the outputs depend on."""
     graph = model.graph
-    needed, kept = set(outputs), []
+    needed = set(outputs)
+    kept = []
     for node in reversed(graph.node):
         if needed.intersection(node.output):
             kept.append(node)
@@ -122,11 +133,15 @@ def _drop_unused(model: onnx.ModelProto, outputs: set[str]) -> None:
         graph.initializer.remove(tensor)
 
 
-def _constant(name: str, maker: dict[str, onnx.NodeProto], weights: dict[str, onnx.TensorProto]) -> Any:
+def _constant(
+    name: str, maker: dict[str, onnx.NodeProto], weights: dict[str, onnx.TensorProto]
+) -> Any:
     return numpy_helper.to_array(weights[name] if name in weights else maker[name].attribute[0].t)
 
 
-def _linear_weights(name: str, maker: dict[str, onnx.NodeProto], weights: dict[str, onnx.TensorProto]) -> list[str]:
+def _linear_weights(
+    name: str, maker: dict[str, onnx.NodeProto], weights: dict[str, onnx.TensorProto]
+) -> list[str]:
     """Return the weights to scale, so that a value that depends on them linearly is scaled."""
     node = maker[name]
     if node.op_type == "Add":

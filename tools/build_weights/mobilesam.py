@@ -1,8 +1,10 @@
-"""MobileSAM: the checkpoint and model definition of a source distribution to an encoder and a decoder in ONNX.
+"""MobileSAM: the checkpoint and model definition of a source distribution to an encoder and a
+decoder in ONNX.
 
-The model definition is imported from the distribution, at build time only. Encoder: image float32 (1, 3, H, W), 0 to
-255, its longer side 1024 px; normalisation and padding happen in the graph. Decoder: points and labels (1 on, 0 off, 2
-and 3 corners of a box, -1 padding) and a mask to start from.
+The model definition is imported from the distribution, at build time only. Encoder: image float32
+(1, 3, H, W), 0 to 255, its longer side 1024 px; normalisation and padding happen in the graph.
+Decoder: points and labels (1 on, 0 off, 2 and 3 corners of a box, -1 padding) and a mask to start
+from.
 """
 
 from __future__ import annotations
@@ -22,9 +24,13 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
-SIZE, GRID, PATCH = 1024, 64, 16
+SIZE = 1024
+GRID = 64
+PATCH = 16
 MARGIN = 64
-"""Least padding that the encoder computes beside a photo, px: features there change those of the photo."""
+"""Least padding that the encoder computes beside a photo, px: features there change those of the
+photo.
+"""
 
 
 def load(folder: Path, checkpoint: Path) -> Any:
@@ -49,7 +55,8 @@ def load(folder: Path, checkpoint: Path) -> Any:
         )
     }
     layers: Any = modules["timm.models.layers"]
-    layers.DropPath, layers.trunc_normal_ = DropPath, nn.init.trunc_normal_
+    layers.DropPath = DropPath
+    layers.trunc_normal_ = nn.init.trunc_normal_
     layers.to_2tuple = lambda x: x if isinstance(x, tuple) else (x, x)
     registry: Any = modules["timm.models.registry"]
     registry.register_model = lambda f: f
@@ -77,11 +84,15 @@ class _Encoder(nn.Module):
 
     def forward(self, image: Tensor) -> Any:
         padding = (_padding(length) for length in reversed(image.shape[2:]))
-        features = self._features(functional.pad(image - self.mean, [p for end in padding for p in (0, end)]))
+        features = self._features(
+            functional.pad(image - self.mean, [p for end in padding for p in (0, end)])
+        )
         rows, columns = features.shape[2:]
         cells = torch.arange(GRID)
         computed = (cells[:, None] < rows) & (cells < columns)
-        return torch.where(computed, functional.pad(features, (0, GRID - columns, 0, GRID - rows)), self.empty)
+        return torch.where(
+            computed, functional.pad(features, (0, GRID - columns, 0, GRID - rows)), self.empty
+        )
 
     def _features(self, x: Tensor) -> Any:
         """Features (1, 256, H / 16, W / 16) of a scaled image (1, 3, H, W)."""
@@ -123,14 +134,16 @@ class _Windows:
 
     def split(self, tokens: Tensor) -> Tensor:
         """The tokens (1, height, width, C) of each window, (windows, side * side, C)."""
-        side, channels = self.side, self.channels
+        side = self.side
+        channels = self.channels
         padded = functional.pad(tokens, (0, 0, 0, -self.width % side, 0, -self.height % side))
         windows = padded.reshape(-1, side, self.columns, side, channels).transpose(1, 2)
         return windows.reshape(-1, side * side, channels)
 
     def join(self, windows: Tensor) -> Tensor:
         """Reverse ``split``."""
-        side, channels = self.side, self.channels
+        side = self.side
+        channels = self.channels
         rows = windows.reshape(-1, self.columns, side, side, channels).transpose(1, 2)
         return rows.reshape(1, -1, self.columns * side, channels)[:, : self.height, : self.width]
 
@@ -149,7 +162,8 @@ def _attention(attention: Any, x: Tensor, count: int) -> Any:
         -1, count, attention.num_heads, 2 * attention.key_dim + attention.d
     )
     query, key, value = (
-        part.transpose(1, 2) for part in parts.split([attention.key_dim, attention.key_dim, attention.d], 3)
+        part.transpose(1, 2)
+        for part in parts.split([attention.key_dim, attention.key_dim, attention.d], 3)
     )
     weights = (query @ key.transpose(2, 3) * attention.scale + attention.ab).softmax(-1)
     return attention.proj((weights @ value).transpose(1, 2).reshape(-1, count, attention.dh))
@@ -158,11 +172,12 @@ def _attention(attention: Any, x: Tensor, count: int) -> Any:
 class _Decoder(nn.Module):
     def __init__(self, sam: Any) -> None:
         super().__init__()
-        self.p, self.d = sam.prompt_encoder, sam.mask_decoder
+        self.p = sam.prompt_encoder
+        self.d = sam.mask_decoder
 
     def forward(
-        self, image_embeddings: Tensor, point_coords: Tensor, point_labels: Tensor, mask_input: Tensor,
-        has_mask_input: Tensor,
+        self, image_embeddings: Tensor, point_coords: Tensor, point_labels: Tensor,
+        mask_input: Tensor, has_mask_input: Tensor,
     ) -> Any:  # fmt: skip
         e = self.p.pe_layer._pe_encoding((point_coords + 0.5) / SIZE)
         label = point_labels.unsqueeze(-1)
@@ -183,7 +198,9 @@ class _Decoder(nn.Module):
         )
 
 
-def _export(module: nn.Module, args: tuple[Tensor, ...], inputs: list[str], outputs: list[str], dynamic: Any) -> Any:
+def _export(
+    module: nn.Module, args: tuple[Tensor, ...], inputs: list[str], outputs: list[str], dynamic: Any
+) -> Any:
     file = io.BytesIO()
     with torch.no_grad():
         torch.onnx.export(
@@ -197,7 +214,9 @@ def export_encoder(sam: Any) -> onnx.ModelProto:
     """The image encoder, its attention tables shared."""
     encoder = _Encoder(sam).eval()
     dynamic = {"image": {2: "H", 3: "W"}}
-    model = _export(encoder, (torch.rand(1, 3, 1024, 683) * 255,), ["image"], ["image_embeddings"], dynamic)
+    model = _export(
+        encoder, (torch.rand(1, 3, 1024, 683) * 255,), ["image"], ["image_embeddings"], dynamic
+    )
     constants_to_weights(model)
     share_bias_tables(model, encoder)
     return model
@@ -220,22 +239,29 @@ def export_decoder(sam: Any) -> onnx.ModelProto:
 
 
 def share_bias_tables(model: onnx.ModelProto, encoder: nn.Module) -> int:
-    """Replace expanded attention biases (heads, N, N) by their small table and a Gather; return how many."""
+    """Replace expanded attention biases (heads, N, N) by their small table and a Gather; return how
+    many.
+    """
     weights = {t.name: t for t in model.graph.initializer}
     indices: set[str] = set()
     nodes = []
     for module in encoder.modules():
         if not hasattr(module, "attention_bias_idxs"):
             continue
-        expanded, table = module.ab.numpy(), module.attention_biases.detach().numpy()
+        expanded = module.ab.numpy()
+        table = module.attention_biases.detach().numpy()
         index = module.attention_bias_idxs.numpy()
         for name, tensor in list(weights.items()):
-            if list(tensor.dims) != list(expanded.shape) or not np.array_equal(numpy_helper.to_array(tensor), expanded):
+            if list(tensor.dims) != list(expanded.shape) or not np.array_equal(
+                numpy_helper.to_array(tensor), expanded
+            ):
                 continue
             key = f"bias_index_{index.shape[0]}"
             if key not in indices:
                 indices.add(key)
-                model.graph.initializer.append(numpy_helper.from_array(index.astype(np.int16), key + ".i16"))
+                model.graph.initializer.append(
+                    numpy_helper.from_array(index.astype(np.int16), key + ".i16")
+                )
                 nodes.append(helper.make_node("Cast", [key + ".i16"], [key], to=TensorProto.INT64))
             model.graph.initializer.remove(tensor)
             weights.pop(name)
@@ -248,12 +274,24 @@ def share_bias_tables(model: onnx.ModelProto, encoder: nn.Module) -> int:
 
 
 def constants_to_weights(model: onnx.ModelProto, smallest: int = 64) -> None:
-    """Constant nodes with at least ``smallest`` floats become weights, which can be stored in fewer bits."""
+    """Constant nodes with at least ``smallest`` floats become weights, which can be stored in fewer
+    bits.
+    """
     kept = []
     for node in model.graph.node:
-        value = node.attribute[0].t if node.op_type == "Constant" and node.attribute[0].name == "value" else None
-        if value is not None and value.data_type == TensorProto.FLOAT and int(np.prod(value.dims)) >= smallest:
-            model.graph.initializer.append(numpy_helper.from_array(numpy_helper.to_array(value), node.output[0]))
+        value = (
+            node.attribute[0].t
+            if node.op_type == "Constant" and node.attribute[0].name == "value"
+            else None
+        )
+        if (
+            value is not None
+            and value.data_type == TensorProto.FLOAT
+            and int(np.prod(value.dims)) >= smallest
+        ):
+            model.graph.initializer.append(
+                numpy_helper.from_array(numpy_helper.to_array(value), node.output[0])
+            )
         else:
             kept.append(node)
     del model.graph.node[:]

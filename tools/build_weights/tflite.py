@@ -1,7 +1,8 @@
-"""TFLite to ONNX, as far as the packaged networks need it: float operators, float16, sparse and quantised weights.
+"""TFLite to ONNX, as far as the packaged networks need it: float operators, float16, sparse and
+quantised weights.
 
-Inputs and outputs keep the NHWC layout of TFLite, inside feature maps are NCHW. A quantised network becomes one in
-float32: its weights are dequantised, and feature maps are not rounded.
+Inputs and outputs keep the NHWC layout of TFLite, inside feature maps are NCHW. A quantised network
+becomes one in float32: its weights are dequantised, and feature maps are not rounded.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ OPERATORS = {v: k for k, v in vars(schema.BuiltinOperator).items() if isinstance
 
 
 def dense(tensor: Any, values: Array) -> Array:
-    """A sparse TFLite tensor written out: traversal order, optional blocks, dense and compressed dimensions."""
+    """A sparse TFLite tensor written out: traversal order, optional blocks, dense and compressed
+    dimensions.
+    """
     sparsity = tensor.sparsity
     shape = [int(v) for v in tensor.shape]
     order = [int(v) for v in sparsity.traversalOrder]
@@ -60,7 +63,8 @@ def dense(tensor: Any, values: Array) -> Array:
                 index[level] = i
                 visit(level + 1, previous * dims[level].denseSize + i)
         else:
-            segment, column = segments[level], indices[level]
+            segment = segments[level]
+            column = indices[level]
             assert segment is not None
             assert column is not None
             for k in range(segment[previous], segment[previous + 1]):
@@ -74,7 +78,11 @@ def dense(tensor: Any, values: Array) -> Array:
 
 
 def convert(
-    flatbuffer: bytes, names: dict[str, str], graph_name: str, opset: int = 17, operators: int | None = None
+    flatbuffer: bytes,
+    names: dict[str, str],
+    graph_name: str,
+    opset: int = 17,
+    operators: int | None = None,
 ) -> onnx.ModelProto:
     """A TFLite model as ONNX, its inputs and outputs renamed by ``names``.
 
@@ -85,8 +93,8 @@ def convert(
         names: of TFLite -> of ONNX.
         graph_name: of the ONNX graph.
         opset: of the ONNX model.
-        operators: convert the first ones only (negative: all but the last ones); what the last of them returns is the
-            only output, named "output".
+        operators: convert the first ones only (negative: all but the last ones); what the last of
+            them returns is the only output, named "output".
 
     Raises:
         ValueError: an operator or an activation that is not known here.
@@ -95,7 +103,9 @@ def convert(
 
 
 class _Converter:
-    def __init__(self, flatbuffer: bytes, names: dict[str, str], operators: int | None = None) -> None:
+    def __init__(
+        self, flatbuffer: bytes, names: dict[str, str], operators: int | None = None
+    ) -> None:
         self.tflite = schema.ModelT.InitFromObj(schema.Model.GetRootAs(flatbuffer, 0))
         self.graph = self.tflite.subgraphs[0]
         if operators is not None:
@@ -107,27 +117,36 @@ class _Converter:
         self.weights: dict[str, onnx.TensorProto] = {}
         self.values: dict[int, str] = {}
         self.count = 0
-        self.constants = {i: a for i in range(len(self.graph.tensors)) if (a := self._constant(i)) is not None}
+        self.constants = {
+            i: a for i in range(len(self.graph.tensors)) if (a := self._constant(i)) is not None
+        }
 
     def model(self, graph_name: str, opset: int) -> onnx.ModelProto:
         entry = self.graph.inputs[0]
         entry_name = self._name(entry)
-        self.values[entry] = self._real(entry, self.add("Transpose", [entry_name], perm=[0, 3, 1, 2]))
+        self.values[entry] = self._real(
+            entry, self.add("Transpose", [entry_name], perm=[0, 3, 1, 2])
+        )
         for operator in self.graph.operators:
             self._operator(operator)
         outputs = []
         for tensor in self.graph.outputs:
-            value, name = self.values[tensor], self._name(tensor)
+            value = self.values[tensor]
+            name = self._name(tensor)
             if len(self.shape(tensor)) == 4:
                 self.nodes.append(helper.make_node("Transpose", [value], [name], perm=[0, 2, 3, 1]))
             else:
                 self.nodes.append(helper.make_node("Identity", [value], [name]))
-            outputs.append(helper.make_tensor_value_info(name, TensorProto.FLOAT, self.shape(tensor)))
+            outputs.append(
+                helper.make_tensor_value_info(name, TensorProto.FLOAT, self.shape(tensor))
+            )
         used = {x for n in self.nodes for x in n.input}
         inputs = [helper.make_tensor_value_info(entry_name, TensorProto.FLOAT, self.shape(entry))]
         weights = [w for name, w in self.weights.items() if name in used]
         graph = helper.make_graph(self.nodes, graph_name, inputs, outputs, weights)
-        return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=9)
+        return helper.make_model(
+            graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=9
+        )
 
     def shape(self, tensor: int) -> list[int]:
         return [int(v) for v in self.graph.tensors[tensor].shape]
@@ -166,11 +185,15 @@ class _Converter:
         values = np.frombuffer(np.asarray(data, np.uint8).tobytes(), DTYPES[tensor.type])
         if tensor.sparsity is not None:
             return dense(tensor, values)
-        values = values.reshape([int(v) for v in tensor.shape] if tensor.shape is not None else values.shape)
+        values = values.reshape(
+            [int(v) for v in tensor.shape] if tensor.shape is not None else values.shape
+        )
         return _dequantised(values, tensor.quantization)
 
     def _real(self, tensor: int, value: str) -> str:
-        """Scale a quantised input to real values; return ``value`` itself if the tensor is not quantised."""
+        """Scale a quantised input to real values; return ``value`` itself if the tensor is not
+        quantised.
+        """
         quantization = self.graph.tensors[tensor].quantization
         if quantization is None or quantization.scale is None:
             return value
@@ -190,12 +213,17 @@ class _Converter:
     def _rows(self, tensor: int) -> str:
         """A feature map turned back to NHWC, so that flattening it gives TFLite's order."""
         value = self.get(tensor)
-        return self.add("Transpose", [value], perm=[0, 2, 3, 1]) if len(self.shape(tensor)) == 4 else value
+        return (
+            self.add("Transpose", [value], perm=[0, 2, 3, 1])
+            if len(self.shape(tensor)) == 4
+            else value
+        )
 
     def _operator(self, operator: Any) -> None:
         code = self.tflite.operatorCodes[operator.opcodeIndex]
         name = OPERATORS[max(code.builtinCode, code.deprecatedBuiltinCode)]
-        inputs, out = [int(v) for v in operator.inputs], int(operator.outputs[0])
+        inputs = [int(v) for v in operator.inputs]
+        out = int(operator.outputs[0])
         options = operator.builtinOptions
         if name in ("DEQUANTIZE", "DENSIFY"):
             self.constants[out] = self.constants[inputs[0]]
@@ -217,15 +245,21 @@ class _Converter:
             ends = self.weight(np.r_[pads[:, 0], pads[:, 1]].astype(np.int64))
             self.values[out] = self.add("Pad", [value, ends])
         elif name == "MAX_POOL_2D":
-            stride, kernel = (options.strideH, options.strideW), (options.filterHeight, options.filterWidth)
+            stride = (options.strideH, options.strideW)
+            kernel = (options.filterHeight, options.filterWidth)
             pads = _same(self.shape(inputs[0])[1:3], kernel, stride, (1, 1), options.padding)
             value = self.add(
-                "MaxPool", [self.get(inputs[0])], kernel_shape=list(kernel), strides=list(stride), pads=pads
+                "MaxPool",
+                [self.get(inputs[0])],
+                kernel_shape=list(kernel),
+                strides=list(stride),
+                pads=pads,
             )
             self.values[out] = self._activated(value, options.fusedActivationFunction)
         elif name == "RESIZE_BILINEAR":
             n, height, width, channels = self.shape(out)
-            corners, half = options.alignCorners, options.halfPixelCenters
+            corners = options.alignCorners
+            half = options.halfPixelCenters
             mode = "align_corners" if corners else ("half_pixel" if half else "asymmetric")
             value = self.get(inputs[0])
             size = self.weight(np.array([n, channels, height, width], np.int64))
@@ -233,11 +267,15 @@ class _Converter:
                 "Resize", [value, "", "", size], mode="linear", coordinate_transformation_mode=mode
             )
         elif name == "DEPTH_TO_SPACE":
-            self.values[out] = self.add("DepthToSpace", [self.get(inputs[0])], blocksize=options.blockSize, mode="DCR")
+            self.values[out] = self.add(
+                "DepthToSpace", [self.get(inputs[0])], blocksize=options.blockSize, mode="DCR"
+            )
         elif name == "PRELU":
             slope = self.constants[inputs[1]].astype(np.float32).reshape(-1, 1, 1)
             value = self.get(inputs[0])
-            self.values[out] = self.add("PRelu", [value, self.weight(slope, f"a{inputs[1]}_{self.count}")])
+            self.values[out] = self.add(
+                "PRelu", [value, self.weight(slope, f"a{inputs[1]}_{self.count}")]
+            )
         elif name == "LOGISTIC":
             self.values[out] = self.add("Sigmoid", [self.get(inputs[0])])
         elif name == "MEAN":
@@ -250,7 +288,9 @@ class _Converter:
             if len(self.shape(out)) == 4:
                 raise ValueError("a reshape to a feature map")
             value = self._rows(inputs[0])
-            self.values[out] = self.add("Reshape", [value, self.weight(np.array(self.shape(out), np.int64))])
+            self.values[out] = self.add(
+                "Reshape", [value, self.weight(np.array(self.shape(out), np.int64))]
+            )
         elif name == "CONCATENATION":
             rank = len(self.shape(out))
             axis = options.axis % rank
@@ -265,12 +305,15 @@ class _Converter:
 
     def _convolution(self, name: str, inputs: list[int], options: Any) -> str:
         kernel = self.constants[inputs[1]].astype(np.float32)
-        stride, dilation = (options.strideH, options.strideW), (options.dilationHFactor, options.dilationWFactor)
+        stride = (options.strideH, options.strideW)
+        dilation = (options.dilationHFactor, options.dilationWFactor)
         shape = self.shape(inputs[0])
         if name == "CONV_2D":
-            weights, groups = kernel.transpose(0, 3, 1, 2), shape[3] // kernel.shape[3]
+            weights = kernel.transpose(0, 3, 1, 2)
+            groups = shape[3] // kernel.shape[3]
         else:  # (1, kh, kw, channels * multiplier)
-            weights, groups = kernel.transpose(3, 0, 1, 2), shape[3]
+            weights = kernel.transpose(3, 0, 1, 2)
+            groups = shape[3]
         args = [self.get(inputs[0]), self.weight(weights, f"w{inputs[1]}_{self.count}")]
         args += self._bias(inputs)
         value = self.add(
@@ -287,33 +330,45 @@ class _Converter:
         matrix = self.constants[inputs[1]].astype(np.float32)
         value = self._rows(inputs[0])
         if len(self.shape(inputs[0])) != 2:
-            value = self.add("Reshape", [value, self.weight(np.array([-1, matrix.shape[1]], np.int64))])
+            value = self.add(
+                "Reshape", [value, self.weight(np.array([-1, matrix.shape[1]], np.int64))]
+            )
         args = [value, self.weight(matrix, f"w{inputs[1]}_{self.count}"), *self._bias(inputs)]
         return self._activated(self.add("Gemm", args, transB=1), options.fusedActivationFunction)
 
     def _bias(self, inputs: list[int]) -> list[str]:
         if len(inputs) < 3 or inputs[2] < 0:
             return []
-        return [self.weight(self.constants[inputs[2]].astype(np.float32), f"b{inputs[2]}_{self.count}")]
+        return [
+            self.weight(self.constants[inputs[2]].astype(np.float32), f"b{inputs[2]}_{self.count}")
+        ]
 
 
 def _dequantised(values: Array, quantization: Any) -> Array:
     """Real values of a quantised constant, float32; the constant itself if it is not quantised."""
-    if quantization is None or quantization.scale is None or values.dtype not in (np.int8, np.uint8, np.int32):
+    if (
+        quantization is None
+        or quantization.scale is None
+        or values.dtype not in (np.int8, np.uint8, np.int32)
+    ):
         return values
     shape = [1] * values.ndim
     if len(quantization.scale) > 1:
         shape[quantization.quantizedDimension] = -1
-    scale, zero = np.asarray(quantization.scale, np.float64), np.asarray(quantization.zeroPoint, np.float64)
+    scale = np.asarray(quantization.scale, np.float64)
+    zero = np.asarray(quantization.zeroPoint, np.float64)
     real: Array = ((values - zero.reshape(shape)) * scale.reshape(shape)).astype(np.float32)
     return real
 
 
 def _same(size: Any, kernel: Any, stride: Any, dilation: Any, padding: int) -> list[int]:
-    """ONNX pads (top, left, bottom, right) of TFLite's SAME, which puts the odd pixel at the end; zeros for VALID."""
+    """ONNX pads (top, left, bottom, right) of TFLite's SAME, which puts the odd pixel at the end;
+    zeros for VALID.
+    """
     if padding == schema.Padding.VALID:
         return [0, 0, 0, 0]
-    before, after = [], []
+    before = []
+    after = []
     for n, k, s, d in zip(size, kernel, stride, dilation, strict=True):
         total = max((-(-n // s) - 1) * s + (k - 1) * d + 1 - n, 0)
         before.append(total // 2)

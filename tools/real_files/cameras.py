@@ -26,13 +26,17 @@ import numpy as np
 TOOLS = "pose2sim==0.10.49 aniposelib==0.8.0 caliscope==0.11.8 pycolmap==4.2.1 nerfstudio==1.1.5"
 LIBRARIES = """numba==0.68.1 pandas==3.1.1 matplotlib==3.11.2 rtoml==0.14.0 toml==0.10.2 c3d==0.6.0 anytree==2.13.0
     lxml==6.1.3 tqdm==4.70.1 platformdirs==4.14.8 appdirs==1.4.4 jaxtyping==0.3.11 tyro==1.0.17 viser==1.1.1
-    imageio==2.38.1 mediapy==1.2.7"""
+    imageio==2.38.1 mediapy==1.2.7"""  # noqa: E501
 RIGS = Path(__file__).resolve().parents[2] / "plugins" / "physic-scene" / "tests" / "rigs"
 NAMES = ("left", "middle", "right")
 SIZES = ((1920, 1080), (1280, 720), (1280, 720))
 FOCAL = ((1400.0, 1410.0), (950.0, 950.0), (930.0, 925.0))
 CENTRES = ((967.25, 533.5), (640.5, 352.0), (633.0, 361.75))
-DISTORTION = ((-0.11, 0.02, 0.0012, -0.0021), (-0.2, 0.05, 0.0, 0.0), (0.04, -0.01, -0.0007, 0.0005))
+DISTORTION = (
+    (-0.11, 0.02, 0.0012, -0.0021),
+    (-0.2, 0.05, 0.0, 0.0),
+    (0.04, -0.01, -0.0007, 0.0005),
+)
 PLACES = np.array([(-2.0, -3.0, 1.5), (0.0, -3.5, 1.2), (2.0, -3.0, 1.5)])  # metres, z up
 POINTS = np.array([(0.0, 0.0, 1.0), (0.3, -0.2, 1.6), (-0.4, 0.3, 0.1)])
 
@@ -66,7 +70,10 @@ def pose2sim(folder: Path) -> dict[str, Any]:
     toml_write(folder / "pose2sim.toml", NAMES, SIZES, DISTORTION, K, RODRIGUES, T)
     own = retrieve_calib_params(folder / "pose2sim.toml")
     # As its triangulation reprojects.
-    pixels = [cv2.projectPoints(POINTS, own["R"][i], own["T"][i], own["K"][i], own["dist"][i])[0] for i in range(3)]
+    pixels = [
+        cv2.projectPoints(POINTS, own["R"][i], own["T"][i], own["K"][i], own["dist"][i])[0]
+        for i in range(3)
+    ]
     return dict(zip(NAMES, map(rows, pixels), strict=True))
 
 
@@ -77,7 +84,14 @@ def anipose(folder: Path) -> dict[str, Any]:
     def group(kind: type, count: int) -> Any:
         return CameraGroup(
             [
-                kind(matrix(i), np.array((*DISTORTION[i], 0.0))[:count], SIZES[i], RODRIGUES[i], 1000 * T[i], NAMES[i])
+                kind(
+                    matrix(i),
+                    np.array((*DISTORTION[i], 0.0))[:count],
+                    SIZES[i],
+                    RODRIGUES[i],
+                    1000 * T[i],
+                    NAMES[i],
+                )
                 for i in range(3)
             ]
         )
@@ -94,7 +108,14 @@ def caliscope(folder: Path) -> dict[str, Any]:
 
     cameras = {
         i: CameraData(
-            i, SIZES[i], (0, 3, 0)[i], 0.3, matrix(i), np.array((*DISTORTION[i], 0.0)), translation=T[i], rotation=R[i]
+            i,
+            SIZES[i],
+            (0, 3, 0)[i],
+            0.3,
+            matrix(i),
+            np.array((*DISTORTION[i], 0.0)),
+            translation=T[i],
+            rotation=R[i],
         )
         for i in range(3)
     }
@@ -123,7 +144,9 @@ def colmap(folder: Path) -> dict[str, Any]:
             "FULL_OPENCV": (fx, fy, cx, cy, *DISTORTION[i], 0.003, 0, 0, 0),
         }[kind]
         width, height = SIZES[i]
-        camera = pycolmap.Camera(model=kind, width=width, height=height, params=params, camera_id=i + 1)
+        camera = pycolmap.Camera(
+            model=kind, width=width, height=height, params=params, camera_id=i + 1
+        )
         model.add_camera_with_trivial_rig(camera)
         image = pycolmap.Image(name=f"{NAMES[i]}/0001.jpg", camera_id=i + 1, image_id=i + 1)
         pose = pycolmap.Rigid3d(pycolmap.Rotation3d(R[i]), T[i])
@@ -135,13 +158,18 @@ def colmap(folder: Path) -> dict[str, Any]:
     again = pycolmap.Reconstruction(folder / "colmap")
     found = {}
     for _, one in sorted(again.images.items()):
-        pixels = [again.cameras[one.camera_id].img_from_cam(one.cam_from_world() * point) for point in POINTS]
+        pixels = [
+            again.cameras[one.camera_id].img_from_cam(one.cam_from_world() * point)
+            for point in POINTS
+        ]
         found[one.name] = rows(pixels)
     return found
 
 
 def nerfstudio(folder: Path) -> dict[str, Any]:
-    """From COLMAP's binary model of the first two cameras; the third has a lens that nerfstudio refuses."""
+    """From COLMAP's binary model of the first two cameras; the third has a lens that nerfstudio
+    refuses.
+    """
     import pycolmap
     import torch
 
@@ -156,7 +184,9 @@ def nerfstudio(folder: Path) -> dict[str, Any]:
     colmap_to_json(binary, folder / "nerfstudio")
     found = {}
     for frame in json.loads((folder / "nerfstudio" / "transforms.json").read_text())["frames"]:
-        distortion = torch.tensor([frame[key] for key in ("k1", "k2")] + [0, 0] + [frame[key] for key in ("p1", "p2")])
+        distortion = torch.tensor(
+            [frame[key] for key in ("k1", "k2")] + [0, 0] + [frame[key] for key in ("p1", "p2")]
+        )
         own = Cameras(
             torch.tensor(frame["transform_matrix"])[None, :3],
             *(float(frame[key]) for key in ("fl_x", "fl_y", "cx", "cy")),

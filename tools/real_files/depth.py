@@ -33,13 +33,17 @@ def depth_anything_3(folder: Path) -> None:
     from depth_anything_3.utils.export.npz import export_to_npz
 
     picture = np.zeros((1, *DEPTH.shape, 3), np.uint8)
-    found = Prediction(depth=DEPTH[None], is_metric=1, processed_images=picture, conf=np.ones_like(DEPTH)[None])
+    found = Prediction(
+        depth=DEPTH[None], is_metric=1, processed_images=picture, conf=np.ones_like(DEPTH)[None]
+    )
     with tempfile.TemporaryDirectory() as place:
         export_to_npz(found, place)
         for thread in threading.enumerate():  # it writes in a thread that no one waits for
             if thread is not threading.current_thread():
                 thread.join()
-        (folder / "depth_anything_3.npz").write_bytes(Path(place, "exports/npz/results.npz").read_bytes())
+        (folder / "depth_anything_3.npz").write_bytes(
+            Path(place, "exports/npz/results.npz").read_bytes()
+        )
 
 
 opencv(Path(sys.argv[1]))

@@ -1,7 +1,9 @@
-"""Make the keypoint files of the tests anew with the code of the tools that write them, from one invented pose.
+"""Make the keypoint files of the tests anew with the code of the tools that write them, from one
+invented pose.
 
     python -m venv venv
-    venv/bin/pip install ultralytics==8.4.190 mmpose==1.3.2 mmengine==0.10.7 mmcv-lite==2.2.0 rtmlib==0.0.16 \
+    venv/bin/pip install ultralytics==8.4.190 mmpose==1.3.2 mmengine==0.10.7 mmcv-lite==2.2.0
+    rtmlib==0.0.16 \
         transformers==5.23.0 label-studio-sdk==2.1.2 pycocotools==2.0.11
     YOLO_CONFIG_DIR=/tmp venv/bin/python tools/real_files/keypoints.py tests/io/keypoints [TOOL ...]
 
@@ -19,12 +21,13 @@ from typing import Any
 
 import numpy as np
 
-WIDTH, HEIGHT = 720, 1280
+WIDTH = 720
+HEIGHT = 1280
 BOX = (395.0, 420.0, 589.0, 1044.0)  # of the person, x0 y0 x1 y1
 # fmt: off
 POSE = np.array([
-    [524.26, 490.55], [526.76, 478.78], [512.2, 475.9], [519.56, 480.82], [490.52, 475.72], [537.58, 543.36],
-    [432.09, 550.91], [559.51, 625.14], [414.77, 650.46], [573.95, 702.31], [420.26, 736.28], [525.73, 729.12],
+    [524.26, 490.55], [526.76, 478.78], [512.2, 475.9], [519.56, 480.82], [490.52, 475.72], [537.58, 543.36],  # noqa: E501
+    [432.09, 550.91], [559.51, 625.14], [414.77, 650.46], [573.95, 702.31], [420.26, 736.28], [525.73, 729.12],  # noqa: E501
     [459.65, 736.26], [538.76, 854.64], [457.25, 861.54], [562.31, 976.59], [443.85, 979.6],
 ])
 # fmt: on
@@ -39,7 +42,9 @@ def ultralytics() -> str:
     picture = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     boxes = torch.tensor([[*BOX, SCORE, 0]])
     keypoints = torch.tensor(np.c_[POSE, np.full(17, SCORE)], dtype=torch.float32)[None]
-    return str(Results(picture, "photo.jpg", {0: "person"}, boxes=boxes, keypoints=keypoints).to_json())
+    return str(
+        Results(picture, "photo.jpg", {0: "person"}, boxes=boxes, keypoints=keypoints).to_json()
+    )
 
 
 def mmpose_inferencer() -> str:
@@ -64,7 +69,11 @@ def mmpose_results() -> str:
         sys.modules[f"xtcocotools{name}"] = import_module(f"pycocotools{name}")
     from mmpose.evaluation.metrics.coco_metric import CocoMetric
 
-    person = {"img_id": 7, "keypoints": np.c_[POSE, np.full(17, SCORE)].ravel().tolist(), "score": SCORE}
+    person = {
+        "img_id": 7,
+        "keypoints": np.c_[POSE, np.full(17, SCORE)].ravel().tolist(),
+        "score": SCORE,
+    }
     person |= {"bbox": np.float32(BOX), "category_id": 1, "area": 1.0}
     metric = object.__new__(CocoMetric)
     metric._dataset_meta = {"num_keypoints": 17}
@@ -74,12 +83,17 @@ def mmpose_results() -> str:
 
 
 def rtmlib() -> str:
-    """Return the arrays of ``RTMPose``, which its user stores as lists: SimCC bins of half a pixel of the input."""
+    """Return the arrays of ``RTMPose``, which its user stores as lists: SimCC bins of half a pixel
+    of the input.
+    """
     from rtmlib.tools.pose_estimation.rtmpose import RTMPose
 
-    size, scale, centre = np.array([192, 256]), np.array([480.0, 640.0]), np.array([492.0, 732.0])
+    size = np.array([192, 256])
+    scale = np.array([480.0, 640.0])
+    centre = np.array([492.0, 732.0])
     model: Any = object.__new__(RTMPose)
-    model.model_input_size, model.to_openpose = tuple(size), False
+    model.model_input_size = tuple(size)
+    model.to_openpose = False
     bins = [np.zeros((1, 17, 2 * side), np.float32) for side in size]
     at = np.rint((POSE - centre + scale / 2) / scale * size * 2).astype(int)
     for axis in (0, 1):
@@ -89,13 +103,16 @@ def rtmlib() -> str:
 
 
 def vitpose() -> str:
-    """Return ``post_process_pose_estimation`` of transformers as lists, by Gaussians in its heatmaps."""
+    """Return ``post_process_pose_estimation`` of transformers as lists, by Gaussians in its
+    heatmaps.
+    """
     import torch
     from transformers import VitPoseImageProcessorPil
     from transformers.models.vitpose.modeling_vitpose import VitPoseEstimatorOutput
 
     box = np.array([[BOX[0], BOX[1], BOX[2] - BOX[0], BOX[3] - BOX[1]]])
-    height, width = 1.25 * box[0, 3], 1.25 * box[0, 3] * 192 / 256
+    height = 1.25 * box[0, 3]
+    width = 1.25 * box[0, 3] * 192 / 256
     corner = box[0, :2] + box[0, 2:] / 2 - np.array([width, height]) / 2
     peaks = (POSE - corner) / np.array([width, height]) * np.array([47, 63])
     rows, columns = np.mgrid[:64, :48]
@@ -104,37 +121,85 @@ def vitpose() -> str:
     found = VitPoseImageProcessorPil().post_process_pose_estimation(
         VitPoseEstimatorOutput(heatmaps=heatmaps), boxes=[box]
     )
-    return json.dumps([[{key: value.tolist() for key, value in one.items()} for one in people] for people in found])
+    return json.dumps(
+        [
+            [{key: value.tolist() for key, value in one.items()} for one in people]
+            for people in found
+        ]
+    )
 
 
 def label_studio_coco() -> str:
-    """Return the COCO data set that Label Studio's converter makes of a task with keypoints in a rectangle."""
+    """Return the COCO data set that Label Studio's converter makes of a task with keypoints in a
+    rectangle.
+    """
     from label_studio_sdk.converter import Converter
 
-    names = ("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder")
+    names = (
+        "nose",
+        "left_eye",
+        "right_eye",
+        "left_ear",
+        "right_ear",
+        "left_shoulder",
+        "right_shoulder",
+    )
     config = (
-        '<View><Image name="image" value="$image"/><RectangleLabels name="box" toName="image"><Label value="person"/>'
+        '<View><Image name="image" value="$image"/><RectangleLabels name="box" '
+        'toName="image"><Label value="person"/>'
         '</RectangleLabels><KeyPointLabels name="joint" toName="image" model_index="person">'
         + "".join(f'<Label value="{name}" model_index="{i}"/>' for i, name in enumerate(names))
         + "</KeyPointLabels></View>"
     )
-    size = {"original_width": WIDTH, "original_height": HEIGHT, "image_rotation": 0, "to_name": "image"}
-    x0, y0, x1, y1 = (100 * value / side for value, side in zip(BOX, (WIDTH, HEIGHT) * 2, strict=True))
-    rectangle = {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0, "rotation": 0, "rectanglelabels": ["person"]}
+    size = {
+        "original_width": WIDTH,
+        "original_height": HEIGHT,
+        "image_rotation": 0,
+        "to_name": "image",
+    }
+    x0, y0, x1, y1 = (
+        100 * value / side for value, side in zip(BOX, (WIDTH, HEIGHT) * 2, strict=True)
+    )
+    rectangle = {
+        "x": x0,
+        "y": y0,
+        "width": x1 - x0,
+        "height": y1 - y0,
+        "rotation": 0,
+        "rectanglelabels": ["person"],
+    }
     marks: list[dict[str, Any]] = [
         {"id": "person", "from_name": "box", "type": "rectanglelabels", "value": rectangle, **size}
     ]
     for name, (x, y) in zip(names, POSE, strict=False):
-        place = {"x": 100 * (x + 0.5) / WIDTH, "y": 100 * (y + 0.5) / HEIGHT, "width": 0.5, "keypointlabels": [name]}
+        place = {
+            "x": 100 * (x + 0.5) / WIDTH,
+            "y": 100 * (y + 0.5) / HEIGHT,
+            "width": 0.5,
+            "keypointlabels": [name],
+        }
         marks.append(
-            {"id": name, "from_name": "joint", "type": "keypointlabels", "parentID": "person", "value": place, **size}
+            {
+                "id": name,
+                "from_name": "joint",
+                "type": "keypointlabels",
+                "parentID": "person",
+                "value": place,
+                **size,
+            }
         )
-    task = {"id": 1, "data": {"image": "/data/photo.jpg"}, "annotations": [{"id": 1, "result": marks}]}
+    task = {
+        "id": 1,
+        "data": {"image": "/data/photo.jpg"},
+        "annotations": [{"id": 1, "result": marks}],
+    }
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "task.json")
         source.write_text(json.dumps([task]))
         converter = Converter(config, folder, download_resources=False)
-        converter.convert_to_coco(str(source), f"{folder}/out", output_image_dir=folder, is_dir=False)
+        converter.convert_to_coco(
+            str(source), f"{folder}/out", output_image_dir=folder, is_dir=False
+        )
         return Path(folder, "out", "result.json").read_text()
 
 

@@ -19,43 +19,60 @@ if TYPE_CHECKING:
 
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 COMMIT = "2d2ffac1f0b4ebb5ca56fba0fee7c9c9ba65840b"
-"""Of the repository's train_control_lora_flux.py, which imports the pipeline; it was read there, and not run."""
-MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"
+"""Of the repository's train_control_lora_flux.py, which imports the pipeline; it was read there,
+and not run.
+"""
+MODULE = "pipeline_flux_control_removal"
+PIPELINE = "FluxControlRemovalPipeline"
 FLUX_PAGE = "https://huggingface.co/black-forest-labs/FLUX.1-dev"
 FLUX_BYTES = 34_000_000_000
 """Approximate size of the parts of FLUX.1-dev that the pipeline reads."""
 CHANNEL_FACTOR = 4
-"""Number of maps side by side in the transformer's input: noise, the photo with and without the object, the mask."""
+"""Number of maps side by side in the transformer's input: noise, the photo with and without the
+object, the mask.
+"""
 
 
 class OmniEraserOptions(Options):
     """Settings of OmniEraser; the defaults are those of PhySIC's released code."""
 
-    checkout: str = Field("", description="folder of a checkout of OmniEraser, which has its pipeline")
-    base: str = Field(
-        "black-forest-labs/FLUX.1-dev", description="FLUX.1-dev: a name in Hugging Face's cache, or a folder"
+    checkout: str = Field(
+        "", description="folder of a checkout of OmniEraser, which has its pipeline"
     )
-    weights: str = Field("omnieraser", description="a name of `physic weights list`, or the path of the LoRA's file")
+    base: str = Field(
+        "black-forest-labs/FLUX.1-dev",
+        description="FLUX.1-dev: a name in Hugging Face's cache, or a folder",
+    )
+    weights: str = Field(
+        "omnieraser", description="a name of `physic weights list`, or the path of the LoRA's file"
+    )
     offload: Literal["none", "model", "sequential"] = Field(
         "model",
-        description="what waits in the machine's memory until its turn: nothing (60 GB of GPU memory), whole networks "
+        description="what waits in the machine's memory until its turn: nothing (60 GB of GPU "
+        "memory), whole networks "
         "(40 GB), or each layer (a few GB, slow)",
     )
     side: int = Field(
-        1024, ge=256, le=10_000, multiple_of=16, description="side of the square that the photo is squashed to, px"
+        1024,
+        ge=256,
+        le=10_000,
+        multiple_of=16,
+        description="side of the square that the photo is squashed to, px",
     )
     steps: int = Field(28, ge=1, le=1000, description="of the diffusion; 20-50")
     guidance: float = Field(3.5, ge=0, le=100, description="how much the prompt counts; 2-5")
     seed: int = Field(42, ge=0, le=2**32 - 1, description="of the noise: another one, another fill")
-    prompt: str = Field("There is nothing here.", description="what is left when everything is gone")
+    prompt: str = Field(
+        "There is nothing here.", description="what is left when everything is gone"
+    )
     allow_cpu: bool = Field(False, description="run without a GPU all the same, for hours a photo")
 
 
 class OmniEraser(TorchBackend, Inpainter):
     """Inpainter: FLUX.1-dev with OmniEraser's LoRA, in the pipeline of its repository.
 
-    It takes shadows and mirror images of the removed out as far as the mask covers them: outside of the mask the photo
-    stays as it was.
+    It takes shadows and mirror images of the removed out as far as the mask covers them: outside of
+    the mask the photo stays as it was.
     """
 
     written_for = 1
@@ -76,7 +93,9 @@ class OmniEraser(TorchBackend, Inpainter):
     def load(self, device: str = "cpu") -> None:
         """Read FLUX.1-dev, widen its input layer, and add the LoRA. Nothing is downloaded."""
         if device == "cpu" and not self.options.allow_cpu:
-            raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")
+            raise DeviceError(
+                "OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter"
+            )
         super().load(device)
 
     def build(self, device: str) -> Any:
@@ -91,7 +110,9 @@ class OmniEraser(TorchBackend, Inpainter):
 
         here = {"torch_dtype": torch.bfloat16, "local_files_only": True}
         with self._checkout.activated():
-            transformer = FluxTransformer2DModel.from_pretrained(self.options.base, subfolder="transformer", **here)
+            transformer = FluxTransformer2DModel.from_pretrained(
+                self.options.base, subfolder="transformer", **here
+            )
             widen_input(transformer)
             pipeline = kind.from_pretrained(self.options.base, transformer=transformer, **here)
             pipeline.load_lora_weights(str(lora.parent), weight_name=lora.name)
@@ -121,7 +142,9 @@ class OmniEraser(TorchBackend, Inpainter):
         here = not self._missing_base_model()
         flux = UserFile("", self.options.base, advice, FLUX_PAGE, FLUX_BYTES, here)
         gigabytes = {"none": 60, "model": 40, "sequential": 8}[self.options.offload]
-        memory = GpuMemory(gigabytes, f"README of PhySIC's released code, for offload = '{self.options.offload}'")
+        memory = GpuMemory(
+            gigabytes, f"README of PhySIC's released code, for offload = '{self.options.offload}'"
+        )
         return (*self._checkout.requirements(), flux, memory)
 
     def fingerprint(self) -> str:
@@ -129,11 +152,13 @@ class OmniEraser(TorchBackend, Inpainter):
         return f"{super().fingerprint()} {self._checkout.fingerprint()}"
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
+        identical.
 
         Raises:
             InputError: the image is not a valid photo.
-            BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
+            BackendError: the mask has another size or leaves nothing to go by, or load() was not
+                called.
         """
         from physic_core.adapters.pictures import inpaint_masked
 
@@ -145,9 +170,16 @@ class OmniEraser(TorchBackend, Inpainter):
         import torch
         from PIL import Image
 
-        options, square = self.options, (self.options.side, self.options.side)
-        photo = Image.fromarray(np.ascontiguousarray(image)).resize(square, Image.Resampling.LANCZOS)
-        white = Image.fromarray(mask.astype(np.uint8) * 255).convert("RGB").resize(square, Image.Resampling.LANCZOS)
+        options = self.options
+        square = (self.options.side, self.options.side)
+        photo = Image.fromarray(np.ascontiguousarray(image)).resize(
+            square, Image.Resampling.LANCZOS
+        )
+        white = (
+            Image.fromarray(mask.astype(np.uint8) * 255)
+            .convert("RGB")
+            .resize(square, Image.Resampling.LANCZOS)
+        )
         cuda = [torch.device(self.device)] if self.device != "cpu" else []
         with self._checkout.activated(), torch.random.fork_rng(devices=cuda):
             torch.manual_seed(options.seed)  # the pipeline also draws from the common generator
@@ -169,7 +201,11 @@ class OmniEraser(TorchBackend, Inpainter):
         """Describe a missing FLUX.1-dev."""
         base = Path(os.path.expanduser(self.options.base))
         if base.is_dir():
-            return () if (base / "model_index.json").is_file() else (f"{base} is not a diffusers pipeline",)
+            return (
+                ()
+                if (base / "model_index.json").is_file()
+                else (f"{base} is not a diffusers pipeline",)
+            )
         try:
             from huggingface_hub import try_to_load_from_cache
 
@@ -178,14 +214,18 @@ class OmniEraser(TorchBackend, Inpainter):
         except (ImportError, ValueError):
             pass  # it is then sought by nobody, and missing all the same
         return (
-            f"{self.options.base} is not here (about 34 GB, non-commercial, an account with access): "
-            f"accept its licence on huggingface.co, then `hf auth login` and `hf download {self.options.base}`; "
+            f"{self.options.base} is not here (about 34 GB, non-commercial, an account with "
+            f"access): "
+            f"accept its licence on huggingface.co, then `hf auth login` and `hf download "
+            f"{self.options.base}`; "
             "or set base to a folder that has it",
         )
 
 
 def widen_input(transformer: Any) -> None:
-    """Widen the input layer of a FLUX transformer to four times as many channels; the new weights are zero."""
+    """Widen the input layer of a FLUX transformer to four times as many channels; the new weights
+    are zero.
+    """
     import torch
 
     old = transformer.x_embedder

@@ -60,7 +60,7 @@ PIPELINE = '''
             # Noise of both generators, as the diffusion and the encoding draw it.
             noise = torch.randn(1, generator=generator) + torch.randn(1)
             return Answer([Image.fromarray(np.clip(painted + noise.numpy(), 0, 255).astype(np.uint8))])
-'''
+'''  # noqa: E501
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,13 @@ def stand_in_files(tmp_path_factory):
     transformer().save_pretrained(base / "transformer")
     lora = tmp_path_factory.mktemp("lora") / "pytorch_lora_weights.safetensors"
     lora.write_bytes(b"lora")
-    return {"checkout": str(checkout), "base": str(base), "weights": str(lora), "side": 256, "allow_cpu": True}
+    return {
+        "checkout": str(checkout),
+        "base": str(base),
+        "weights": str(lora),
+        "side": 256,
+        "allow_cpu": True,
+    }
 
 
 @pytest.fixture
@@ -87,7 +93,7 @@ def no_packages_needed(monkeypatch):
 def transformer():
     torch.manual_seed(0)
     return diffusers.FluxTransformer2DModel(
-        patch_size=1, in_channels=4, num_layers=1, num_single_layers=1, attention_head_dim=16, num_attention_heads=2,
+        patch_size=1, in_channels=4, num_layers=1, num_single_layers=1, attention_head_dim=16, num_attention_heads=2,  # noqa: E501
         joint_attention_dim=32, pooled_projection_dim=32, axes_dims_rope=(4, 4, 8),
     )  # fmt: skip
 
@@ -109,7 +115,9 @@ def test_conformance(stand_in_files, no_packages_needed):
 
 
 def test_white_is_the_hole(stand_in_files):
-    """Read the other way round, the wall would be painted over from the red thing, and the thing would stay."""
+    """Read the other way round, the wall would be painted over from the red thing, and the thing
+    would stay.
+    """
     photo = np.full((60, 90, 3), (180, 170, 160), np.uint8)
     photo[hole()] = 255, 0, 0
     backend = loaded(stand_in_files)
@@ -130,7 +138,7 @@ def test_the_pipeline_is_called_as_in_the_released_code(stand_in_files):
     assert asked.pop("image").size == (256, 256)
     asked.pop("mask")
     assert asked == {
-        "prompt": "There is nothing here.", "height": 256, "width": 256, "steps": 28, "guidance": 3.5, "longest": 512,
+        "prompt": "There is nothing here.", "height": 256, "width": 256, "steps": 28, "guidance": 3.5, "longest": 512,  # noqa: E501
     }  # fmt: skip
 
 
@@ -162,7 +170,8 @@ def test_a_widened_transformer_gives_the_same_output():
 
 
 def test_masks_that_cannot_be_used(stand_in_files):
-    backend, photo = loaded(stand_in_files), np.zeros((60, 90, 3), np.uint8)
+    backend = loaded(stand_in_files)
+    photo = np.zeros((60, 90, 3), np.uint8)
     assert (backend.infer(photo, np.zeros((60, 90), bool)) == photo).all()
     with pytest.raises(BackendError, match="covers the whole image"):
         backend.infer(photo, np.ones((60, 90), bool))
@@ -179,7 +188,11 @@ def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     lack = "\n".join(OmniEraser(OmniEraserOptions(base=str(tmp_path / "none"))).missing())
-    for text in ("git clone https://github.com/PRIS-CV/Omnieraser", "hf download", "weights 'omnieraser'"):
+    for text in (
+        "git clone https://github.com/PRIS-CV/Omnieraser",
+        "hf download",
+        "weights 'omnieraser'",
+    ):
         assert text in lack
 
 

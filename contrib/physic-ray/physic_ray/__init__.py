@@ -1,4 +1,6 @@
-"""PhySIC on a Ray cluster: the executor "ray" of ``physic batch``, and :func:`reconstruct` for Ray Data."""
+"""PhySIC on a Ray cluster: the executor "ray" of ``physic batch``, and :func:`reconstruct` for Ray
+Data.
+"""
 
 from __future__ import annotations
 

@@ -18,20 +18,23 @@ from physic_core.errors import ConfigError
 _STORE_BYTES = 200_000_000  # rows are small; Ray's default takes 30 % of the memory
 _CONNECT_S = 10.0
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_BACKEND_LOG_LEVEL": "fatal"}
-# On Linux too, the ports of a cluster then are those of 127.0.0.1. Ray reads it when it is imported.
+# On Linux too, the ports of a cluster then are those of 127.0.0.1. Ray reads it when it is
+# imported.
 _LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
 @contextmanager
 def connected(address: str | None) -> Iterator[bool]:
-    """Connect this process to a cluster, and disconnect at the end; yield whether it was started here.
+    """Connect this process to a cluster, and disconnect at the end; yield whether it was started
+    here.
 
     A connection that this process already has is used and kept.
 
     Args:
-        address: of the cluster, "auto" or "HOST:6379"; this machine is one of its nodes. None for that of the
-            environment variable RAY_ADDRESS, or, without it, for a cluster that is started here and ended with this
-            process. It reports no usage statistics, has no dashboard, and listens on 127.0.0.1 only.
+        address: of the cluster, "auto" or "HOST:6379"; this machine is one of its nodes. None for
+            that of the environment variable RAY_ADDRESS, or, without it, for a cluster that is
+            started here and ended with this process. It reports no usage statistics, has no
+            dashboard, and listens on 127.0.0.1 only.
 
     Raises:
         ConfigError: the cluster cannot be reached, or has another version of Ray or Python.
@@ -47,7 +50,11 @@ def connected(address: str | None) -> Iterator[bool]:
         return
     if address is not None:
         _check_reachable(address)
-    own: dict[str, Any] = {"num_cpus": usable_cores(), "object_store_memory": _STORE_BYTES, "include_dashboard": False}
+    own: dict[str, Any] = {
+        "num_cpus": usable_cores(),
+        "object_store_memory": _STORE_BYTES,
+        "include_dashboard": False,
+    }
     # Ray reports lost nodes on stdout, which belongs to the results of a command.
     with _kept_signal_handler(), redirect_stdout(sys.stderr):
         try:
@@ -59,7 +66,9 @@ def connected(address: str | None) -> Iterator[bool]:
                     **(own if started else {}),
                 )
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-            where = f"reach the Ray cluster at {address}" if address else "start Ray on this machine"
+            where = (
+                f"reach the Ray cluster at {address}" if address else "start Ray on this machine"
+            )
             raise ConfigError(f"cannot {where}: {' '.join(str(error).split())}") from error
         try:
             yield started
@@ -74,7 +83,9 @@ def _check_reachable(address: str) -> None:
         try:
             socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
         except OSError as error:
-            raise ConfigError(f"cannot reach the Ray cluster at {address}: {error.strerror or error}") from error
+            raise ConfigError(
+                f"cannot reach the Ray cluster at {address}: {error.strerror or error}"
+            ) from error
 
 
 @contextmanager

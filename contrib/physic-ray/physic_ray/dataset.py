@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from physic_core import Config
 
 PHOTOS_OF_BLOCK = 16
-"""Photos of one task of Ray; what the loss of a node can cost is this much work for each of its workers."""
+"""Photos of one task of Ray; what the loss of a node can cost is this much work for each of its
+workers.
+"""
 
 _INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
@@ -42,23 +44,26 @@ def reconstruct(
     resources: Resources | None = None,
     checkpoint: str | None = None,
 ) -> ray.data.Dataset:
-    """Reconstruct the photos of a dataset, and return a dataset with one row for each; nothing runs before it is read.
+    """Reconstruct the photos of a dataset, and return a dataset with one row for each; nothing runs
+    before it is read.
 
-    The rows have the columns of the journal of ``physic batch``, then all numbers of ``Reconstruction.summary``, with
-    the same types in every block. A photo that fails is a row with its error.
+    The rows have the columns of the journal of ``physic batch``, then all numbers of
+    ``Reconstruction.summary``, with the same types in every block. A photo that fails is a row with
+    its error.
 
     Args:
-        dataset: rows with a column "path", absolute or a URI, and optionally "bytes" (content of the file, as of
-            ``ray.data.read_binary_files``; else the path is opened on the node), "camera", "stature" and "id".
+        dataset: rows with a column "path", absolute or a URI, and optionally "bytes" (content of
+            the file, as of ``ray.data.read_binary_files``; else the path is opened on the node),
+            "camera", "stature" and "id".
         config: as of :class:`physic_core.Pipeline`.
         save: the files to write for each photo, as of ``physic batch --save``.
         out: folder for these files, which all nodes see.
         timeout: of one photo, as of ``physic batch --timeout``; None for no limit.
         workers: most actors; None for as many as the cluster has room for.
         resources: what one actor reserves.
-        checkpoint: folder or URI that all nodes see, in which Ray Data keeps the ids of the rows that were written. The
-            same program again skips them. It needs a column "id" in the files that the dataset is read from, and
-            ``write_parquet`` or another write at the end.
+        checkpoint: folder or URI that all nodes see, in which Ray Data keeps the ids of the rows
+            that were written. The same program again skips them. It needs a column "id" in the
+            files that the dataset is read from, and ``write_parquet`` or another write at the end.
 
     Raises:
         ConfigError: the configuration or an argument is invalid.
@@ -75,7 +80,9 @@ def reconstruct(
         context.execution_no_progress_timeout_s = -1.0
     else:
         least = 2 * timeout * PHOTOS_OF_BLOCK
-        context.execution_no_progress_timeout_s = max(least, context.execution_no_progress_timeout_s)
+        context.execution_no_progress_timeout_s = max(
+            least, context.execution_no_progress_timeout_s
+        )
     if checkpoint is not None:
         _set_checkpoint(dataset, checkpoint, resources)
     pool = ray.data.ActorPoolStrategy(min_size=1, max_size=workers)
@@ -97,12 +104,15 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
     cpus = ray.cluster_resources().get("CPU", 0.0)
     if 0 < cpus < resources.cpus + _CPUS_OF_RAY_DATA:  # 0: the nodes are still to come
         raise ConfigError(
-            f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs beside those of the actors, or Ray Data waits for ever: the "
+            f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs beside those of the actors, or Ray Data "
+            f"waits for ever: the "
             f"cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
         )
     schema = dataset.schema(fetch_if_missing=False)
     if schema is not None and "id" not in schema.names:
-        raise ConfigError(f"a checkpoint needs a column 'id' in the dataset (got {', '.join(schema.names)})")
+        raise ConfigError(
+            f"a checkpoint needs a column 'id' in the dataset (got {', '.join(schema.names)})"
+        )
     if "://" not in folder:
         folder = os.path.abspath(folder)
         os.makedirs(folder, exist_ok=True)
@@ -136,7 +146,9 @@ class TableActor:
         """Return the rows of some photos."""
         rows = [self._reconstruct(photo) for photo in photos.to_pylist()]
         schema = schema_of_rows()
-        return pa.table({name: [row.get(name) for row in rows] for name in schema.names}, schema=schema)
+        return pa.table(
+            {name: [row.get(name) for row in rows] for name in schema.names}, schema=schema
+        )
 
     def _reconstruct(self, photo: Mapping[str, Any]) -> dict[str, Any]:
         item = photo_of_row(photo)
@@ -147,4 +159,8 @@ class TableActor:
             copy = Path(folder, "photo" + PurePosixPath(item.path).suffix)
             copy.write_bytes(content)
             row = self._worker(PhotoItem(item.id, str(copy), item.settings))
-        return row | {"path": item.path, "message": row["message"].replace(str(copy), item.path), "modified": None}
+        return row | {
+            "path": item.path,
+            "message": row["message"].replace(str(copy), item.path),
+            "modified": None,
+        }

@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from physic_core.batch.run import Executor
 
 MAX_INIT_DEATHS = 2
-"""Actors that may die one after the other while they are created. The backends load in a process of their own, so an
-actor dies only with its node, or where physic-ray is not installed; the third in a row ends the batch."""
+"""Actors that may die one after the other while they are created.
+
+The backends load in a process of their own, so an actor dies only with its node, or where
+physic-ray is not installed; the third in a row ends the batch.
+"""
 
 _MAX_BLOCKS = 20_000  # tasks of Ray: some milliseconds and kilobytes of the driver each
 
@@ -37,7 +40,9 @@ def ray_executor(settings: ExecutorSettings) -> Executor:
     Raises:
         ConfigError: an option is unknown, or invalid.
     """
-    return partial(run_on_ray, settings=settings, resources=Resources.from_options(settings.options))
+    return partial(
+        run_on_ray, settings=settings, resources=Resources.from_options(settings.options)
+    )
 
 
 def run_on_ray(
@@ -49,8 +54,8 @@ def run_on_ray(
 ) -> Generator[dict[str, Any], None, None]:
     """Yield a row for each photo, in any order; see :data:`physic_core.batch.run.Executor`.
 
-    All nodes must see the photos and the output folder under the same paths. A photo whose node is lost is done again
-    on another one. ``open_worker`` replaces the pipeline of the job.
+    All nodes must see the photos and the output folder under the same paths. A photo whose node is
+    lost is done again on another one. ``open_worker`` replaces the pipeline of the job.
 
     Raises:
         ConfigError: the cluster cannot be reached, or this machine is too small for a worker.
@@ -62,13 +67,19 @@ def run_on_ray(
     resources = (resources or Resources()).for_device(job.config.run.device)
     journal = min(map(str, Path(job.out).glob("journal*.jsonl")), default="")
     environment = environment_of_driver()
-    plan = WorkerPlan(job, settings.timeout, settings.logs, os.getcwd(), environment, journal, open_worker)
+    plan = WorkerPlan(
+        job, settings.timeout, settings.logs, os.getcwd(), environment, journal, open_worker
+    )
     with connected(settings.address) as started:
         yield from _rows(todo, plan, settings, resources, started)
 
 
 def _rows(
-    todo: list[str], plan: WorkerPlan, settings: ExecutorSettings, resources: Resources, started: bool
+    todo: list[str],
+    plan: WorkerPlan,
+    settings: ExecutorSettings,
+    resources: Resources,
+    started: bool,
 ) -> Generator[dict[str, Any], None, None]:
     import ray
     import ray.data
@@ -80,12 +91,17 @@ def _rows(
             "--executor-set cpus=..., gpus=... and memory_gb=... change that"
         )
     limit = min(settings.workers or len(todo), len(todo))
-    # With fewer than the default of two tasks in flight, Ray never adds an actor, as for a node that joins later.
-    pool = ray.data.ActorPoolStrategy(min_size=1, max_size=limit, initial_size=max(1, min(slots, limit)))
+    # With fewer than the default of two tasks in flight, Ray never adds an actor, as for a node
+    # that joins later.
+    pool = ray.data.ActorPoolStrategy(
+        min_size=1, max_size=limit, initial_size=max(1, min(slots, limit))
+    )
     blocks = min(len(todo), _MAX_BLOCKS)
     dataset = ray.data.from_items([{"item": text} for text in todo], override_num_blocks=blocks)
     _configure(dataset.context, settings.timeout, -(-len(todo) // blocks))
-    rows = dataset.map(JsonActor, fn_constructor_args=[plan], compute=pool, **resources.as_ray_arguments())
+    rows = dataset.map(
+        JsonActor, fn_constructor_args=[plan], compute=pool, **resources.as_ray_arguments()
+    )
     try:
         for answer in rows.iter_rows():
             row = json.loads(answer["row"])
@@ -102,14 +118,16 @@ def _configure(context: Any, timeout: float | None, photos_of_block: int) -> Non
     context.enable_progress_bars = False
     context.print_on_execution_start = False
     context.max_consecutive_actor_init_deaths = MAX_INIT_DEATHS
-    # Ray ends a dataset without progress after 30 minutes, which slow photos of one block may need. It still ends one
-    # that waits for a node that never comes.
+    # Ray ends a dataset without progress after 30 minutes, which slow photos of one block may need.
+    # It still ends one that waits for a node that never comes.
     longest = -1.0 if timeout is None else LOAD_LIMIT_S + 2 * timeout * photos_of_block
     context.execution_no_progress_timeout_s = longest
 
 
 def _last_line(error: BaseException) -> str:
-    """Return the last line of the error that caused others: Ray's messages end with that of the remote process."""
+    """Return the last line of the error that caused others: Ray's messages end with that of the
+    remote process.
+    """
     while error.__cause__ is not None and str(error.__cause__).strip():
         error = error.__cause__
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]

@@ -15,8 +15,10 @@ class Resources:
 
     Attributes:
         cpus: cores. A worker computes with one thread.
-        gpus: GPUs, such as 0.25 for four workers on one; None for 1 if the configuration names a GPU, else 0.
-        memory_gb: main memory, GB (1e9 bytes); 0 for no limit. The default fits the networks of ``physic-embedded``.
+        gpus: GPUs, such as 0.25 for four workers on one; None for 1 if the configuration names a
+            GPU, else 0.
+        memory_gb: main memory, GB (1e9 bytes); 0 for no limit. The default fits the networks of
+            ``physic-embedded``.
     """
 
     cpus: float = 1.0
@@ -41,7 +43,9 @@ class Resources:
         values = {}
         for name, text in options.items():
             if name not in known:
-                raise ConfigError(f"the executor 'ray' has no setting '{name}'; it has {', '.join(known)}")
+                raise ConfigError(
+                    f"the executor 'ray' has no setting '{name}'; it has {', '.join(known)}"
+                )
             try:
                 values[name] = float(text)
             except ValueError as error:
@@ -64,7 +68,9 @@ class Resources:
         total = 0
         for node in nodes:
             has = node["Resources"] if node["Alive"] else {}
-            total += min(int(has.get(name, 0.0) / amount) for name, amount in needed.items() if amount)
+            total += min(
+                int(has.get(name, 0.0) / amount) for name, amount in needed.items() if amount
+            )
         return total
 
     def __str__(self) -> str:

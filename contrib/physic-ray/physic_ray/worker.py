@@ -1,4 +1,6 @@
-"""The actor: it keeps one worker process open, in which the backends stay loaded, and turns photos into rows."""
+"""The actor: it keeps one worker process open, in which the backends stay loaded, and turns photos
+into rows.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ class WorkerPlan:
         logs: folder for what the workers print; None for none.
         folder: current folder of the workers, where it exists.
         environment: variables of the workers.
-        shared_file: a file that the driver sees in the output folder; "" for none. A node that does not see it would
-            write its results where nobody finds them.
+        shared_file: a file that the driver sees in the output folder; "" for none. A node that does
+            not see it would write its results where nobody finds them.
         open_worker: replaces the pipeline of the job.
     """
 
@@ -48,12 +50,15 @@ class WorkerPlan:
 
 
 def environment_of_driver() -> dict[str, str]:
-    """Return the variables of this process that PhySIC reads, so that it does the same on every node."""
+    """Return the variables of this process that PhySIC reads, so that it does the same on every
+    node.
+    """
     return {name: value for name, value in os.environ.items() if name.startswith("PHYSIC_")}
 
 
 class PhotoWorker:
-    """A loaded pipeline in a process of its own, which is replaced if a photo takes it down or hangs.
+    """A loaded pipeline in a process of its own, which is replaced if a photo takes it down or
+    hangs.
 
     Ray alone would repeat such a photo for ever, on one actor after the other.
 
@@ -73,8 +78,11 @@ class PhotoWorker:
                 os.chdir(plan.folder)
         logs = None if plan.logs is None else plan.logs / f"ray-{os.uname().nodename}-{os.getpid()}"
         self._waiting = deque[PhotoItem]()
-        photos = iter(self._waiting.popleft, None)  # read one at a time: it is never read while it is empty
-        self._rows = run_locally(photos, plan.job, WorkerSettings(1, plan.timeout, logs), plan.open_worker)
+        # read one at a time: it is never read while it is empty
+        photos = iter(self._waiting.popleft, None)
+        self._rows = run_locally(
+            photos, plan.job, WorkerSettings(1, plan.timeout, logs), plan.open_worker
+        )
 
     def __call__(self, item: PhotoItem) -> dict[str, Any]:
         """Return the row of a photo.
@@ -91,8 +99,9 @@ class PhotoWorker:
 class JsonActor:
     """Takes and returns JSON text, which is exact for every number and name; for the executor.
 
-    An error that concerns every photo becomes the row {"refused": class, "message": text}, so that the driver can raise
-    it as it is: an error in an actor would reach it as the text of a traceback.
+    An error that concerns every photo becomes the row {"refused": class, "message": text}, so that
+    the driver can raise it as it is: an error in an actor would reach it as the text of a
+    traceback.
     """
 
     def __init__(self, plan: WorkerPlan) -> None:
@@ -111,12 +120,18 @@ class JsonActor:
             except PhysicError as error:
                 self._refused = error
         if self._refused is not None:
-            answer = {"refused": type(self._refused).__name__, "message": str(self._refused), "node": _node()}
+            answer = {
+                "refused": type(self._refused).__name__,
+                "message": str(self._refused),
+                "node": _node(),
+            }
         return {"row": json.dumps(answer)}
 
 
 def encode_item(item: PhotoItem) -> str:
-    """Return a photo as ASCII text; names that are not UTF-8 survive, which Arrow's strings do not allow."""
+    """Return a photo as ASCII text; names that are not UTF-8 survive, which Arrow's strings do not
+    allow.
+    """
     return json.dumps([item.id, item.path, dict(item.settings), None, item.replaces])
 
 
@@ -143,7 +158,9 @@ def _node() -> str:
 
 @contextmanager
 def _hidden_main_module() -> Iterator[None]:
-    """Keep a process that is started here from importing the main script of Ray's worker, with all of Ray."""
+    """Keep a process that is started here from importing the main script of Ray's worker, with all
+    of Ray.
+    """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:

@@ -29,7 +29,13 @@ class Result:
         self._number = sum(content) / 7
 
     def summary(self) -> dict[str, float | None]:
-        return {"people": 1, "seconds": 0.5, "load_seconds": 0.0, "focal_px": self._number, "scene_scale": None}
+        return {
+            "people": 1,
+            "seconds": 0.5,
+            "load_seconds": 0.0,
+            "focal_px": self._number,
+            "scene_scale": None,
+        }
 
 
 def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Result:
@@ -41,7 +47,9 @@ def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Resul
     if name.startswith("hang"):
         time.sleep(600)
     if name.startswith("full"):
-        raise OutputError("cannot write results: No space left on device") from OSError(errno.ENOSPC, "")
+        raise OutputError("cannot write results: No space left on device") from OSError(
+            errno.ENOSPC, ""
+        )
     if name.startswith("nobody"):
         raise NoPersonError("no person was found")
     if name.startswith("broken"):

@@ -1,4 +1,6 @@
-"""A batch on a Ray cluster of two nodes on this machine: the rows of the local executor, whatever fails."""
+"""A batch on a Ray cluster of two nodes on this machine: the rows of the local executor, whatever
+fails.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ from physic_core.errors import BackendError, ConfigError, OutputError, PhysicErr
 from physic_ray.executor import run_on_ray
 from physic_ray.resources import Resources
 
-# Ray is imported after the variables that it reads. It leaves sockets and files to the end of the process.
+# Ray is imported after the variables that it reads. It leaves sockets and files to the end of the
+# process.
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore"),
@@ -50,7 +53,9 @@ def cluster() -> Iterator[Any]:
         node = {"num_cpus": 2, "object_store_memory": 100_000_000, "include_dashboard": False}
         cluster = Cluster(initialize_head=True, head_node_args=node)
         try:
-            cluster.second = cluster.add_node(**{k: v for k, v in node.items() if k != "include_dashboard"})
+            cluster.second = cluster.add_node(
+                **{k: v for k, v in node.items() if k != "include_dashboard"}
+            )
             yield cluster
         finally:
             cluster.shutdown()
@@ -76,27 +81,42 @@ def job_for(out: Path) -> BatchJob:
 
 
 def run(
-    photos: Path, job: BatchJob, executor: Callable[..., Any], on_row: Callable[..., None] = lambda row: None
+    photos: Path,
+    job: BatchJob,
+    executor: Callable[..., Any],
+    on_row: Callable[..., None] = lambda row: None,
 ) -> None:
     todo = plan_batch(list_photos([str(photos)]).photos, job).todo
     run_batch(todo, job, executor, Path(job.out) / "journal.jsonl", on_row)
 
 
-def on(cluster: Any, open_worker: Callable[[], Any], timeout: float | None = None) -> Callable[..., Any]:
+def on(
+    cluster: Any, open_worker: Callable[[], Any], timeout: float | None = None
+) -> Callable[..., Any]:
     settings = ExecutorSettings(timeout=timeout, address=cluster.address)
     return partial(run_on_ray, settings=settings, resources=RESOURCES, open_worker=open_worker)
 
 
 def comparable(out: Path) -> dict[str, dict[str, Any]]:
-    return {i: {k: v for k, v in row.items() if k not in TIMES} for i, row in read_journals(out).last.items()}
+    return {
+        i: {k: v for k, v in row.items() if k not in TIMES}
+        for i, row in read_journals(out).last.items()
+    }
 
 
-def test_thirty_photos_have_the_rows_of_the_local_executor(cluster: Any, standin: Any, tmp_path: Path):
+def test_thirty_photos_have_the_rows_of_the_local_executor(
+    cluster: Any, standin: Any, tmp_path: Path
+):
     names = [f"photo {i} é" for i in range(25)] + ["abort", "broken", "hang", "nobody", "nobody 2"]
     photos = make_photos(tmp_path / "photos", *names)
-    local, remote = job_for(tmp_path / "local"), job_for(tmp_path / "remote")
+    local = job_for(tmp_path / "local")
+    remote = job_for(tmp_path / "remote")
     workers = WorkerSettings(1, timeout=5.0)
-    run(photos, local, partial(run_locally, settings=workers, open_worker=partial(standin.open_worker, local)))
+    run(
+        photos,
+        local,
+        partial(run_locally, settings=workers, open_worker=partial(standin.open_worker, local)),
+    )
     run(photos, remote, on(cluster, partial(standin.open_worker, remote), timeout=5.0))
     rows = comparable(tmp_path / "remote")
     assert rows == comparable(tmp_path / "local")
@@ -113,7 +133,8 @@ def test_thirty_photos_have_the_rows_of_the_local_executor(cluster: Any, standin
 
 
 def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_path: Path):
-    photos, job = make_photos(tmp_path / "photos", *(f"p{i}" for i in range(24))), job_for(tmp_path / "out")
+    photos = make_photos(tmp_path / "photos", *(f"p{i}" for i in range(24)))
+    job = job_for(tmp_path / "out")
     count = Counter[str]()
 
     def kill_one_node(row: Any) -> None:
@@ -132,21 +153,35 @@ def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_pa
     ("name", "photo", "kind", "message"),
     [
         ("refuse", "a", ConfigError, "preset mock: 1 error"),
-        ("crash", "a", BackendError, "a worker ended while it loaded the backends: it was ended by SIGABRT"),
+        (
+            "crash",
+            "a",
+            BackendError,
+            "a worker ended while it loaded the backends: it was ended by SIGABRT",
+        ),
         ("open_worker", "full", OutputError, "cannot write results: No space left on device"),
     ],
 )
 def test_what_concerns_every_photo_ends_the_batch_with_one_message(
-    cluster: Any, standin: Any, tmp_path: Path, name: str, photo: str, kind: type[PhysicError], message: str
+    cluster: Any,
+    standin: Any,
+    tmp_path: Path,
+    name: str,
+    photo: str,
+    kind: type[PhysicError],
+    message: str,
 ):
-    photos, job = make_photos(tmp_path / "photos", photo), job_for(tmp_path / "out")
+    photos = make_photos(tmp_path / "photos", photo)
+    job = job_for(tmp_path / "out")
     with pytest.raises(kind) as error:
         run(photos, job, on(cluster, partial(getattr(standin, name), job)))
     assert re.sub(r" \(node [\d.]+\)$", "", str(error.value)) == message
     assert read_journals(tmp_path / "out").last == {}
 
 
-def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_written(cluster: Any, tmp_path: Path):
+def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_written(
+    cluster: Any, tmp_path: Path
+):
     import pyarrow.dataset
     import ray
     import ray.data
@@ -163,7 +198,9 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
 
     def write() -> list[dict[str, Any]]:
         photos = ray.data.read_csv(str(table))
-        rows = physic_ray.reconstruct(photos, "mock", resources=RESOURCES, checkpoint=str(tmp_path / "checkpoint"))
+        rows = physic_ray.reconstruct(
+            photos, "mock", resources=RESOURCES, checkpoint=str(tmp_path / "checkpoint")
+        )
         rows.write_parquet(str(tmp_path / "rows"))
         files = pyarrow.dataset.dataset(str(tmp_path / "rows"))
         assert files.schema == schema_of_rows()
@@ -187,7 +224,8 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
 
 def test_a_cluster_that_cannot_be_reached_is_one_message(tmp_path: Path):
     settings = ExecutorSettings(address="127.0.0.1:1")
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(tmp_path / "out")
+    photos = make_photos(tmp_path / "photos", "a")
+    job = job_for(tmp_path / "out")
     with pytest.raises(ConfigError, match=r"127\.0\.0\.1:1"):
         run(photos, job, partial(run_on_ray, settings=settings, resources=RESOURCES))
 

@@ -21,7 +21,11 @@ def test_options_are_attributes_of_resources():
     assert Resources().for_device("cuda:0").gpus == 1
     assert Resources().for_device("cpu").gpus == 0
     assert Resources(2.0, 0.5, 0.0).as_ray_arguments() == {"num_cpus": 2.0, "num_gpus": 0.5}
-    assert Resources().for_device("cpu").as_ray_arguments() == {"num_cpus": 1, "num_gpus": 0, "memory": 1_500_000_000}
+    assert Resources().for_device("cpu").as_ray_arguments() == {
+        "num_cpus": 1,
+        "num_gpus": 0,
+        "memory": 1_500_000_000,
+    }
 
 
 @pytest.mark.parametrize(
@@ -49,7 +53,9 @@ def test_workers_that_fit_on_the_nodes():
     assert Resources(memory_gb=500.0).count_slots(nodes) == 0
 
 
-def test_a_node_without_the_output_folder_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_a_node_without_the_output_folder_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
     monkeypatch.setattr("physic_ray.worker.VISIBLE_S", 0.0)
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
     actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))
@@ -62,7 +68,9 @@ def test_a_node_without_the_output_folder_is_refused(monkeypatch: pytest.MonkeyP
 def test_every_name_of_a_photo_reaches_the_worker():
     from physic_core.batch.photos import PhotoItem
 
-    item = PhotoItem("\udcff ü \U0001f600", "/photos/\udcff.jpg", {"focal_px": 900.5, "stature": [1.7, 1.8]})
+    item = PhotoItem(
+        "\udcff ü \U0001f600", "/photos/\udcff.jpg", {"focal_px": 900.5, "stature": [1.7, 1.8]}
+    )
     text = encode_item(item)
     assert text.isascii()
     assert decode_item(text) == item

@@ -1,1 +1,3 @@
-"""Bodies of other models converted to SMPL-X parameters and to other meshes: fits of surfaces and joints."""
+"""Bodies of other models converted to SMPL-X parameters and to other meshes: fits of surfaces and
+joints.
+"""

@@ -1,8 +1,9 @@
 """Convert bodies to another body model, and contact to another mesh, in closed form.
 
-The betas of two models are unrelated, and their joints are at different places of the same body. The surface is
-comparable if its point correspondence is known, the joints are roughly comparable. So bodies with a known surface are
-fitted to it, all others to their joints, with their rotations if both models have the same T-pose.
+The betas of two models are unrelated, and their joints are at different places of the same body.
+The surface is comparable if its point correspondence is known, the joints are roughly comparable.
+So bodies with a known surface are fitted to it, all others to their joints, with their rotations if
+both models have the same T-pose.
 """
 
 from __future__ import annotations
@@ -57,8 +58,10 @@ class ConvertedBodies:
     """Bodies after conversion to another model, with the residuals of the fit.
 
     Attributes:
-        bodies: of the new model, without joints and mesh; all NaN for people with too few known joints.
-        joints_m: (N,) mean distance of the known body joints, metres; it includes the difference of joint definitions.
+        bodies: of the new model, without joints and mesh; all NaN for people with too few known
+            joints.
+        joints_m: (N,) mean distance of the known body joints, metres; it includes the difference of
+            joint definitions.
         surface_m: (N,) mean distance of the surfaces, metres, or None without a mesh.
     """
 
@@ -79,7 +82,9 @@ class ConvertedBodies:
 
 def can_convert(bodies: Bodies, model: BodyModel) -> bool:
     """Return whether bodies have the joints or the mesh that a conversion to ``model`` needs."""
-    known = bodies.joints is not None or (bodies.mesh is not None and _has_correspondence(bodies.mesh, model))
+    known = bodies.joints is not None or (
+        bodies.mesh is not None and _has_correspondence(bodies.mesh, model)
+    )
     return known or bodies.body_model in (model.name, "embedded")
 
 
@@ -99,17 +104,25 @@ def convert_with_residuals(
         return ConvertedBodies(bodies, np.zeros(len(bodies.parameters)), None)
     if not can_convert(bodies, model):
         raise BodyModelError(
-            f"bodies for the body model '{bodies.body_model}' cannot be converted to '{model.name}': give the "
+            f"bodies for the body model '{bodies.body_model}' cannot be converted to "
+            f"'{model.name}': give the "
             "joints of SMPL-X (Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
         )
     joints, mesh = _joints_and_mesh(bodies, model)
     p = bodies.parameters
     pose = [*(getattr(p, name) for name, _ in ROTATION_FIELDS), p.transl]
-    known, usable = finite_rows(joints), finite_rows(np.concatenate(pose, 1))
-    usable &= has_torso_joints(known) if mesh is None else finite_rows(mesh.vertices.reshape(len(usable), -1))
+    known = finite_rows(joints)
+    usable = finite_rows(np.concatenate(pose, 1))
+    usable &= (
+        has_torso_joints(known)
+        if mesh is None
+        else finite_rows(mesh.vertices.reshape(len(usable), -1))
+    )
     surface_m = None
     if not usable.any():
-        fit = BodyFit(np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3)))
+        fit = BodyFit(
+            np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3))
+        )
     elif mesh is not None:
         fit, surface_m = _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[usable]), find)
     else:
@@ -143,7 +156,8 @@ def convert_contact(
         return contact
     if contact.rest is None:
         raise BodyModelError(
-            f"contact on the mesh '{contact.topology}' cannot be converted to '{model.topology}': give the mesh in "
+            f"contact on the mesh '{contact.topology}' cannot be converted to '{model.topology}': "
+            f"give the mesh in "
             "the T-pose (ContactProbability.rest)"
         )
     probability = find(contact.rest, model).interpolate(contact.probability[..., None])[..., 0]
@@ -155,7 +169,9 @@ def convert_contact(
 def replace_mesh_with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
     """Return bodies with the posed joints of their body model, and without a mesh."""
     p = bodies.parameters
-    given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression))
+    given = (
+        torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression)
+    )
     with torch.no_grad():
         joints = model(rotations_from_parameters(p), *given, joints_only=True).joints.cpu().numpy()
     return replace(bodies, joints=joints, mesh=None)
@@ -175,20 +191,26 @@ def _has_correspondence(mesh: Mesh, model: BodyModel) -> bool:
 
 def _same_topology(mesh: Mesh, model: BodyModel) -> bool:
     """Return whether the mesh has the model's topology."""
-    return mesh.name in (model.topology, model.name) and mesh.vertices.shape[1] == model.num_vertices
+    return (
+        mesh.name in (model.topology, model.name) and mesh.vertices.shape[1] == model.num_vertices
+    )
 
 
 def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | None]:
-    """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known correspondence.
+    """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known
+    correspondence.
 
     For the embedded body, both follow from its parameters.
     """
     joints = bodies.joints
-    mesh = bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
+    mesh = (
+        bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
+    )
     if bodies.body_model == "embedded" and joints is None and mesh is None:
         from physic_core.body import load_body
 
-        own, p = load_body("embedded"), bodies.parameters
+        own = load_body("embedded")
+        p = bodies.parameters
         with torch.no_grad():
             given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl))
             out = own(rotations_from_parameters(p), *given)
@@ -200,22 +222,28 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
     return joints.astype(np.float64), mesh
 
 
-def _fit_to_surface(model: BodyModel, mesh: Mesh, find: _FindCorrespondence) -> tuple[BodyFit, _Array]:
+def _fit_to_surface(
+    model: BodyModel, mesh: Mesh, find: _FindCorrespondence
+) -> tuple[BodyFit, _Array]:
     """Fit the model to posed meshes; return the fit and the mean distance (N,) in metres."""
     ids = sample_vertices(model)
     patches = SampledBodyModel.of(model, ids)
     if _same_topology(mesh, model):
-        points, weights, sigma = mesh.vertices[:, ids].astype(np.float64), np.ones(len(ids)), _OWN_SIGMA_M
+        points = mesh.vertices[:, ids].astype(np.float64)
+        weights = np.ones(len(ids))
+        sigma = _OWN_SIGMA_M
     else:
         assert mesh.rest is not None
         map_ = find(RestMesh(mesh.name, mesh.rest, mesh.faces), model).subset(ids)
-        points, weights, sigma = (
-            map_.interpolate(mesh.vertices.astype(np.float64)),
-            map_.sure.astype(np.float64),
-            SURFACE_SIGMA_M,
-        )
-    fit = fit_surface(patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma)
-    return fit, (np.linalg.norm(patches.posed(fit) - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
+        points = map_.interpolate(mesh.vertices.astype(np.float64))
+        weights = map_.sure.astype(np.float64)
+        sigma = SURFACE_SIGMA_M
+    fit = fit_surface(
+        patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma
+    )
+    return fit, (np.linalg.norm(patches.posed(fit) - points, axis=-1) * weights).sum(1) / max(
+        weights.sum(), 1.0
+    )
 
 
 def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyParameters:

@@ -1,7 +1,8 @@
 """Find the point correspondence between a body model and another mesh, from two T-poses.
 
-The model is fitted to the other mesh, bone by bone, as in fits to posed surfaces. Then each vertex is assigned the
-nearest surface point with a similar normal. No published correspondence file is needed.
+The model is fitted to the other mesh, bone by bone, as in fits to posed surfaces. Then each vertex
+is assigned the nearest surface point with a similar normal. No published correspondence file is
+needed.
 """
 
 from __future__ import annotations
@@ -16,7 +17,12 @@ from scipy.spatial import cKDTree
 
 from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
 from physic_core.body.convert.joint_fit import BodyFit
-from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
+from physic_core.body.convert.surface_fit import (
+    SampledBodyModel,
+    SurfaceTargets,
+    fit_surface,
+    sample_vertices,
+)
 from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
@@ -77,22 +83,32 @@ class SurfaceIndex:
         facing = (self.normals[candidates] * normals[:, None]).sum(-1)
         best = (apart + _NORMAL_M * (1 - facing)).argmin(1)
         row = np.arange(len(points))
-        return SurfacePoints(candidates[row, best], shares[row, best], apart[row, best], facing[row, best])
+        return SurfacePoints(
+            candidates[row, best], shares[row, best], apart[row, best], facing[row, best]
+        )
 
 
 def closest_barycentric(corners: _Array, points: _Array) -> _Array:
-    """Return barycentric coordinates (..., 3) of the points of triangles (..., 3, 3) nearest to ``points`` (..., 3)."""
+    """Return barycentric coordinates (..., 3) of the points of triangles (..., 3, 3) nearest to
+    ``points`` (..., 3).
+    """
     a, b, c = (corners[..., k, :] for k in range(3))
-    first, second, there = b - a, c - a, points - a
+    first = b - a
+    second = c - a
+    there = points - a
 
     def dot(u: _Array, v: _Array) -> _Array:
         product: _Array = (u * v).sum(-1)
         return product
 
-    d11, d12, d22 = dot(first, first), dot(first, second), dot(second, second)
-    d1, d2 = dot(there, first), dot(there, second)
+    d11 = dot(first, first)
+    d12 = dot(first, second)
+    d22 = dot(second, second)
+    d1 = dot(there, first)
+    d2 = dot(there, second)
     area = np.maximum(d11 * d22 - d12 * d12, 1e-30)
-    v, w = (d22 * d1 - d12 * d2) / area, (d11 * d2 - d12 * d1) / area
+    v = (d22 * d1 - d12 * d2) / area
+    w = (d11 * d2 - d12 * d1) / area
     inside = (v >= 0) & (w >= 0) & (v + w <= 1)
     # Otherwise it is on the nearest edge.
     along = [
@@ -137,7 +153,8 @@ class Correspondence:
     Attributes:
         corners: (V, 3) int64 vertices of the other mesh.
         shares: (V, 3) barycentric coordinates, not negative, with sum 1.
-        sure: (V,) bool, the point is near and its normal similar; elsewhere it is only the nearest one.
+        sure: (V,) bool, the point is near and its normal similar; elsewhere it is only the nearest
+            one.
     """
 
     corners: NDArray[np.int64]
@@ -145,7 +162,9 @@ class Correspondence:
     sure: NDArray[np.bool_]
 
     def interpolate(self, values: NDArray[np.floating]) -> _Array:
-        """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's vertices: (..., V, C)."""
+        """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's
+        vertices: (..., V, C).
+        """
         return sum(  # type: ignore[return-value]
             values[..., self.corners[:, k], :] * self.shares[:, k, None] for k in range(3)
         )
@@ -155,7 +174,9 @@ class Correspondence:
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
 
-def register_to_mesh(rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: _Array) -> BodyFit:
+def register_to_mesh(
+    rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: _Array
+) -> BodyFit:
     """Fit a body model to a mesh in the T-pose, by iterated closest points.
 
     Args:
@@ -172,9 +193,12 @@ def register_to_mesh(rest: RestMesh, model: BodyModel, patches: SampledBodyModel
         on = surface.nearest(patches.posed(fit)[0], facing)
         there = (on.shares[..., None] * rest.vertices[surface.faces[on.face]]).sum(1)
         weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
-        # At large distances, limbs move before single bones. In later rounds, vertices may slide along the surface.
+        # At large distances, limbs move before single bones. In later rounds, vertices may slide
+        # along the surface.
         glide = surface.normals[on.face][None] if step >= _ROUNDS // 3 else None
-        fit = fit_surface(patches, SurfaceTargets(there[None], weights, glide), 1, fit, stay_m2=reach**2)
+        fit = fit_surface(
+            patches, SurfaceTargets(there[None], weights, glide), 1, fit, stay_m2=reach**2
+        )
     return fit
 
 
@@ -196,14 +220,18 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & model.outer.cpu().numpy()
     if sure[model.outer.cpu().numpy()].mean() < 0.5:
         raise BodyModelError(
-            f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only {sure.mean():.0%} of its "
-            "vertices have a counterpart; give the mesh in a T-pose (y up, facing +z, its left on +x), in metres"
+            f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
+            f"{sure.mean():.0%} of its "
+            "vertices have a counterpart; give the mesh in a T-pose (y up, facing +z, its left on "
+            "+x), in metres"
         )
     return Correspondence(surface.faces[on.face], on.shares, sure)
 
 
 def _align_tips(rest: RestMesh, model: BodyModel) -> BodyFit:
-    """Fit crown, fingertips and toes of the model to those of the mesh, with rigid arms and legs."""
+    """Fit crown, fingertips and toes of the model to those of the mesh, with rigid arms and
+    legs.
+    """
     with torch.no_grad():
         mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
     patches = SampledBodyModel.of(model, _tips(mean))
@@ -223,7 +251,9 @@ def _align_tips(rest: RestMesh, model: BodyModel) -> BodyFit:
 
 
 def _tips(points: NDArray[np.floating]) -> NDArray[np.int64]:
-    """Return the vertex ids of the crown, the fingertips and the toes of a T-pose (V, 3), left before right."""
+    """Return the vertex ids of the crown, the fingertips and the toes of a T-pose (V, 3), left
+    before right.
+    """
     x, y, z = points.T
     low = y < y.min() + 0.1 * np.ptp(y)
     middle = (x.min() + x.max()) / 2
@@ -233,10 +263,16 @@ def _tips(points: NDArray[np.floating]) -> NDArray[np.int64]:
 
 def _check_body_extent(rest: RestMesh) -> None:
     """Raise BodyModelError if the extent of a mesh is not that of a body in a T-pose."""
-    low, high = rest.vertices.min(0), rest.vertices.max(0)
+    low = rest.vertices.min(0)
+    high = rest.vertices.max(0)
     wide, tall, deep = (float(v) for v in high - low)
-    if not _STATURE_M[0] < tall < _STATURE_M[1] or not 0.6 * tall < wide < 1.6 * tall or deep > 0.6 * tall:
+    if (
+        not _STATURE_M[0] < tall < _STATURE_M[1]
+        or not 0.6 * tall < wide < 1.6 * tall
+        or deep > 0.6 * tall
+    ):
         raise BodyModelError(
-            f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, which is not a body "
+            f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, "
+            f"which is not a body "
             "in a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
         )

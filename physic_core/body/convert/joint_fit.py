@@ -1,14 +1,16 @@
 """Fit a body model to the joints of another body, in closed form.
 
-Similar to fitting SMPL by parts (Sarandi and Pons-Moll, smplfitter): rotations by Kabsch, shape and translation by
-ridge regression, alternating. There are three differences. Hinges have larger weights than joints inside the trunk,
-since their positions differ between models. The weights depend on the residual, so that a model is recovered from its
-own joints. Limbs are aligned from their posed root, so that shape errors do not add up along the arm.
+Similar to fitting SMPL by parts (Sarandi and Pons-Moll, smplfitter): rotations by Kabsch, shape and
+translation by ridge regression, alternating. There are three differences. Hinges have larger
+weights than joints inside the trunk, since their positions differ between models. The weights
+depend on the residual, so that a model is recovered from its own joints. Limbs are aligned from
+their posed root, so that shape errors do not add up along the arm.
 
-Without rotations, these follow from the joints, of which some may be unknown. Trunk and head follow from directions
-between distant joints (hips, shoulders, spine), since the positions of joints inside the trunk differ between models.
-Limbs follow from the direction of each bone and from the hinge axis of knee or elbow; for a straight limb, from the
-foot or by the smallest rotation from the trunk.
+Without rotations, these follow from the joints, of which some may be unknown. Trunk and head follow
+from directions between distant joints (hips, shoulders, spine), since the positions of joints
+inside the trunk differ between models. Limbs follow from the direction of each bone and from the
+hinge axis of knee or elbow; for a straight limb, from the foot or by the smallest rotation from the
+trunk.
 """
 
 from __future__ import annotations
@@ -37,23 +39,37 @@ _Array = NDArray[np.float64]
 _Bools = NDArray[np.bool_]
 
 _HIPS, _KNEES, _ANKLES, _FEET = (joint_pair(name) for name in ("hip", "knee", "ankle", "foot"))
-_COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("collar", "shoulder", "elbow", "wrist"))
+_COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (
+    joint_pair(name) for name in ("collar", "shoulder", "elbow", "wrist")
+)
 _EYES = joint_pair("eye")
-_PELVIS, _SPINE1, _SPINE2, _SPINE3 = (JOINT_INDEX[name] for name in ("pelvis", "spine1", "spine2", "spine3"))
-_UPPER, _LOWER, _END = [*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]
+_PELVIS, _SPINE1, _SPINE2, _SPINE3 = (
+    JOINT_INDEX[name] for name in ("pelvis", "spine1", "spine2", "spine3")
+)
+_UPPER = [*_HIPS, *_SHOULDERS]
+_LOWER = [*_KNEES, *_ELBOWS]
+_END = [*_ANKLES, *_WRISTS]
 """Hips and shoulders, knees and elbows, ankles and wrists; left before right."""
 _HINGES = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0]])
 """Hinge axis of each knee and elbow in the T-pose."""
 _FINGERS = np.array(FINGER_JOINTS)
-_MIN_BEND, _FULL_BEND = 0.15, 0.4
-"""Sine of the hinge angle: below the first value the axis is unreliable, from the second it has full weight."""
-_BY_FOOT, _BY_TRUNK = 1.0, 0.3
+_MIN_BEND = 0.15
+_FULL_BEND = 0.4
+"""Sine of the hinge angle: below the first value the axis is unreliable, from the second it has
+full weight.
+"""
+_BY_FOOT = 1.0
+_BY_TRUNK = 0.3
 """Weights of the foot and of the trunk for the hinge axis of a straight limb."""
 
 
 def has_torso_joints(known: _Bools) -> _Bools:
-    """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known joints (B, 55)."""
-    complete: _Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
+    """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known
+    joints (B, 55).
+    """
+    complete: _Bools = known[:, _HIPS].all(1) & (
+        known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]]
+    )
     return complete
 
 
@@ -67,7 +83,8 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
     """Estimate the rotation of every bone relative to the T-pose.
 
     Args:
-        joints: (B, 55, 3) metres, NaN where unknown; of bodies with :func:`has_torso_joints` joints.
+        joints: (B, 55, 3) metres, NaN where unknown; of bodies with :func:`has_torso_joints`
+            joints.
         rest: (B, 55, 3) joints of the same body in the T-pose.
 
     Returns:
@@ -92,32 +109,49 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
 
 def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of pelvis, spine and collars."""
-    hips, rest_hips = joints[:, _HIPS].mean(1), rest[:, _HIPS].mean(1)
-    top, rest_top = _joint_or(joints, rest, known, "neck", joints[:, _SHOULDERS].mean(1), rest[:, _SHOULDERS].mean(1))
+    hips = joints[:, _HIPS].mean(1)
+    rest_hips = rest[:, _HIPS].mean(1)
+    top, rest_top = _joint_or(
+        joints, rest, known, "neck", joints[:, _SHOULDERS].mean(1), rest[:, _SHOULDERS].mean(1)
+    )
     middle, rest_middle = _joint_or(joints, rest, known, "spine3", top, rest_top)
     middle, rest_middle = _joint_or(joints, rest, known, "spine2", middle, rest_middle)
     low = _align([_left_minus_right(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
     # The upper trunk starts at the middle of the spine if that is known.
     same = (middle == top).all(-1, keepdims=True)
-    base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
+    base = np.where(same, hips, middle)
+    rest_base = np.where(same, rest_hips, rest_middle)
     wide = known[:, _SHOULDERS].all(-1, keepdims=True)
     across, rest_across = _left_minus_right(joints, rest, _SHOULDERS)
-    high = _align([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
+    high = _align(
+        [
+            (np.where(wide, across, rotate(low, rest_across)), rest_across),
+            (top - base, rest_top - rest_base),
+        ]
+    )
     world[:, _PELVIS], world[:, _SPINE3] = low, high
     world[:, _SPINE1], world[:, _SPINE2] = slerp(low, high, 1 / 3), slerp(low, high, 2 / 3)
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
-        # The distance of the shoulders depends on shape, so only their elevation and protraction are used.
+        # The distance of the shoulders depends on shape, so only their elevation and protraction
+        # are used.
         seen = known[:, shoulder]
-        middle_of = joints[:, _SHOULDERS].mean(1) - rotate(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
-        turn = rotation_between(rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of)
+        middle_of = joints[:, _SHOULDERS].mean(1) - rotate(
+            high, rest[:, _SHOULDERS].mean(1) - rest[:, collar]
+        )
+        turn = rotation_between(
+            rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of
+        )
         world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
 
 
 def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of neck, head, jaw and eyes."""
-    neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
+    neck = JOINT_INDEX["neck"]
+    head = JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
-    way = rotation_between(rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
+    way = rotation_between(
+        rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck]
+    )
     seen = (known[:, neck] & known[:, head])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
     looks = np.logical_and.reduce(known[:, [head, *_EYES]], axis=-1)[:, None, None]
@@ -143,18 +177,27 @@ def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
     lower_known = known[:, _LOWER] & known[:, _END]
-    upper = np.where(upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], rotate(above, first))
+    upper = np.where(
+        upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], rotate(above, first)
+    )
     default = rotation_between(rotate(above, first), upper)
     trunk = rotate(default @ above, _HINGES)
-    lower = np.where(lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second))
+    lower = np.where(
+        lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second)
+    )
     bend = cross(unit(upper), unit(lower))
     sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
     weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
     hint = _BY_TRUNK * trunk
     hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
     axis = weight * unit(bend) + (1 - weight) * unit(hint)
-    frames = [frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)]
-    for bones, seen, frame, rows in ((upper, upper_known, frames[0], _UPPER), (lower, lower_known, frames[1], _LOWER)):
+    frames = [
+        frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)
+    ]
+    for bones, seen, frame, rows in (
+        (upper, upper_known, frames[0], _UPPER),
+        (lower, lower_known, frames[1], _LOWER),
+    ):
         turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
@@ -183,7 +226,9 @@ def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     moments = np.einsum("bsf,bsfi,bsfk->bsik", seen.astype(float), stick, rest_stick)
     # Two fingers determine a frame; the small weight of the forearm removes a remaining ambiguity.
     enough_fingers = (seen.sum(-1) >= 2)[..., None, None]
-    hand = nearest_rotation(np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms)
+    hand = nearest_rotation(
+        np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms
+    )
     hand = np.where(enough_fingers, hand, arms)
     # The forearm takes half of the twist of the hand.
     forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
@@ -193,15 +238,21 @@ def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     above = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):
         if joint < 2:
-            here, there = _FINGERS[..., joint], _FINGERS[..., joint + 1]
+            here = _FINGERS[..., joint]
+            there = _FINGERS[..., joint + 1]
             way = rotate(above, rest[:, there] - rest[:, here])
             both_known = (known[:, here] & known[:, there])[..., None]
-            above = rotation_between(way, np.where(both_known, joints[:, there] - joints[:, here], way)) @ above
+            above = (
+                rotation_between(way, np.where(both_known, joints[:, there] - joints[:, here], way))
+                @ above
+            )
         world[:, _FINGERS[..., joint]] = above
 
 
 def _align(sticks: list[tuple[_Array, _Array]]) -> _Array:
-    """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair (B, 3)."""
+    """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair
+    (B, 3).
+    """
     moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
     return nearest_rotation(np.asarray(moments))
 
@@ -216,7 +267,9 @@ def _joint_or(
 
 
 def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_Array, _Array]:
-    """Return the vector from the right to the left joint of a pair, in the pose and in the T-pose."""
+    """Return the vector from the right to the left joint of a pair, in the pose and in the
+    T-pose.
+    """
     left, right = pair
     return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]
 
@@ -227,7 +280,9 @@ _MIN_RESIDUAL = 0.02
 _FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
 _HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
 _LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
-"""Joints of thighs and upper arms, then of shins and forearms, each with the joints at their ends."""
+"""Joints of thighs and upper arms, then of shins and forearms, each with the joints at their
+ends.
+"""
 
 _SIGMA_M = {
     "pelvis": 0.045,
@@ -273,9 +328,11 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
 
     Args:
         bones: of the model.
-        joints: (B, 55, 3) metres, NaN where unknown; hips, and shoulders or neck, are known in every row.
-        world: (B, 55, 3, 3) initial rotations relative to the T-pose, if the other model has the same one; only thighs,
-            shins, upper arms and forearms are corrected. None to estimate rotations from the joints.
+        joints: (B, 55, 3) metres, NaN where unknown; hips, and shoulders or neck, are known in
+            every row.
+        world: (B, 55, 3, 3) initial rotations relative to the T-pose, if the other model has the
+            same one; only thighs, shins, upper arms and forearms are corrected. None to estimate
+            rotations from the joints.
     """
     known = finite_rows(joints)
     if world is None:
@@ -291,7 +348,9 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
         betas, transl = fit_shape(
             bones.shape_jacobian(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights
         )
-        weights = known * _WEIGHT / _residual(bones.pose(turns, betas, transl) - targets, known * _WEIGHT)
+        weights = (
+            known * _WEIGHT / _residual(bones.pose(turns, betas, transl) - targets, known * _WEIGHT)
+        )
         if bare and not round_:
             turns = rotations_from_joints(joints, bones.rest(betas))
         turns = _align_limbs(bones, turns, betas, transl, targets, known)
@@ -308,7 +367,9 @@ def _exclude_unreachable(known: _Bools) -> _Bools:
 
 
 def _residual(gap: _Array, weights: _Array) -> _Array:
-    """Return the mean squared residual (B, 1), relative to the difference of two models; at most 1."""
+    """Return the mean squared residual (B, 1), relative to the difference of two models; at most
+    1.
+    """
     square = (weights * (gap * gap).sum(-1)).sum(1) / np.maximum(3 * (weights > 0).sum(1), 1)
     share: _Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
     return share

@@ -31,11 +31,15 @@ _UP = np.array(PARENTS[1:])
 
 _ROUNDS = 2
 SURFACE_SIGMA_M = 0.03
-"""Standard deviation of a vertex from another mesh, metres: residuals are correlated over the surface."""
+"""Standard deviation of a vertex from another mesh, metres: residuals are correlated over the
+surface.
+"""
 _VERTICES_PER_BONE = 20
 """Number of fitted vertices of each bone."""
 _MIN_WEIGHT = 0.1
-"""Minimum share of the weights of a bone that its points have; with less, the bone follows its parent."""
+"""Minimum share of the weights of a bone that its points have; with less, the bone follows its
+parent.
+"""
 _TANGENT_WEIGHT = 0.05
 """Weight of the residual along the surface, which points determine poorly."""
 _DAMPING_M2 = 1e-4
@@ -71,7 +75,8 @@ class SampledBodyModel:
     @classmethod
     def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> SampledBodyModel:
         """Extract the data of the vertices ``ids`` (n,) of a model."""
-        count, kinematics = model.num_betas, model.kinematics
+        count = model.num_betas
+        kinematics = model.kinematics
         skin = model.skin.subset(torch.as_tensor(ids, device=model.device))
         directions = skin.directions.cpu().permute(0, 2, 1)
         poses = directions[count + model.num_expression :].numpy()
@@ -84,8 +89,15 @@ class SampledBodyModel:
             correctives=poses if len(poses) else None,
             weights=skin.weights.T.double().cpu().numpy(),
             joints=kinematics.template.double().cpu().numpy(),
-            joint_directions=kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3),
-            bound=(eye if kinematics.bind_rot is None else kinematics.bind_rot).double().cpu().numpy(),
+            joint_directions=kinematics.directions[:count]
+            .double()
+            .cpu()
+            .numpy()
+            .reshape(count, NUM_JOINTS, 3),
+            bound=(eye if kinematics.bind_rot is None else kinematics.bind_rot)
+            .double()
+            .cpu()
+            .numpy(),
         )
 
     @cached_property
@@ -105,22 +117,33 @@ class SampledBodyModel:
             start: (B, n, 3) vertices of the mean shape, with no translation.
             slopes: (B, n, 3, K).
         """
-        batch, points, shapes = len(world), len(self.ids), len(self.directions)
+        batch = len(world)
+        points = len(self.ids)
+        shapes = len(self.directions)
         turns = world @ self.bound
-        by_vertex = matmul(self.weights, turns.reshape(batch, NUM_JOINTS, 9)).reshape(batch, points, 3, 3)
+        by_vertex = matmul(self.weights, turns.reshape(batch, NUM_JOINTS, 9)).reshape(
+            batch, points, 3, 3
+        )
         none = np.zeros((batch, shapes))
         places = self.bones.pose(world, none, np.zeros((batch, 3)))
         shifts = places - (turns @ self.joints[..., None])[..., 0]
         template = self.template
         if self.correctives is not None:
-            bent = (rotations_from_parents(world)[:, 1:] - np.eye(3)).reshape(batch, -1).astype(np.float32)
+            bent = (
+                (rotations_from_parents(world)[:, 1:] - np.eye(3))
+                .reshape(batch, -1)
+                .astype(np.float32)
+            )
             moved = matmul(bent, self.correctives.reshape(len(self.correctives), -1))
             template = template + moved.reshape(batch, points, 3)
         start = (by_vertex @ template[..., None])[..., 0] + matmul(self.weights, shifts)
-        joint_slopes = self.bones.shape_jacobian(world) - turns @ self.joint_directions.transpose(1, 2, 0)
+        joint_slopes = self.bones.shape_jacobian(world) - turns @ self.joint_directions.transpose(
+            1, 2, 0
+        )
         carried = matmul(self.weights, joint_slopes.reshape(batch, NUM_JOINTS, -1))
         slopes = carried.reshape(batch, points, 3, shapes)
-        # Three steps along contiguous rows: ten times as fast as a product of small matrices for each vertex.
+        # Three steps along contiguous rows: ten times as fast as a product of small matrices for
+        # each vertex.
         for axis, rows in enumerate(self.directions.transpose(2, 1, 0)):
             slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
@@ -128,18 +151,26 @@ class SampledBodyModel:
     def posed(self, fit: BodyFit) -> _Array:
         """Return the vertices (B, n, 3), metres, of fitted bodies."""
         start, slopes = self.linear(fit.world)
-        vertices: _Array = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
+        vertices: _Array = (
+            start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
+        )
         return vertices
 
     def lever_arms(self, world: _Array, betas: _Array) -> _Array:
-        """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x lever``.
+        """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x
+        lever``.
 
         The descendants of the bone move with it.
         """
-        batch, points = len(world), len(self.ids)
+        batch = len(world)
+        points = len(self.ids)
         turns = world @ self.bound
-        template = self.template + (betas @ self.directions.reshape(len(betas[0]), -1)).reshape(batch, points, 3)
-        joints = self.joints + (betas @ self.joint_directions.reshape(len(betas[0]), -1)).reshape(batch, NUM_JOINTS, 3)
+        template = self.template + (betas @ self.directions.reshape(len(betas[0]), -1)).reshape(
+            batch, points, 3
+        )
+        joints = self.joints + (betas @ self.joint_directions.reshape(len(betas[0]), -1)).reshape(
+            batch, NUM_JOINTS, 3
+        )
         own = matmul(template, turns.transpose(0, 3, 1, 2).reshape(batch, 3, 3 * NUM_JOINTS))
         own -= (turns @ joints[..., None]).reshape(batch, 1, 3 * NUM_JOINTS)
         levers = self.weights[..., None] * own.reshape(batch, points, NUM_JOINTS, 3)
@@ -148,7 +179,9 @@ class SampledBodyModel:
         offsets = self.bones.for_betas(betas)[:, 1:]
         bones = np.zeros((batch, NUM_JOINTS, NUM_JOINTS, 3))
         bones[:, next_, _UP] = (world[:, _UP] @ offsets[..., None])[..., 0]
-        levers += matmul(self.descendant_weights, bones.reshape(batch, NUM_JOINTS, -1)).reshape(levers.shape)
+        levers += matmul(self.descendant_weights, bones.reshape(batch, NUM_JOINTS, -1)).reshape(
+            levers.shape
+        )
         return levers
 
     @cached_property
@@ -158,7 +191,9 @@ class SampledBodyModel:
 
 
 def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> NDArray[np.int64]:
-    """Return the ids of at most ``per_bone`` outer vertices of each bone, evenly sampled by id, ascending."""
+    """Return the ids of at most ``per_bone`` outer vertices of each bone, evenly sampled by id,
+    ascending.
+    """
     owner = model.skin.weights.argmax(0).cpu().numpy()
     outer = model.outer.cpu().numpy()
     chosen = []
@@ -175,8 +210,9 @@ class SurfaceTargets:
     Attributes:
         points: (B, n, 3) metres, one for each vertex.
         weights: (B, n) in [0, 1]; 0 for a vertex without a point.
-        normals: (B, n, 3) unit, of the surface that the points are on, where a vertex may as well lie beside its point:
-            of the way along the surface only a share of _TANGENT_WEIGHT counts.
+        normals: (B, n, 3) unit, of the surface that the points are on, where a vertex may as well
+            lie beside its point: of the way along the surface only a share of _TANGENT_WEIGHT
+            counts.
     """
 
     points: _Array
@@ -195,62 +231,81 @@ def fit_surface(
 ) -> BodyFit:
     """Fit a body model to surface points with known correspondence.
 
-    Each bone is aligned with its points by Kabsch. Then Gauss-Newton rounds correct rotations, shape and translation
-    together.
+    Each bone is aligned with its points by Kabsch. Then Gauss-Newton rounds correct rotations,
+    shape and translation together.
 
     Args:
         patches: the vertices.
         targets: their points.
         rounds: number of Gauss-Newton rounds.
         start: initial bodies; None to align every bone from the T-pose.
-        sigma_m: standard deviation of a vertex from its point, metres; it sets the weight of the shape prior.
+        sigma_m: standard deviation of a vertex from its point, metres; it sets the weight of the
+            shape prior.
         stay_m2: square metres of levers below which a bone does not turn.
     """
-    points, weights, normals = targets.points, targets.weights, targets.normals
+    points = targets.points
+    weights = targets.weights
+    normals = targets.normals
     batch = len(points)
     held = (patches.rotation_weights[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
     if start is None:
         world = _follow_parents(_kabsch_rotations(patches, points, weights), held)
         at_rest, slopes = patches.linear(world)
         start = BodyFit(world, *fit_shape(slopes, at_rest, points, weights / sigma_m**2))
-    world, betas, transl = start.world, start.betas, start.transl
+    world = start.world
+    betas = start.betas
+    transl = start.transl
     root = np.sqrt(weights)[..., None] / sigma_m
     shapes = betas.shape[1]
-    stay = np.concatenate([np.full(3 * NUM_JOINTS, stay_m2 / sigma_m**2), np.ones(shapes), np.zeros(3)])
+    stay = np.concatenate(
+        [np.full(3 * NUM_JOINTS, stay_m2 / sigma_m**2), np.ones(shapes), np.zeros(3)]
+    )
     for _ in range(rounds):
         at_rest, slopes = patches.linear(world)
-        gap = root * (points - at_rest - (slopes @ betas[:, None, :, None])[..., 0] - transl[:, None])
+        gap = root * (
+            points - at_rest - (slopes @ betas[:, None, :, None])[..., 0] - transl[:, None]
+        )
         levers = root[..., None] * patches.lever_arms(world, betas)
         places = np.broadcast_to(np.eye(3), (*points.shape, 3))
         linear = root[..., None] * np.concatenate([slopes, places], -1)
         normal, pull = _normal_equations(levers, linear, gap)
         if normals is not None:
             across, along = _normal_equations_along(levers, linear, gap, normals)
-            normal, pull = _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
+            normal = _TANGENT_WEIGHT * normal + across
+            pull = _TANGENT_WEIGHT * pull + along
         pull[:, -shapes - 3 : -3] -= betas
         step = cholesky_solve(normal + np.diag(stay), pull)
         world = _follow_parents(
-            rotvec_to_rotmat_numpy(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held
+            rotvec_to_rotmat_numpy(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world,
+            held,
         )
-        betas, transl = betas + step[:, -shapes - 3 : -3], transl + step[:, -3:]
+        betas = betas + step[:, -shapes - 3 : -3]
+        transl = transl + step[:, -3:]
     return BodyFit(world, betas, transl)
 
 
 def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array) -> _Array:
-    """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points, by Kabsch."""
+    """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points,
+    by Kabsch.
+    """
     rest = np.broadcast_to(np.eye(3), (1, NUM_JOINTS, 3, 3))
     now = patches.linear(rest)[0]
     share = patches.rotation_weights * weights[:, None]
     total = np.maximum(share.sum(-1, keepdims=True), 1e-12)
     mean_now, mean_there = (matmul(share, p) / total for p in (now, points))
     # sum w (q - mean)(v - mean)^T
-    moments = np.stack([matmul(share * now[:, None, :, k], points) for k in range(3)], -1) / total[..., None]
+    moments = (
+        np.stack([matmul(share * now[:, None, :, k], points) for k in range(3)], -1)
+        / total[..., None]
+    )
     moments -= mean_there[..., :, None] * mean_now[..., None, :]
     return nearest_rotation(moments)
 
 
 def _follow_parents(world: _Array, held: NDArray[np.bool_]) -> _Array:
-    """Return rotations (B, 55, 3, 3) in which bones without points, (B, 55), follow their parents."""
+    """Return rotations (B, 55, 3, 3) in which bones without points, (B, 55), follow their
+    parents.
+    """
     turned = world.copy()
     for joint in range(1, NUM_JOINTS):
         loose = ~held[:, joint]
@@ -261,7 +316,8 @@ def _follow_parents(world: _Array, held: NDArray[np.bool_]) -> _Array:
 def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Array, _Array]:
     """Return the normal equations of small bone rotations w_j and of linear parameters.
 
-    A turn moves a vertex by ``w_j x lever``; with ``Q = sum lever_j lever_k^T``, two bones meet in ``tr(Q) 1 - Q^T``.
+    A turn moves a vertex by ``w_j x lever``; with ``Q = sum lever_j lever_k^T``, two bones meet in
+    ``tr(Q) 1 - Q^T``.
 
     Args:
         levers: (B, n, 55, 3).
@@ -272,18 +328,25 @@ def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Arr
         (B, 165 + M, 165 + M) and (B, 165 + M).
     """
     batch, points = gap.shape[:2]
-    turns, others = 3 * NUM_JOINTS, slopes.shape[-1]
+    turns = 3 * NUM_JOINTS
+    others = slopes.shape[-1]
     flat = np.swapaxes(levers.reshape(batch, points, turns), 1, 2)
     linear = slopes.reshape(batch, points, 3 * others)
     # float32 is enough for this product: convergence is the same, and the residual is in float64.
     short = flat.astype(np.float32)
-    met = matmul(short, np.swapaxes(short, 1, 2)).astype(np.float64).reshape(batch, NUM_JOINTS, 3, NUM_JOINTS, 3)
+    met = (
+        matmul(short, np.swapaxes(short, 1, 2))
+        .astype(np.float64)
+        .reshape(batch, NUM_JOINTS, 3, NUM_JOINTS, 3)
+    )
     normal = np.empty((batch, turns + others, turns + others))
     trace = met[:, :, 0, :, 0] + met[:, :, 1, :, 1] + met[:, :, 2, :, 2]
     corner = trace[:, :, None, :, None] * np.eye(3)[:, None, :] - met.transpose(0, 1, 4, 3, 2)
     normal[:, :turns, :turns] = corner.reshape(batch, turns, turns)
     both = matmul(flat, linear).reshape(batch, NUM_JOINTS, 3, 3, others)
-    normal[:, :turns, turns:] = _curl(both.transpose(0, 1, 4, 2, 3)).transpose(0, 1, 3, 2).reshape(batch, turns, others)
+    normal[:, :turns, turns:] = (
+        _curl(both.transpose(0, 1, 4, 2, 3)).transpose(0, 1, 3, 2).reshape(batch, turns, others)
+    )
     normal[:, turns:, :turns] = np.swapaxes(normal[:, :turns, turns:], 1, 2)
     design = slopes.reshape(batch, 3 * points, others)
     across = np.swapaxes(design, 1, 2)
@@ -298,13 +361,17 @@ def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Arr
     return normal, pull
 
 
-def _normal_equations_along(levers: _Array, slopes: _Array, gap: _Array, normals: _Array) -> tuple[_Array, _Array]:
+def _normal_equations_along(
+    levers: _Array, slopes: _Array, gap: _Array, normals: _Array
+) -> tuple[_Array, _Array]:
     """Return the normal equations of the residual along unit ``normals`` (B, n, 3).
 
     ``n . (w x lever) = w . (lever x n)``.
     """
     turns = cross(levers, normals[:, :, None])
-    design = np.concatenate([turns.reshape(*gap.shape[:2], -1), (normals[:, :, None] @ slopes)[:, :, 0]], -1)
+    design = np.concatenate(
+        [turns.reshape(*gap.shape[:2], -1), (normals[:, :, None] @ slopes)[:, :, 0]], -1
+    )
     across = np.swapaxes(design, 1, 2)
     return matmul(across, design), matmul(across, (normals * gap).sum(-1, keepdims=True))[..., 0]
 
@@ -312,4 +379,6 @@ def _normal_equations_along(levers: _Array, slopes: _Array, gap: _Array, normals
 def _curl(products: _Array) -> _Array:
     """Return ``sum a x b`` (..., 3) from ``sum a b^T`` (..., 3, 3)."""
     p = products
-    return np.stack([p[..., 1, 2] - p[..., 2, 1], p[..., 2, 0] - p[..., 0, 2], p[..., 0, 1] - p[..., 1, 0]], -1)
+    return np.stack(
+        [p[..., 1, 2] - p[..., 2, 1], p[..., 2, 0] - p[..., 0, 2], p[..., 0, 1] - p[..., 1, 0]], -1
+    )

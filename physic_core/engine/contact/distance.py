@@ -14,13 +14,20 @@ from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 
 SEARCH_RADIUS_M = 0.15
-"""Search radius, metres: larger distances are reported as inf. The contact thresholds of all presets are smaller."""
+"""Search radius, metres: larger distances are reported as inf.
 
-_POINT_SPACING_M = 0.02  # of scene points: a vertex between four of them is on the surface, not 1 cm from it
+The contact thresholds of all presets are smaller.
+"""
+
+# of scene points: a vertex between four of them is on the surface, not 1 cm from it
+_POINT_SPACING_M = 0.02
 
 DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]
-"""Function that returns distances (...) of vertices, metres. Its arguments: the offsets (..., 3) from the nearest scene
-points, the normals (..., 3) of these points, zero where unknown, and the lengths (...) of the offsets."""
+"""Function that returns distances (...) of vertices, metres.
+
+Its arguments: the offsets (..., 3) from the nearest scene points, the normals (..., 3) of these
+points, zero where unknown, and the lengths (...) of the offsets.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,8 +36,10 @@ class ContactSurfaces:
 
     Attributes:
         scene: scaled scene points near bodies, and samples of the floor if the method uses them.
-        row: (n,) int64, row of each of these points in ``JointProblem.scene_points``; -1 for samples of the floor.
-        floor: unit normal (3,) and offset in metres; None without a plane, or if its samples are in ``scene``.
+        row: (n,) int64, row of each of these points in ``JointProblem.scene_points``; -1 for
+            samples of the floor.
+        floor: unit normal (3,) and offset in metres; None without a plane, or if its samples are in
+            ``scene``.
     """
 
     scene: NearestPointSearch
@@ -40,12 +49,14 @@ class ContactSurfaces:
 
 @dataclass(frozen=True)
 class SurfaceDistances:
-    """Signed distances of vertices to scene and floor, metres: negative inside, inf beyond the search radius.
+    """Signed distances of vertices to scene and floor, metres: negative inside, inf beyond the
+    search radius.
 
     Attributes:
         scene: (..., V).
         floor: (..., V); inf without a plane.
-        point: (..., V) int64, nearest point of ``ContactSurfaces.scene``; 0 if none is within the search radius.
+        point: (..., V) int64, nearest point of ``ContactSurfaces.scene``; 0 if none is within the
+            search radius.
     """
 
     scene: Tensor
@@ -67,19 +78,23 @@ def nearby_surfaces(
     problem: JointProblem, vertices: Tensor, scale: float, floor: tuple[Tensor, float] | None
 ) -> ContactSurfaces:
     """Return the scaled scene near bodies (B, V, 3), metres, and a floor."""
-    points, normals = problem.scene_points * scale, problem.scene_normals
+    points = problem.scene_points * scale
+    normals = problem.scene_normals
     near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
     scene = NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M)
     return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
 
 
 def surface_distances(
-    vertices: Tensor, surfaces: ContactSurfaces, measure: DistanceMeasure, free: Tensor | None = None
+    vertices: Tensor,
+    surfaces: ContactSurfaces,
+    measure: DistanceMeasure,
+    free: Tensor | None = None,
 ) -> SurfaceDistances:
     """Return the signed distances of vertices (..., V, 3), metres, to scene and floor.
 
-    The distance is positive at points without a normal, and for vertices in free space, ``free`` (..., V) bool, see
-    :mod:`physic_core.geometry.visibility`.
+    The distance is positive at points without a normal, and for vertices in free space, ``free``
+    (..., V) bool, see :mod:`physic_core.geometry.visibility`.
     """
     scene = surfaces.scene
     nearest = scene.query(vertices, radius=SEARCH_RADIUS_M)
@@ -101,7 +116,9 @@ def surface_distances(
 
 
 def distance_along_normal(offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
-    """Measure along the normal of the nearest point, and add the lateral distance beyond the rim of a surface."""
+    """Measure along the normal of the nearest point, and add the lateral distance beyond the rim of
+    a surface.
+    """
     along = (normals * offsets).sum(-1)
     beside = (offsets - along[..., None] * normals).norm(dim=-1)
     plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())

@@ -1,11 +1,13 @@
-"""Features of the probability of contact with skin and objects: one column per reason for or against it.
+"""Features of the probability of contact with skin and objects: one column per reason for or
+against it.
 
-A new feature is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances enter as
-logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
+A new feature is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances
+enter as logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
 
-All vertices of a body part share the errors of the part's position. Therefore the *gap* of a part to a surface is one
-feature, and the *rise* of a vertex, its distance minus the gap, is another, which is far more accurate. The gap is the
-fifth smallest distance of its vertices, which is robust to outliers.
+All vertices of a body part share the errors of the part's position. Therefore the *gap* of a part
+to a surface is one feature, and the *rise* of a vertex, its distance minus the gap, is another,
+which is far more accurate. The gap is the fifth smallest distance of its vertices, which is robust
+to outliers.
 """
 
 from __future__ import annotations
@@ -26,7 +28,12 @@ from physic_core.engine.contact.distance import (
 )
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
-from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
+from physic_core.engine.contact.skin import (
+    OWN_RADIUS_M,
+    SkinDistances,
+    own_distances,
+    people_distances,
+)
 from physic_core.engine.limbs import hip_bends
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
@@ -46,7 +53,8 @@ _GAP_VERTICES = 5
 
 @dataclass(frozen=True)
 class Distances:
-    """Distances of the vertices of N people to everything that they may touch, metres; inf beyond the search radius.
+    """Distances of the vertices of N people to everything that they may touch, metres; inf beyond
+    the search radius.
 
     Attributes:
         normals: (N, V, 3) unit, out of the bodies.
@@ -69,22 +77,36 @@ class Distances:
         """Signed distances (K, N, V), in the order of :data:`KINDS`."""
         far = torch.full_like(self.surface.scene, torch.inf)
         to_object = far if self.objects is None else self.objects.distance
-        return torch.stack([self.surface.nearest, self.people.distance, self.own.distance, to_object])
+        return torch.stack(
+            [self.surface.nearest, self.people.distance, self.own.distance, to_object]
+        )
 
 
-def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bool = True) -> Distances:
-    """Measure the distances to scene, floor and small objects, and to ``skin`` of other people and the same body."""
-    model, vertices, around = given.model, given.vertices, given.surfaces
+def measure_distances(
+    given: ContactInput, measure: DistanceMeasure, *, skin: bool = True
+) -> Distances:
+    """Measure the distances to scene, floor and small objects, and to ``skin`` of other people and
+    the same body.
+    """
+    model = given.model
+    vertices = given.vertices
+    around = given.surfaces
     normals = vertex_normals(vertices, model.faces)
     surface = surface_distances(vertices, around, measure, given.free)
     height = None
     if given.plane is not None:
-        height = height_over_plane(around.scene.points, given.up, vertices.new_tensor(given.plane[1]))
-    parts = scene_parts(around.scene.points, around.scene.normals, around.row, given.classes, height, given.up)
+        height = height_over_plane(
+            around.scene.points, given.up, vertices.new_tensor(given.plane[1])
+        )
+    parts = scene_parts(
+        around.scene.points, around.scene.normals, around.row, given.classes, height, given.up
+    )
     if skin:
         rest = model(*model.zero_pose()).vertices[0]
         people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
-        own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest, OWN_RADIUS_M)
+        own = own_distances(
+            vertices, normals, model.outer, model.part_of_vertex, rest, OWN_RADIUS_M
+        )
     else:
         people = own = SkinDistances.none(vertices)
     objects = None
@@ -103,29 +125,37 @@ def feature_columns(given: ContactInput, near: Distances) -> dict[str, Columns]:
         whose = part + len(given.model.part_names) * near.people.person
         columns["person"] = _skin_columns(given, near.people, whose)
     if near.objects is not None:
-        columns["object"] = _shared_columns(near.objects.distance, part.expand_as(near.objects.object), given.seen)
+        columns["object"] = _shared_columns(
+            near.objects.distance, part.expand_as(near.objects.object), given.seen
+        )
     return columns
 
 
 def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
-    """Return the gap (N, V) of the group of each vertex: the fifth smallest of its finite distances; inf without any.
+    """Return the gap (N, V) of the group of each vertex: the fifth smallest of its finite
+    distances; inf without any.
 
     Args:
         distance: (N, V) signed, metres; inf where nothing is near.
         group: (N, V) int64; vertices of one person and group share their errors.
     """
-    values, groups = distance.detach().cpu().numpy(), group.cpu().numpy()
+    values = distance.detach().cpu().numpy()
+    groups = group.cpu().numpy()
     gaps = np.full(values.shape, np.inf)
     for own, number, gap in zip(values, groups, gaps, strict=True):
         known = np.flatnonzero(np.isfinite(own))
         order = known[np.lexsort((own[known], number[known]))]
-        _, first, inverse, count = np.unique(number[order], return_index=True, return_inverse=True, return_counts=True)
+        _, first, inverse, count = np.unique(
+            number[order], return_index=True, return_inverse=True, return_counts=True
+        )
         gap[order] = own[order][first + np.minimum(count, _GAP_VERTICES) - 1][inverse]
     return torch.from_numpy(gaps).to(distance)
 
 
 def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, Tensor]:
-    """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share their errors."""
+    """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share
+    their errors.
+    """
     near = torch.isfinite(distance)
     gap = part_gaps(distance, group)
     d, gap = (torch.where(torch.isfinite(x), x, SEARCH_RADIUS_M) for x in (distance, gap))
@@ -150,12 +180,17 @@ def _skin_columns(given: ContactInput, skin: SkinDistances, group: Tensor) -> di
 
 def _own_columns(given: ContactInput, skin: SkinDistances) -> dict[str, Tensor]:
     """Return the columns (N, V) of contact with the same body."""
-    part, hands, thighs = given.model.part_of_vertex, given.part("hand"), given.part("upper_leg")
+    part = given.model.part_of_vertex
+    hands = given.part("hand")
+    thighs = given.part("upper_leg")
     arms = given.part("hand", "lower_arm")
     near = torch.isfinite(skin.distance)
-    # One of two clasped hands usually hides the other: the place of a hand that the photo shows is known.
+    # One of two clasped hands usually hides the other: the place of a hand that the photo shows is
+    # known.
     seen = given.seen | (given.seen & hands).gather(1, skin.vertex)
-    shared = _shared_columns(skin.distance, part * len(given.model.part_names) + part[skin.vertex], seen)
+    shared = _shared_columns(
+        skin.distance, part * len(given.model.part_names) + part[skin.vertex], seen
+    )
     straight = hip_bends(given.joints) < _STRAIGHT_HIP
     hip = straight[:, given.part("right_upper_leg", "right_hand", "right_lower_arm").long()]
     at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])

@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
+from physic_core.engine.contact.distance import (
+    ContactSurfaces,
+    distance_along_normal,
+    nearby_surfaces,
+)
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
 from physic_core.engine.contact.parts import contact_parts, scene_contact
 from physic_core.engine.contact.probability import contact_model
@@ -29,8 +33,8 @@ class Touch:
     Attributes:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
         probability: (N, V) of contact with anything; None if the method estimates none.
-        parts: body part -> (N,) probability that it touches scene or floor; empty if the method estimates none. See
-            :mod:`physic_core.engine.contact.parts`.
+        parts: body part -> (N,) probability that it touches scene or floor; empty if the method
+            estimates none. See :mod:`physic_core.engine.contact.parts`.
     """
 
     kind: Tensor
@@ -39,7 +43,9 @@ class Touch:
 
     @staticmethod
     def of_rank(rank: Tensor, touches: Tensor, probability: Tensor | None) -> Touch:
-        """Return the kind of contact with the highest rank (K, N, V) where a vertex ``touches`` (N, V) bool."""
+        """Return the kind of contact with the highest rank (K, N, V) where a vertex ``touches`` (N,
+        V) bool.
+        """
         return Touch(torch.where(touches, rank.argmax(0), -1), probability)
 
 
@@ -48,27 +54,41 @@ class ContactMethod:
     """Stage 4 of preset "default": what each vertex touches, and what supports each person."""
 
     threshold: Share = 0.35
-    """Minimum probability of a vertex in contact. 0.35 has the best F1 on held-out worlds, both for visible and for
-    invisible limbs."""
+    """Minimum probability of a vertex in contact.
+
+    0.35 has the best F1 on held-out worlds, both for visible and for invisible limbs.
+    """
     skin_threshold: Share = 0.16
-    """The same for contact with other people and with the person's own body, which is less certain. 0.16 has an F1 of
-    .21 there, and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
+    """The same for contact with other people and with the person's own body, which is less certain.
+
+    0.16 has an F1 of .21 there, and 0.12 one of .22, with half more vertices on body parts that
+    touch no skin.
+    """
     people: bool = True
     """Whether to estimate contact with other people and with the person's own body."""
     objects: bool = True
     """Whether people may touch small objects in hands and on laps, which are not part of the scene
     (:mod:`physic_core.engine.contact.objects`)."""
     assume_supports: bool = True
-    """Whether people without support in the scene may touch a hidden support, such as a seat or a bar in their hands
-    (:mod:`physic_core.engine.contact.support`)."""
+    """Whether people without support in the scene may touch a hidden support, such as a seat or a
+    bar in their hands (:mod:`physic_core.engine.contact.support`).
+    """
 
     def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
-        """Return what bodies (B, V, 3), metres, may touch: the scaled scene near them, and the plane of the floor."""
-        floor = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * scale)
+        """Return what bodies (B, V, 3), metres, may touch: the scaled scene near them, and the
+        plane of the floor.
+        """
+        floor = (
+            None
+            if problem.floor_normal is None
+            else (problem.floor_normal, problem.floor_offset * scale)
+        )
         return nearby_surfaces(problem, vertices, scale, floor)
 
     def free_vertices(self, problem: JointProblem, vertices: Tensor, scale: float) -> Tensor | None:
-        """Return the vertices (B, V) bool in space that the photo shows to be free; None if no depth is known."""
+        """Return the vertices (B, V) bool in space that the photo shows to be free; None if no
+        depth is known.
+        """
         if problem.scene_depth is None:
             return None
         return in_free_space(vertices / scale, front_depth(problem.scene_depth), problem.K)

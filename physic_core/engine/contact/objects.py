@@ -1,8 +1,8 @@
 """Small objects that people hold or have on their laps, and the distances of body vertices to them.
 
-A photo shows only the front of an object. Its depth is inferred from the width of its front: at a pixel ``r`` metres
-from the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r (2 R - r))`` thick, like a ball. Camera
-frame, metres.
+A photo shows only the front of an object. Its depth is inferred from the width of its front: at a
+pixel ``r`` metres from the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r
+(2 R - r))`` thick, like a ball. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from torch import Tensor
 from physic_core.geometry.camera import project
 from physic_core.geometry.pointmap import depth_to_pointmap
 
-_MAX_DEPTH_SPREAD = 0.15  # of the median depth: pixels farther from it show what is behind the object
+# of the median depth: pixels farther from it show what is behind the object
+_MAX_DEPTH_SPREAD = 0.15
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,8 @@ class HeldObjects:
     Attributes:
         masks: (K, H, W) bool, visible pixels of each object.
         depth: (H, W) metres along z of the photo, NaN where unknown.
-        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object has the same distance from
-            its holder as in the photo. A person with NaN touches no object.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object has the
+            same distance from its holder as in the photo. A person with NaN touches no object.
         K: (3, 3) px.
     """
 
@@ -43,7 +44,8 @@ class ObjectDistances:
     """Nearest object of each vertex.
 
     Attributes:
-        distance: (N, V) signed, metres, negative inside; inf if no object is within the search radius.
+        distance: (N, V) signed, metres, negative inside; inf if no object is within the search
+            radius.
         object: (N, V) int64, index of that object; 0 if there is none.
     """
 
@@ -77,7 +79,9 @@ def object_distances(vertices: Tensor, objects: HeldObjects, radius: float) -> O
 
 
 def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:
-    """Return the visible points (H, W, 3) of an object, NaN elsewhere, and its thickness (H, W), metres along z."""
+    """Return the visible points (H, W, 3) of an object, NaN elsewhere, and its thickness (H, W),
+    metres along z.
+    """
     import cv2
 
     z = points[..., 2]
@@ -95,18 +99,23 @@ def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tenso
     return torch.where(known[..., None], points, torch.nan), thickness
 
 
-def _distance_to(vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor, radius: float) -> Tensor:
+def _distance_to(
+    vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor, radius: float
+) -> Tensor:
     """Return the signed distance (V,) of vertices (V, 3) to an object, inf beyond the radius."""
     known = torch.isfinite(front[..., 2])
     ahead = front[known]
     behind = ahead * (1 + thickness[known] / ahead[:, 2])[:, None]
-    tree = cKDTree(torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False)
+    tree = cKDTree(
+        torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False
+    )
     apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=radius)
     distance = torch.from_numpy(apart).to(vertices)
     height, width = known.shape
     column, row = project(vertices, K).round().unbind(-1)
     inside = (vertices[:, 2] > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     pixel = torch.where(inside, row * width + column, 0.0).long()
-    z, depth = vertices[:, 2], front[..., 2].flatten()[pixel]
+    z = vertices[:, 2]
+    depth = front[..., 2].flatten()[pixel]
     inside = inside & (z > depth) & (z < depth + thickness.flatten()[pixel])
     return torch.where(inside & torch.isfinite(distance), -distance, distance)

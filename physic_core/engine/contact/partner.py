@@ -1,4 +1,6 @@
-"""Partner of each contact vertex: floor, part of the scene, skin, held object, or a hidden support."""
+"""Partner of each contact vertex: floor, part of the scene, skin, held object, or a hidden
+support.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_
 from physic_core.engine.contact.scene_parts import UPRIGHT_CLASSES
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
-HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
+HIDDEN = len(KINDS)
+HIDDEN_SEAT = len(KINDS) + 1
 """Further partners of a vertex, beside those of ``KINDS``: a hidden support, or a hidden seat."""
 
 DECIMALS = 4
@@ -23,7 +26,9 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
-_RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests on what it touches
+# cosine between up and the mean normal of touching skin; below it, the part rests on what it
+# touches
+_RESTS = -0.3
 
 
 @dataclass(frozen=True)
@@ -46,18 +51,19 @@ def assign_partners(
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
-    A surface has the most frequent class of its points. A class on which nothing rests, such as "wall", does not name
-    what lies under a sole or a seat: the surface is then nameless there.
+    A surface has the most frequent class of its points. A class on which nothing rests, such as
+    "wall", does not name what lies under a sole or a seat: the surface is then nameless there.
 
     Args:
-        touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or :data:`HIDDEN_SEAT`; -1
-            without contact.
+        touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or
+            :data:`HIDDEN_SEAT`; -1 without contact.
         near: distances to all of these.
         regions: body parts.
         up: (3,) unit.
 
     Returns:
-        All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without contact.
+        All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without
+        contact.
     """
     index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
     table: list[ContactPartner] = []
@@ -67,14 +73,17 @@ def assign_partners(
             index[rows] = len(table)
             table.append(partner)
 
-    surfaces, parts = near.surface, near.parts
-    on_scene, ground = touched == KINDS.index("scene"), surfaces.on_floor
+    surfaces = near.surface
+    parts = near.parts
+    on_scene = touched == KINDS.index("scene")
+    ground = surfaces.on_floor
     if len(parts.ground):
         ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
     add(on_scene & ground, ContactPartner("floor", "floor"))
     on_scene = on_scene & ~ground
     if bool(on_scene.any()):
-        surface, rests = parts.surface[surfaces.point], _resting(near.normals @ up, on_scene, regions)
+        surface = parts.surface[surfaces.point]
+        rests = _resting(near.normals @ up, on_scene, regions)
         for number, own in enumerate(torch.unique(surface[on_scene]).tolist()):
             rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
@@ -88,12 +97,19 @@ def assign_partners(
         pair = person * len(regions.names) + regions.region[skin.vertex]
         for code in torch.unique(pair[on_skin]).tolist():
             other, part = divmod(code, len(regions.names))
-            whose = ContactPartner("person", person=other) if kind == "person" else ContactPartner("self")
+            whose = (
+                ContactPartner("person", person=other)
+                if kind == "person"
+                else ContactPartner("self")
+            )
             add(on_skin & (pair == code), replace(whose, part=regions.names[part]))
     held = touched == KINDS.index("object")
     if near.objects is not None:
         for number in torch.unique(near.objects.object[held]).tolist():
-            add(held & (near.objects.object == number), ContactPartner("object", "object", id=number))
+            add(
+                held & (near.objects.object == number),
+                ContactPartner("object", "object", id=number),
+            )
     add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
     add(touched == HIDDEN, ContactPartner("hidden"))
     return tuple(table), index
@@ -127,27 +143,33 @@ def body_contacts(
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
-    Contacts of fewer than three vertices are not listed, nor those of adjacent parts of one body, such as an arm and
-    the torso. Two parts of one body that touch each other are listed once, for the more distal part.
+    Contacts of fewer than three vertices are not listed, nor those of adjacent parts of one body,
+    such as an arm and the torso. Two parts of one body that touch each other are listed once, for
+    the more distal part.
 
     Args:
         person: contacts of the vertices.
         table: partners.
         regions: body parts.
-        model: gives the probability that a part touches skin or an object; None leaves all probabilities undefined.
-            That of contact with scene and floor is the mean of the ten most probable vertices.
-        assumed: body parts that no pixel shows -> their probability of contact with scene and floor. Their contacts
-            with skin and objects are not listed.
+        model: gives the probability that a part touches skin or an object; None leaves all
+            probabilities undefined. That of contact with scene and floor is the mean of the ten
+            most probable vertices.
+        assumed: body parts that no pixel shows -> their probability of contact with scene and
+            floor. Their contacts with skin and objects are not listed.
         least: minimum probability of a listed part.
     """
     touching = person.index >= 0
     code = person.index.long() * len(regions.names) + regions.region
     found = []
-    for value, count in zip(*(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True):
+    for value, count in zip(
+        *(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True
+    ):
         if count < _MIN_VERTICES:
             continue
         partner, number = divmod(value, len(regions.names))
-        part, here, sure = regions.names[number], touching & (code == value), None
+        part = regions.names[number]
+        here = touching & (code == value)
+        sure = None
         on_skin = table[partner].kind in ("person", "self")
         not_of_scene = on_skin or table[partner].kind == "object"
         if not_of_scene and part in assumed:
@@ -159,20 +181,34 @@ def body_contacts(
             sure = round(of_part, DECIMALS)
         if sure is None or sure >= least:
             dent = _dent_of(person.dent[here])
-            found.append(BodyContact(part, table[partner], sure, count, dent, assumed=part in assumed))
+            found.append(
+                BodyContact(part, table[partner], sure, count, dent, assumed=part in assumed)
+            )
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
-    found = [one for one in found if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)]
+    found = [
+        one
+        for one in found
+        if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)
+    ]
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
 
 
 def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> bool:
-    """Return whether the contact of a part with another of the same body is listed, among all such pairs."""
+    """Return whether the contact of a part with another of the same body is listed, among all such
+    pairs.
+    """
     if are_adjacent(part, other):
         return False
     return (other, part) not in pairs or is_farther_out(part, other)
 
 
 def _dent_of(depths: Tensor) -> float | None:
-    """Return the depth of a dent with depths (n,) of its vertices; None if too few of them yield."""
+    """Return the depth of a dent with depths (n,) of its vertices; None if too few of them
+    yield.
+    """
     known = depths[torch.isfinite(depths)]
-    return round(float(known.quantile(_DENT_QUANTILE)), DECIMALS) if len(known) >= _MIN_VERTICES else None
+    return (
+        round(float(known.quantile(_DENT_QUANTILE)), DECIMALS)
+        if len(known) >= _MIN_VERTICES
+        else None
+    )

@@ -1,12 +1,12 @@
 """Contact of body parts and of their vertices with scene and floor.
 
-A part has one probability, see :mod:`physic_core.engine.touch`. All its vertices share the errors of its position, so
-that its distance is one number: the fifth smallest of its vertices, which is robust to outliers. A vertex has the
-probability of its part, times how near it is to the surface beside the nearest vertices of the part, and how directly
-its skin faces the surface.
+A part has one probability, see :mod:`physic_core.engine.touch`. All its vertices share the errors
+of its position, so that its distance is one number: the fifth smallest of its vertices, which is
+robust to outliers. A vertex has the probability of its part, times how near it is to the surface
+beside the nearest vertices of the part, and how directly its skin faces the surface.
 
-The place of a part that no pixel shows is a guess, so its distance is ignored. It has the base rate of its kind,
-and feet that of the posture.
+The place of a part that no pixel shows is a guess, so its distance is ignored. It has the base rate
+of its kind, and feet that of the posture.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ _SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
 
 
 def contact_parts(model: BodyModel) -> dict[str, Tensor]:
-    """Return the vertices (V,) bool of each body part: the contact regions, with thighs and buttocks as one part."""
+    """Return the vertices (V,) bool of each body part: the contact regions, with thighs and
+    buttocks as one part.
+    """
     regions = contact_regions(model)
     found: dict[str, Tensor] = {}
     for number, name in enumerate(regions.names):
@@ -55,13 +57,18 @@ def part_of_region(region: str) -> str:
 
 
 def kind_of_part(part: str) -> str:
-    """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one model."""
+    """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one
+    model.
+    """
     return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "other")
 
 
 def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name -> (N,)."""
-    at, unseen = near_scene(given, near), unseen_parts(given)
+    """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name
+    -> (N,).
+    """
+    at = near_scene(given, near)
+    unseen = unseen_parts(given)
     parts = {}
     for name, features in part_features(given, at.gap).items():
         kind = kind_of_part(name)
@@ -69,8 +76,12 @@ def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[st
         if kind in _RATED:
             odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
         parts[name] = torch.sigmoid(odds)
-    limbs, model = given.part("hand", "foot"), contact_model().nearness
-    far_m, power = (torch.where(limbs, model[f"{name}, hand or foot"], model[name]) for name in ("far_m", "facing"))
+    limbs = given.part("hand", "foot")
+    model = contact_model().nearness
+    far_m, power = (
+        torch.where(limbs, model[f"{name}, hand or foot"], model[name])
+        for name in ("far_m", "facing")
+    )
     of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(given.model)]
     return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
 
@@ -79,15 +90,19 @@ def unseen_parts(given: ContactInput) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
     shown = given.seen if given.in_mask is None else given.seen | given.in_mask
     parts = contact_parts(given.model)
-    return {name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()}
+    return {
+        name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
+    }
 
 
 class NearScene(NamedTuple):
     """Distances of N people's parts and vertices from the scene.
 
     Attributes:
-        gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is near.
-        rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is far.
+        gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is
+            near.
+        rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is
+            far.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
 
@@ -103,7 +118,9 @@ def near_scene(given: ContactInput, near: Distances) -> NearScene:
     """
     distance, facing = _to_scene(given, near)
     height = torch.where(given.model.outer, given.vertices @ given.up, torch.inf)
-    group, gap, lowest = _groups(given.model), _gaps(given.model, distance), _gaps(given.model, height)
+    group = _groups(given.model)
+    gap = _gaps(given.model, distance)
+    lowest = _gaps(given.model, height)
     lost = torch.isinf(gap)[:, group]
     rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
     return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ given.up), facing))
@@ -122,11 +139,12 @@ def nearness(rise: Tensor, facing: Tensor, far_m: Tensor, power: Tensor) -> Tens
 
 
 def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
-    """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
+    """Return part -> name of a feature -> values (N,): one reason for or against contact of the
+    part with the scene.
 
-    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "bend at the
-    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside", "hanging" and "holding"
-    are those of the stance.
+    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
+    radius. "bend at the hips" is the smaller angle between trunk and thighs, radians; 0 is
+    straight. "depth beside", "hanging" and "holding" are those of the stance.
 
     Args:
         given: bodies, and what the photo shows of them.
@@ -135,7 +153,8 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     joints = given.joints
     stance = given.stance or Stance.unknown(len(joints))
     beside, hanging, holding = (
-        torch.tensor(values).to(joints) for values in (stance.depth_beside, stance.hanging, stance.holding)
+        torch.tensor(values).to(joints)
+        for values in (stance.depth_beside, stance.hanging, stance.holding)
     )
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
@@ -160,18 +179,23 @@ def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
 
 
 def _groups(model: BodyModel) -> Tensor:
-    """Return the row (V,) int64 of the part of each vertex in :func:`contact_parts`; 0 for inner vertices."""
+    """Return the row (V,) int64 of the part of each vertex in :func:`contact_parts`; 0 for inner
+    vertices.
+    """
     parts = torch.stack(list(contact_parts(model).values()))
     return parts.int().argmax(0)
 
 
 def _to_scene(given: ContactInput, near: Distances) -> tuple[Tensor, Tensor]:
-    """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with which they face it.
+    """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with
+    which they face it.
 
     The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
-    surface, parts = near.surface, near.parts
-    by_plane, towards = surface.on_floor, torch.zeros_like(near.normals)
+    surface = near.surface
+    parts = near.parts
+    by_plane = surface.on_floor
+    towards = torch.zeros_like(near.normals)
     if len(parts.ground):
         ground = parts.ground[surface.point] & torch.isfinite(surface.scene)
         by_plane = by_plane | (ground & torch.isfinite(surface.floor))

@@ -1,8 +1,9 @@
-"""Probability of contact with skin and objects: a fitted logistic model over named features for each kind of contact,
-and for body parts. That of contact with the scene follows from the body part, see :mod:`.parts`.
+"""Probability of contact with skin and objects: a fitted logistic model over named features for
+each kind of contact, and for body parts. That of contact with the scene follows from the body part,
+see :mod:`.parts`.
 
-The coefficients, their training data, and their error on held-out data are in ``coefficients.json``. It
-is written by ``benchmarks/contact_probability.py``.
+The coefficients, their training data, and their error on held-out data are in
+``coefficients.json``. It is written by ``benchmarks/contact_probability.py``.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ class ContactModel:
     """Coefficients of the log odds of contact.
 
     Attributes:
-        vertex: kind of contact -> name of a feature -> coefficient; see :mod:`physic_core.engine.contact.features`.
-        nearness: "far_m", by which a vertex that is farther than its part has half of its probability, and the power
-            "facing" of the cosine between skin and surface; both also for hands and feet.
-        part: "constant" and "log odds" of the mean probability of the ten most probable vertices -> coefficient of the
-            log odds that a body part touches its partner.
+        vertex: kind of contact -> name of a feature -> coefficient; see
+            :mod:`physic_core.engine.contact.features`.
+        nearness: "far_m", by which a vertex that is farther than its part has half of its
+            probability, and the power "facing" of the cosine between skin and surface; both also
+            for hands and feet.
+        part: "constant" and "log odds" of the mean probability of the ten most probable vertices ->
+            coefficient of the log odds that a body part touches its partner.
     """
 
     vertex: Mapping[str, Mapping[str, float]]
@@ -40,7 +43,8 @@ class ContactModel:
     nearness: Mapping[str, float]
 
     def probabilities(self, columns: Mapping[str, Columns]) -> Tensor:
-        """Return the probability (K, N, V) of each of the ``KINDS`` of contact; 0 for a kind that ``columns`` lacks.
+        """Return the probability (K, N, V) of each of the ``KINDS`` of contact; 0 for a kind that
+        ``columns`` lacks.
 
         Raises:
             KeyError: a column is missing.
@@ -58,14 +62,22 @@ class ContactModel:
         return torch.stack(found)
 
     def part_probability(self, vertices: Tensor, *, on_skin: bool) -> float:
-        """Return the probability that a body part touches skin, or an object, by those (n,) of its vertices."""
+        """Return the probability that a body part touches skin, or an object, by those (n,) of its
+        vertices.
+        """
         odds = torch.logit(torch.tensor(mean_of_surest(vertices), dtype=torch.float64), 1e-6)
         odds = self.part["constant"] + self.part["log odds"] * odds
-        return float(torch.sigmoid(torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}) if on_skin else odds)))
+        return float(
+            torch.sigmoid(
+                torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}) if on_skin else odds)
+            )
+        )
 
 
 def mean_of_surest(vertices: Tensor) -> float:
-    """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if there are fewer."""
+    """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if there
+    are fewer.
+    """
     return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
 
 

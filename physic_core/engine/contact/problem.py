@@ -33,7 +33,8 @@ class ContactInput:
         surfaces: scaled scene near the people, and the floor.
         classes: of the points of the scene.
         plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
-        free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
+        free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not
+            used.
         objects: small objects in hands and on laps; None if people touch none.
         stance: of the people; None if unknown.
         in_mask: (N, V) bool, vertices at pixels of the person's mask; None if unknown.
@@ -55,7 +56,11 @@ class ContactInput:
     @property
     def up(self) -> Tensor:
         """Unit vector (3,) up; of an upright camera without a floor."""
-        return self.vertices.new_tensor([0.0, -1.0, 0.0]) if self.plane is None else self.plane[0].to(self.vertices)
+        return (
+            self.vertices.new_tensor([0.0, -1.0, 0.0])
+            if self.plane is None
+            else self.plane[0].to(self.vertices)
+        )
 
     @property
     def seen(self) -> Tensor:
@@ -85,9 +90,10 @@ class ContactResult:
         partners: everything that people touch.
         contacts: per person, contacts by body part, most probable first.
         supports: per person, their support; None for non-finite vertices.
-        parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty if the method
-            estimates none.
-        unseen: body part -> (N,) bool, no pixel shows it, and its probability is a base rate; empty as ``parts``.
+        parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty
+            if the method estimates none.
+        unseen: body part -> (N,) bool, no pixel shows it, and its probability is a base rate; empty
+            as ``parts``.
     """
 
     contact: Tensor

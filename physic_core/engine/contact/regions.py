@@ -1,4 +1,6 @@
-"""Body parts of contacts, with readable names: the model's parts, with seat and back as separate parts."""
+"""Body parts of contacts, with readable names: the model's parts, with seat and back as separate
+parts.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def contact_regions(model: BodyModel) -> ContactRegions:
 
 
 def are_adjacent(part: str, other: str) -> bool:
-    """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches in many poses."""
+    """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches
+    in many poses.
+    """
     side, name = _side_and_name(part)
     other_side, other_name = _side_and_name(other)
     if name in _TRUNK or other_name in _TRUNK:
@@ -44,7 +48,11 @@ def are_adjacent(part: str, other: str) -> bool:
     if name == other_name:
         return side == other_side or name == "upper_leg"
     chain = next((chain for chain in _CHAINS if name in chain), ())
-    return side == other_side and other_name in chain and abs(chain.index(name) - chain.index(other_name)) == 1
+    return (
+        side == other_side
+        and other_name in chain
+        and abs(chain.index(name) - chain.index(other_name)) == 1
+    )
 
 
 def is_farther_out(part: str, other: str) -> bool:
@@ -54,6 +62,8 @@ def is_farther_out(part: str, other: str) -> bool:
 
 
 def _side_and_name(part: str) -> tuple[str, str]:
-    """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the head."""
+    """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the
+    head.
+    """
     side, _, name = part.partition("_")
     return (side, name) if name else ("", part)

@@ -1,4 +1,6 @@
-"""Parts of the scene that bodies touch: semantic class and connected surface of the scene points near people."""
+"""Parts of the scene that bodies touch: semantic class and connected surface of the scene points
+near people.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,10 @@ UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
 
 _NO_SURFACE = ("unknown", "person", "sky")
-_CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")  # such a label is wrong where a point faces up under a sole
-_FACES_UP = 0.3  # least cosine between up and the normal of a point that is not a wall, for any label
+# such a label is wrong where a point faces up under a sole
+_CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")
+# least cosine between up and the normal of a point that is not a wall, for any label
+_FACES_UP = 0.3
 _NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden one
 _RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
 _CELL_M = 0.04  # of the grid in which the points are joined to surfaces
@@ -33,7 +37,8 @@ class ClassifiedPoints:
     Attributes:
         names: of the classes, as in :class:`physic_core.types.SurfaceLabels`.
         label: (M,) int64, index into ``names``.
-        seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is ignored.
+        seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is
+            ignored.
     """
 
     names: tuple[str, ...]
@@ -59,15 +64,22 @@ class SceneParts:
 
 
 def scene_parts(
-    points: Tensor, normals: Tensor, row: Tensor, classes: ClassifiedPoints, height: Tensor | None, up: Tensor
+    points: Tensor,
+    normals: Tensor,
+    row: Tensor,
+    classes: ClassifiedPoints,
+    height: Tensor | None,
+    up: Tensor,
 ) -> SceneParts:
     """Find class and connected surface of scene points.
 
-    A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
-    the floor is not floor. Points of any class within 4 cm of its plane are floor: labels around feet follow the
-    appearance of the feet. A point that faces up is not a wall, and no one stands on water: with such a label, it is
-    floor within 10 cm of the plane, and its class is unknown elsewhere. Points of one class are one surface if they
-    are connected by steps of less than two cells of 4 cm. Without a class, their normals also agree within 37 degrees.
+    A hidden point has the class of the nearest visible one, within half a metre. A hidden point
+    more than 10 cm above the floor is not floor. Points of any class within 4 cm of its plane are
+    floor: labels around feet follow the appearance of the feet. A point that faces up is not a
+    wall, and no one stands on water: with such a label, it is floor within 10 cm of the plane, and
+    its class is unknown elsewhere. Points of one class are one surface if they are connected by
+    steps of less than two cells of 4 cm. Without a class, their normals also agree within 37
+    degrees.
 
     Args:
         points: (n, 3) metres.
@@ -78,16 +90,22 @@ def scene_parts(
         up: (3,) unit.
     """
     names = classes.names
-    raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
+    raised = (
+        torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
+    )
     label = _labels(points, row, classes, raised)
-    mistaken = _among(label, names, _CARRIES_NOBODY) & ((normals @ up.to(normals)).cpu() > _FACES_UP)
+    mistaken = _among(label, names, _CARRIES_NOBODY) & (
+        (normals @ up.to(normals)).cpu() > _FACES_UP
+    )
     label[mistaken] = -1
     ground = row.cpu() < 0
     ground = ground | (_among(label, names, GROUND_CLASSES) & ~raised)
     if height is not None:
         off = height.cpu().abs()
         ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
-    surface = _connected(points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy())
+    surface = _connected(
+        points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy()
+    )
     at = points.device
     return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
 
@@ -105,9 +123,9 @@ def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tens
     at = points.cpu().double().numpy()
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
-            distance, index = cKDTree(at[source.numpy()], balanced_tree=False, compact_nodes=False).query(
-                at[hidden.numpy()], distance_upper_bound=_NEIGHBOUR_M
-            )
+            distance, index = cKDTree(
+                at[source.numpy()], balanced_tree=False, compact_nodes=False
+            ).query(at[hidden.numpy()], distance_upper_bound=_NEIGHBOUR_M)
             found = torch.from_numpy(np.isfinite(distance))
             near = torch.from_numpy(np.where(np.isfinite(distance), index, 0))
             label[hidden] = torch.where(found, given[source][near], -1)
@@ -116,22 +134,30 @@ def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tens
 
 def _among(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -> Tensor:
     """Return which labels (n,) bool have one of the chosen names."""
-    return torch.isin(label, torch.tensor([names.index(name) for name in chosen if name in names], dtype=label.dtype))
+    return torch.isin(
+        label,
+        torch.tensor([names.index(name) for name in chosen if name in names], dtype=label.dtype),
+    )
 
 
-def _connected(points: np.ndarray, normals: np.ndarray, label: np.ndarray, ground: np.ndarray) -> np.ndarray:
+def _connected(
+    points: np.ndarray, normals: np.ndarray, label: np.ndarray, ground: np.ndarray
+) -> np.ndarray:
     """Return the connected surface (n,) of each point; the floor is one surface."""
     if not len(points):
         return np.zeros(0, np.int64)
     group = np.where(ground, -2, label)
     at = np.floor(points / _CELL_M).astype(np.int64)
     x, y, z = (at - at.min(axis=0)).T
-    wide, groups = int(np.ptp(at, axis=0).max()) + 1, int(group.max()) + 3
-    # Cells of one class are joined; without a class, cells whose normals agree. Unique rows take ten times as long.
+    wide = int(np.ptp(at, axis=0).max()) + 1
+    groups = int(group.max()) + 3
+    # Cells of one class are joined; without a class, cells whose normals agree. Unique rows take
+    # ten times as long.
     number = ((x * wide + y) * wide + z) * groups + group + 2
     _, first, cell = np.unique(number, return_index=True, return_inverse=True)
     pairs = cKDTree(points[first]).query_pairs(2 * _CELL_M, output_type="ndarray")
-    a, b = first[pairs[:, 0]], first[pairs[:, 1]]
+    a = first[pairs[:, 0]]
+    b = first[pairs[:, 1]]
     agree = (normals[a] * normals[b]).sum(1) > _SAME_SURFACE_COSINE
     joined = (group[a] == group[b]) & (agree | (group[a] != -1))
     pairs = pairs[joined]

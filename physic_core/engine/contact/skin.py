@@ -1,7 +1,9 @@
-"""Signed distances of body vertices to skin: of other people, and of other parts of the same body. Camera frame,
-metres.
+"""Signed distances of body vertices to skin: of other people, and of other parts of the same body.
 
-Skin touches only skin that faces another way: the back of a hand does not touch what its palm touches.
+Camera frame, metres.
+
+Skin touches only skin that faces another way: the back of a hand does not touch what its palm
+touches.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ class SkinDistances:
     """Nearest skin of each vertex of N people.
 
     Attributes:
-        distance: (N, V) signed, along the normal of that skin, metres, negative inside; inf if no skin is within the
-            search radius.
+        distance: (N, V) signed, along the normal of that skin, metres, negative inside; inf if no
+            skin is within the search radius.
         person: (N, V) int64, index of the person whose skin it is; 0 if there is none.
         vertex: (N, V) int64, the nearest vertex of that person; 0 if there is none.
     """
@@ -46,7 +48,9 @@ class SkinDistances:
         return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
 
 
-def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor, radius: float) -> SkinDistances:
+def people_distances(
+    vertices: Tensor, normals: Tensor, outer: Tensor, radius: float
+) -> SkinDistances:
     """Find the nearest skin of other people.
 
     Args:
@@ -65,8 +69,8 @@ def own_distances(
 ) -> SkinDistances:
     """Find the nearest skin of other parts of the same body.
 
-    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each other, such as forearm
-    and upper arm in a bent elbow.
+    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each
+    other, such as forearm and upper arm in a bent elbow.
 
     Args:
         vertices: (N, V, 3) metres.
@@ -78,7 +82,11 @@ def own_distances(
     """
     ids = np.flatnonzero(outer.cpu().numpy())
     parts = part.cpu().numpy()[ids]
-    searches = [(i, ids[parts != p], i, ids[parts == p]) for i in _finite_people(vertices) for p in np.unique(parts)]
+    searches = [
+        (i, ids[parts != p], i, ids[parts == p])
+        for i in _finite_people(vertices)
+        for p in np.unique(parts)
+    ]
     return _nearest_skin(vertices, normals, searches, radius, rest.detach().cpu().double().numpy())
 
 
@@ -106,22 +114,28 @@ def _nearest_skin(
     """
     points, outwards = (t.detach().cpu().double().numpy() for t in (vertices, normals))
     distance = np.full(points.shape[:2], np.inf)
-    person, vertex = np.zeros(distance.shape, np.int64), np.zeros(distance.shape, np.int64)
+    person = np.zeros(distance.shape, np.int64)
+    vertex = np.zeros(distance.shape, np.int64)
     for i, ids, j, targets in searches:
         if not len(targets):
             continue
-        low, high = points[j, targets].min(0) - radius, points[j, targets].max(0) + radius
+        low = points[j, targets].min(0) - radius
+        high = points[j, targets].max(0) + radius
         ids = ids[((points[i, ids] > low) & (points[i, ids] < high)).all(1)]
         if not len(ids):
             continue
         count = min(_CANDIDATES, len(targets))
         tree = cKDTree(points[j, targets], balanced_tree=False, compact_nodes=False)
         gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
-        gap, index = gap.reshape(len(ids), count), index.reshape(len(ids), count)
+        gap = gap.reshape(len(ids), count)
+        index = index.reshape(len(ids), count)
         near = np.isfinite(gap[:, 0])
-        ids, found, index = ids[near], np.isfinite(gap[near]), index[near]
+        ids = ids[near]
+        found = np.isfinite(gap[near])
+        index = index[near]
         nearest = targets[np.where(found, index, 0)]
-        offset, outward = points[i, ids][:, None] - points[j, nearest], outwards[j, nearest]
+        offset = points[i, ids][:, None] - points[j, nearest]
+        outward = outwards[j, nearest]
         along = (offset * outward).sum(-1)
         beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
         size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
@@ -129,10 +143,15 @@ def _nearest_skin(
         if rest is not None:
             found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
         size = np.where(found, size, np.inf)
-        rows, best = np.arange(len(ids)), size.argmin(1)
+        rows = np.arange(len(ids))
+        best = size.argmin(1)
         signed = np.copysign(size[rows, best], along[rows, best])
         closer = np.abs(signed) < np.abs(distance[i, ids])
         chosen = ids[closer]
-        distance[i, chosen], person[i, chosen], vertex[i, chosen] = signed[closer], j, nearest[rows, best][closer]
+        distance[i, chosen], person[i, chosen], vertex[i, chosen] = (
+            signed[closer],
+            j,
+            nearest[rows, best][closer],
+        )
     others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
     return SkinDistances(torch.from_numpy(distance).to(vertices), *others)

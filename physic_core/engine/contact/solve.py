@@ -1,4 +1,7 @@
-"""Stage 4: which vertices touch, what they touch, and what supports each person (paper sec. 3.3)."""
+"""Stage 4: which vertices touch, what they touch, and what supports each person (paper sec.
+
+3.3).
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,30 @@ from torch import Tensor
 from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
-from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
+from physic_core.engine.contact.partner import (
+    HIDDEN,
+    HIDDEN_SEAT,
+    VertexContacts,
+    assign_partners,
+    body_contacts,
+)
 from physic_core.engine.contact.parts import SEAT, contact_parts, part_of_region, unseen_parts
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
-from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
+from physic_core.engine.contact.support import (
+    ContactEvidence,
+    PersonSupport,
+    PosedPerson,
+    find_support,
+    support_record,
+)
 from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
 
 _PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own body", "object"))
-_BEARS = 0.3  # cosine between up and the skin of another person; above it, a person can sit or stand there
+# cosine between up and the skin of another person; above it, a person can sit or stand there
+_BEARS = 0.3
 
 
 def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
@@ -36,7 +52,8 @@ def _find_supports(
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
     beneath = near.normals[near.people.person, near.people.vertex] @ given.up
-    beside = (touch.kind == _PERSON) & (beneath < _BEARS)  # a lap carries, a neighbour's thigh does not
+    # a lap carries, a neighbour's thigh does not
+    beside = (touch.kind == _PERSON) & (beneath < _BEARS)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     seen = given.seen
     found: list[PersonSupport | None] = []
@@ -52,23 +69,33 @@ def _find_supports(
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             holds=_both(touch, "hand", i),
         )
-        found.append(find_support(given.model, body, evidence, given.up, assume=method.assume_supports))
+        found.append(
+            find_support(given.model, body, evidence, given.up, assume=method.assume_supports)
+        )
     return tuple(found)
 
 
 def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
-    """Return whether the left and the right limb of a person probably touch the scene, (2,) bool; None if unknown."""
+    """Return whether the left and the right limb of a person probably touch the scene, (2,) bool;
+    None if unknown.
+    """
     if not touch.parts:
         return None
-    return torch.stack([touch.parts[f"{side}_{limb}"][person] for side in SIDES]) >= LEAST_PROBABILITY
+    return (
+        torch.stack([touch.parts[f"{side}_{limb}"][person] for side in SIDES]) >= LEAST_PROBABILITY
+    )
 
 
-def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
+def _with_hidden(
+    given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]
+) -> Touch:
     """Return the contacts with those of hidden supports.
 
-    The probability of a seat, found or hidden, is that of sitting; other hidden supports are more likely than not.
+    The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
+    likely than not.
     """
-    kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
+    kind = touch.kind.clone()
+    probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
     vertices = contact_parts(given.model) if likely else {}
     for i, one in enumerate(carried):
@@ -98,14 +125,19 @@ def _describe_contacts(
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
     unseen = unseen_parts(given) if touch.parts else {}
-    contacts, supports = [], []
+    contacts = []
+    supports = []
     for i, one in enumerate(carried):
         carrying = torch.zeros_like(given.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         person = VertexContacts(index[i], likely, dents[i])
         parts = {name: part_of_region(name) for name in regions.names if unseen}
-        assumed = {name: float(touch.parts[part][i]) for name, part in parts.items() if unseen[part][i]}
-        listed = body_contacts(person, partners, regions, contact_model(), assumed=assumed, least=LEAST_PROBABILITY)
+        assumed = {
+            name: float(touch.parts[part][i]) for name, part in parts.items() if unseen[part][i]
+        }
+        listed = body_contacts(
+            person, partners, regions, contact_model(), assumed=assumed, least=LEAST_PROBABILITY
+        )
         contacts.append(listed)
         own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
         bearing = body_contacts(own, partners, regions, assumed=assumed)

@@ -1,10 +1,12 @@
-"""Support of a person: contacts that can carry weight, balance of the body over them, and hidden supports.
+"""Support of a person: contacts that can carry weight, balance of the body over them, and hidden
+supports.
 
-A seated person has a seat, whatever else balances the body: the surface under buttocks and thighs, or a hidden one. A
-person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
-something. Otherwise, the photo may not show the support. A hidden support is assumed only where the photo cannot show
-one, and if the body is balanced on it: something under feet that the photo does not show, and a bar in the hands of
-people whose feet are in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
+A seated person has a seat, whatever else balances the body: the surface under buttocks and thighs,
+or a hidden one. A person is balanced if the centre of mass is over the convex hull of the carrying
+contacts, or below hands that hold something. Otherwise, the photo may not show the support. A
+hidden support is assumed only where the photo cannot show one, and if the body is balanced on it:
+something under feet that the photo does not show, and a bar in the hands of people whose feet are
+in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -20,9 +22,12 @@ from physic_core.engine.contact.partner import DECIMALS
 from physic_core.types.contacts import BodyContact, Support, SupportState
 from physic_core.types.skeletons import SIDES
 
-_DOWNWARD = -0.3  # cosine between a normal and up; skin below it faces down, and can rest on something
-_BALANCE_M = 0.12  # metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray
-_PATCH_M = 0.04  # thickness of the layer of vertices that rests on a hidden support; cushions give way
+# cosine between a normal and up; skin below it faces down, and can rest on something
+_DOWNWARD = -0.3
+# metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray
+_BALANCE_M = 0.12
+# thickness of the layer of vertices that rests on a hidden support; cushions give way
+_PATCH_M = 0.04
 _LOWEST_SHARE = 0.02
 _MIN_VERTICES = 10  # of a body part that carries
 _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1 % of its size
@@ -74,7 +79,8 @@ class PersonSupport:
         contact: (V,) bool, contacts that carry.
         hidden: (V,) bool, vertices on a hidden support.
         seat: (V,) bool, vertices on a seat, found or hidden; none without a person who sits.
-        outside_m: distance of the centre of mass from the hull of both, negative inside; inf without contacts.
+        outside_m: distance of the centre of mass from the hull of both, negative inside; inf
+            without contacts.
         centre: (3,) centre of mass, metres.
     """
 
@@ -91,10 +97,11 @@ def find_support(
 ) -> PersonSupport:
     """Find the support of a person.
 
-    Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not balance the body, all
-    contacts carry. So a back against a wall carries only beside other contacts: an upright surface carries no weight by
-    itself. If they do not balance it either, the hidden support that balances the body best is assumed. A support that
-    balances the body only with contacts of limbs that the photo does not show also counts as assumed.
+    Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not
+    balance the body, all contacts carry. So a back against a wall carries only beside other
+    contacts: an upright surface carries no weight by itself. If they do not balance it either, the
+    hidden support that balances the body best is assumed. A support that balances the body only
+    with contacts of limbs that the photo does not show also counts as assumed.
 
     Args:
         model: body model.
@@ -103,10 +110,13 @@ def find_support(
         up: (3,) unit.
         assume: whether hidden supports are considered.
     """
-    contact, vertices = evidence.contact, body.vertices
+    contact = evidence.contact
+    vertices = body.vertices
     centre = centre_of_mass(vertices, model.faces)
-    none, outside = torch.zeros_like(contact), float("inf")
-    level, seat = _level(model, body, contact, up), none
+    none = torch.zeros_like(contact)
+    outside = float("inf")
+    level = _level(model, body, contact, up)
+    seat = none
     if evidence.sits:
         under = _members(model, "thighs", "gluteus")
         seat = level & under
@@ -120,7 +130,9 @@ def find_support(
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             seen = beside_hull(centre, vertices[carrying & evidence.seen], up) <= _BALANCE_M
-            return PersonSupport(state if seen else SupportState.ASSUMED, carrying, none, seat, outside, centre)
+            return PersonSupport(
+                state if seen else SupportState.ASSUMED, carrying, none, seat, outside, centre
+            )
     airborne = evidence.in_air and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
     best = PersonSupport(state, contact, none, seat, outside, centre)
@@ -128,20 +140,28 @@ def find_support(
     for patch in _hidden_supports(model, body, evidence, up) if assume else ():
         outside = beside_hull(centre, vertices[contact | patch], up)
         if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
-            best = PersonSupport(SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre)
+            best = PersonSupport(
+                SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre
+            )
             least = outside
     return best
 
 
 def _level(model: BodyModel, body: PosedPerson, contact: Tensor, up: Tensor) -> Tensor:
-    """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to carry."""
+    """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to
+    carry.
+    """
     level = contact & (body.normals @ up < _DOWNWARD)
     on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
     return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
 
 
-def _carrying(contact: Tensor, level: Tensor, hold: Tensor) -> Iterator[tuple[SupportState, Tensor]]:
-    """Yield the contacts (V,) bool that may carry the person, the most certain first, with the state."""
+def _carrying(
+    contact: Tensor, level: Tensor, hold: Tensor
+) -> Iterator[tuple[SupportState, Tensor]]:
+    """Yield the contacts (V,) bool that may carry the person, the most certain first, with the
+    state.
+    """
     rests = bool(level.any())
     yield SupportState.BALANCED, level
     yield SupportState.BALANCED if rests else SupportState.HANGING, level | hold
@@ -149,7 +169,9 @@ def _carrying(contact: Tensor, level: Tensor, hold: Tensor) -> Iterator[tuple[Su
         yield SupportState.BALANCED, contact
 
 
-def _hidden_supports(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor) -> Iterator[Tensor]:
+def _hidden_supports(
+    model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor
+) -> Iterator[Tensor]:
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
     if not evidence.in_air and not bool((evidence.seen & soles).any()):
@@ -159,8 +181,11 @@ def _hidden_supports(model: BodyModel, body: PosedPerson, evidence: ContactEvide
         yield _members(model, *held)
 
 
-def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:
-    """Describe a support by body parts; contacts that are only possible are omitted beside likely ones.
+def support_record(
+    carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]
+) -> Support:
+    """Describe a support by body parts; contacts that are only possible are omitted beside likely
+    ones.
 
     Args:
         carried: of :func:`find_support`.
@@ -168,8 +193,12 @@ def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], list
         listed: all contacts of the person, whose probabilities are those of the support.
     """
     known = {(one.part, one.partner): one.probability for one in listed}
-    large = (one for one in contacts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
-    found = [replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large]
+    large = (
+        one for one in contacts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden"
+    )
+    found = [
+        replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large
+    ]
     found = [one for one in found if one.likely] or found
     found.sort(key=lambda one: -(one.probability or 0.0))
     x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
@@ -193,7 +222,8 @@ def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def beside_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
-    """Return the horizontal distance of a point from the convex hull of points, metres; negative inside.
+    """Return the horizontal distance of a point from the convex hull of points, metres; negative
+    inside.
 
     Args:
         centre: (3,).

@@ -12,7 +12,15 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types.bounds import Degrees, NotNegative
 
-STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
+STATIC_CONTACT_PARTS = (
+    "left_foot",
+    "right_foot",
+    "left_hand",
+    "right_hand",
+    "thighs",
+    "gluteus",
+    "back",
+)
 """Parts of the body that usually touch the scene, after PROX."""
 
 _FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the floor
@@ -25,7 +33,9 @@ class VisibilitySettings:
     vertex_spacing_m: NotNegative = 0.02
     """Vertices without contact are subsampled to this spacing, metres; 0 keeps all."""
     facing_deg: Degrees = 70.0
-    """A vertex faces the camera if its normal is within this angle of the direction to the camera."""
+    """A vertex faces the camera if its normal is within this angle of the direction to the
+    camera.
+    """
     mask_tolerance: NotNegative = 0.01
     """Tolerance outside the mask for visible vertices, as a share of the person."""
     occlusion_aware: bool = True
@@ -56,9 +66,11 @@ class JointContext:
         search_radius_m: of vertices for scene points, metres.
         ids: (n,) int64, indices of the subsampled vertices.
         faces: (f, 3) int64, those at the subsampled vertices.
-        faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded with f.
+        faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded
+            with f.
         pose: poses keypoints, joints and subsampled vertices only.
-        area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset "default".
+        area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset
+            "default".
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
@@ -68,9 +80,12 @@ class JointContext:
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
         feet_visible: (B, 2) bool.
-        log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
-        fronts: of the scene, see :mod:`physic_core.geometry.visibility`; None without a depth of the scene.
-        views: the same for each other camera, with its problem (``JointProblem.seen_by``), keypoints and sizes in px.
+        log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or
+            None.
+        fronts: of the scene, see :mod:`physic_core.geometry.visibility`; None without a depth of
+            the scene.
+        views: the same for each other camera, with its problem (``JointProblem.seen_by``),
+            keypoints and sizes in px.
     """
 
     problem: JointProblem
@@ -97,19 +112,27 @@ class JointContext:
 
 
 def select_surface(problem: JointProblem) -> JointProblem:
-    """Return the problem with the scene points that have a reliable normal and do not belong to the floor's plane."""
-    points, normals = problem.scene_points, problem.scene_normals
-    ones = points.new_ones(3)  # a matrix product sums three columns several times faster than .sum()
+    """Return the problem with the scene points that have a reliable normal and do not belong to the
+    floor's plane.
+    """
+    points = problem.scene_points
+    normals = problem.scene_normals
+    # a matrix product sums three columns several times faster than .sum()
+    ones = points.new_ones(3)
     length = normals.square() @ ones
     chosen = torch.isfinite(points @ ones + length) & (length > 0.5)
     if problem.floor_normal is not None:
         offset = points.new_tensor(problem.floor_offset)
-        chosen = chosen & (height_over_plane(points, problem.floor_normal, offset).abs() > _FLOOR_BAND_M)
+        chosen = chosen & (
+            height_over_plane(points, problem.floor_normal, offset).abs() > _FLOOR_BAND_M
+        )
     return replace(problem, scene_points=points[chosen], scene_normals=normals[chosen])
 
 
 def with_static_contacts(problem: JointProblem) -> JointProblem:
-    """Return the problem with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the prior's."""
+    """Return the problem with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the
+    prior's.
+    """
     probability = torch.zeros_like(problem.contact_probability)
     for name in STATIC_CONTACT_PARTS:
         probability[:, problem.model.contact_sets[name]] = 1.0

@@ -10,7 +10,12 @@ from torch import Tensor
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_contacts
+from physic_core.engine.joint.snapshot import (
+    MAX_MOTION_M,
+    OcclusionTracker,
+    Visibility,
+    update_contacts,
+)
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.people import connected_groups
 from physic_core.engine.joint.terms.picture import ViewsTerm
@@ -22,8 +27,9 @@ _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is bui
 class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`state`.
 
-    Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest points stay fixed
-    as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
+    Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest
+    points stay fixed as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then
+    smooth, as a line search needs it.
 
     Args:
         problem: with finite people only.
@@ -41,7 +47,8 @@ class JointEnergy:
     """
 
     def __init__(self, problem: JointProblem, settings: JointMethod) -> None:
-        self.problem, self._settings = problem, settings
+        self.problem = problem
+        self._settings = settings
         self.evaluations = 0
         self.context = precompute(problem, settings)
         self.state = settings.initial_state(self.context)
@@ -66,8 +73,8 @@ class JointEnergy:
         """Add terms.
 
         Returns:
-            (B,) int64, group of each person: people who are linked by these terms; None if no term is positive at this
-            state.
+            (B,) int64, group of each person: people who are linked by these terms; None if no term
+            is positive at this state.
         """
         for term in terms:
             term.refresh(self.snapshot)
@@ -86,15 +93,20 @@ class JointEnergy:
     @torch.no_grad()
     def refresh(self) -> None:
         """Update visibility, nearest points and the weights of each term at the current state."""
-        problem, context = self.problem, self.context
+        problem = self.problem
+        context = self.context
         estimate = self.state.unpack()
-        bodies = problem.model(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+        bodies = problem.model(
+            estimate.rotations, estimate.betas, estimate.transl, problem.expression0
+        )
         scale = float(estimate.log_scale.exp())
         unscaled = bodies.vertices / scale
         if not (unscaled - self._gathered).abs().amax() < MAX_MOTION_M - _MARGIN_M:
             self._gathered = unscaled
             self.scene = self._settings.nearby_scene(context, bodies.vertices, scale)
-        self._visibility = self._settings.update_visibility(context, bodies, self._self_occlusion, self._visibility)
+        self._visibility = self._settings.update_visibility(
+            context, bodies, self._self_occlusion, self._visibility
+        )
         self._update(self._visibility, bodies.vertices[:, context.ids], scale)
 
     def _update(self, visibility: Visibility, vertices: Tensor, scale: float) -> None:
@@ -105,7 +117,10 @@ class JointEnergy:
             term.refresh(self.snapshot)
 
     def __call__(self) -> dict[str, Tensor]:
-        """Return the weighted energies at the current state: term -> (B,), and "scale" -> (1,). Differentiable."""
+        """Return the weighted energies at the current state: term -> (B,), and "scale" -> (1,).
+
+        Differentiable.
+        """
         self.evaluations += 1
         bodies = self._posed_bodies()
         if self._settings.nearest_every_step:
@@ -114,11 +129,19 @@ class JointEnergy:
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
         if self._people is None:
             return energies
-        return {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
+        return {
+            name: value * self._people if len(value) > 1 else value
+            for name, value in energies.items()
+        }
 
     def _posed_bodies(self) -> PosedBodies:
         """Return bodies and scene parameters at the current state, differentiable."""
-        problem, estimate = self.problem, self.state.unpack()
-        posed = self.context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+        problem = self.problem
+        estimate = self.state.unpack()
+        posed = self.context.pose(
+            estimate.rotations, estimate.betas, estimate.transl, problem.expression0
+        )
         people, scale = self.state.deviation()
-        return PosedBodies(posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale)
+        return PosedBodies(
+            posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale
+        )

@@ -11,16 +11,27 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext, VisibilitySettings, WeightedKeypoints, select_surface
+from physic_core.engine.joint.context import (
+    JointContext,
+    VisibilitySettings,
+    WeightedKeypoints,
+    select_surface,
+)
 from physic_core.engine.joint.optimiser import Optimiser
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_visibility
+from physic_core.engine.joint.snapshot import (
+    MAX_MOTION_M,
+    OcclusionTracker,
+    Visibility,
+    update_visibility,
+)
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.types.bounds import FrozenGroups
 
-_LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
+# of a person beside the best visible one; with less, the optimiser would stop before they converge
+_LEAST_SIZE = 0.1
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 
 
@@ -28,8 +39,8 @@ _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 class JointMethod(ABC):
     """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
 
-    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. An energy may
-    override the other methods; by default they do the same as preset "default".
+    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
+    An energy may override the other methods; by default they do the same as preset "default".
     """
 
     frozen: FrozenGroups = ()
@@ -40,7 +51,9 @@ class JointMethod(ABC):
     """Visibility of vertices."""
 
     nearest_every_step: ClassVar[bool] = False
-    """Whether nearest points are searched at every evaluation rather than only when visibility is updated."""
+    """Whether nearest points are searched at every evaluation rather than only when visibility is
+    updated.
+    """
 
     @property
     @abstractmethod
@@ -48,11 +61,14 @@ class JointMethod(ABC):
         """Search radius of vertices for scene points, metres."""
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem as the energy uses it, with the scene points that distances are measured to."""
+        """Return the problem as the energy uses it, with the scene points that distances are
+        measured to.
+        """
         return select_surface(problem)
 
     def weigh_people(self, problem: JointProblem) -> Tensor:
-        """Return the weight (B,) of each person in the energy: the size in the photo, relative to the largest person.
+        """Return the weight (B,) of each person in the energy: the size in the photo, relative to
+        the largest person.
 
         The scale of the scene then follows the people who are most visible.
         """
@@ -72,17 +88,26 @@ class JointMethod(ABC):
         """Return the weight (B, n) of each vertex from its surface (B, n): square decimetres."""
         return area_m2 / _AREA_UNIT_M2
 
-    def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
-        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale of the scene.
+    def nearby_scene(
+        self, context: JointContext, vertices: Tensor, scale: float
+    ) -> NearestPointSearch:
+        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale
+        of the scene.
 
         A margin is left for the motion of people.
         """
-        points, normals, radius = context.problem.scene_points, context.problem.scene_normals, context.search_radius_m
+        points = context.problem.scene_points
+        normals = context.problem.scene_normals
+        radius = context.search_radius_m
         keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
         return NearestPointSearch(points[keep], normals[keep], radius)
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
+        self,
+        context: JointContext,
+        bodies: BodyOutput,
+        self_occlusion: OcclusionTracker,
+        last: Visibility | None,
     ) -> Visibility:
         """Return the visibility of the posed bodies.
 
@@ -102,7 +127,8 @@ class JointMethod(ABC):
         """Return the terms of the energy, in the order of summation."""
 
     def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
-        """Return terms added after the others have converged, and the optimiser of the energy with them.
+        """Return terms added after the others have converged, and the optimiser of the energy with
+        them.
 
         Minimisation is not repeated if all of them are 0 then. By default there are none.
         """
@@ -110,4 +136,8 @@ class JointMethod(ABC):
 
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""
-        return replace(self, **{term: replace(getattr(self, term), weight=0.0)}) if hasattr(self, term) else self
+        return (
+            replace(self, **{term: replace(getattr(self, term), weight=0.0)})
+            if hasattr(self, term)
+            else self
+        )

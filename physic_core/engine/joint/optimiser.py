@@ -1,8 +1,10 @@
-"""Minimise the joint energy, and keep the better state of each person: no energy ends higher than it started.
+"""Minimise the joint energy, and keep the better state of each person: no energy ends higher than
+it started.
 
-All people share the scene's scale, so a person's energies in two states are comparable only at one scale. For the scale
-of each state, every person takes the state with their lower energy. The scale with the lowest total is kept. Only
-people who did not improve return to their start. The start is one of the candidates, so the total never increases.
+All people share the scene's scale, so a person's energies in two states are comparable only at one
+scale. For the scale of each state, every person takes the state with their lower energy. The scale
+with the lowest total is kept. Only people who did not improve return to their start. The start is
+one of the candidates, so the total never increases.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ class Energy(Protocol):
     state: State
 
     def __call__(self) -> Mapping[str, Tensor]:
-        """Return the weighted terms at the current state: (B,) each, "scale" is (1,); differentiable."""
+        """Return the weighted terms at the current state: (B,) each, "scale" is (1,);
+        differentiable.
+        """
 
     def refresh(self) -> None:
         """Update visibility and nearest points to the current state."""
@@ -45,12 +49,15 @@ def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
     return torch.stack([value for name, value in energies.items() if name != _SCENE_TERM]).sum(0)
 
 
-def finite_energy_per_person(energies: Mapping[str, Tensor], groups: Tensor | None = None) -> Tensor:
+def finite_energy_per_person(
+    energies: Mapping[str, Tensor], groups: Tensor | None = None
+) -> Tensor:
     """Return the energy of each person: (B,); inf if not finite.
 
     Args:
         energies: (B,) each.
-        groups: (B,) int64, people of one group get the sum of their energies; None if all people are separate.
+        groups: (B,) int64, people of one group get the sum of their energies; None if all people
+            are separate.
     """
     own = energy_per_person(energies)
     own = torch.where(torch.isfinite(own), own, torch.inf)
@@ -59,7 +66,11 @@ def finite_energy_per_person(energies: Mapping[str, Tensor], groups: Tensor | No
 
 def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
     """Return the sum of each term over all people: term name -> energy."""
-    sums = torch.stack([value.detach().sum() for value in energies.values()]) if energies else torch.zeros(0)
+    sums = (
+        torch.stack([value.detach().sum() for value in energies.values()])
+        if energies
+        else torch.zeros(0)
+    )
     return dict(zip(energies, sums.tolist(), strict=True))
 
 
@@ -67,13 +78,15 @@ def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
 def revert_if_worse(
     energy: Energy, end: Tensor, start: Tensor, groups: Tensor | None = None
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Keep the end state of each person, or restore the start state of a person whose energy is lower at the start.
+    """Keep the end state of each person, or restore the start state of a person whose energy is
+    lower at the start.
 
     Args:
         energy: its visibility is that of the end.
         end: packed state.
         start: packed state.
-        groups: (B,) int64 of people who touch each other, and are restored together; None if all people are separate.
+        groups: (B,) int64 of people who touch each other, and are restored together; None if all
+            people are separate.
 
     Returns:
         Each term at the start and at the accepted state, both under the visibility of ``end``.
@@ -97,8 +110,11 @@ def revert_if_worse(
 
 
 @torch.no_grad()
-def keep_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None) -> None:
-    """Set each person to the state of lowest energy, and the scene to the scale with the lowest total energy.
+def keep_lowest_energy(
+    energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None
+) -> None:
+    """Set each person to the state of lowest energy, and the scene to the scale with the lowest
+    total energy.
 
     Args:
         energy: its state is changed.
@@ -107,9 +123,12 @@ def keep_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tens
     """
     state = energy.state
     everybody = torch.ones(state.num_people, dtype=torch.bool, device=states[0].device)
-    best, chosen = (math.inf, math.inf), states[0]
+    best = (math.inf, math.inf)
+    chosen = states[0]
     for shared in states:
-        mixed, own, scale = None, None, 0.0
+        mixed = None
+        own = None
+        scale = 0.0
         for other in states:
             state.load(shared)
             state.load_people(other, everybody)
@@ -117,18 +136,21 @@ def keep_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tens
             scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
             found = finite_energy_per_person(energies, groups)
             if mixed is None or own is None:
-                mixed, own = state.pack(), found
+                mixed = state.pack()
+                own = found
                 continue
             better = found < own
             state.load(mixed)
             state.load_people(other, better)
-            mixed, own = state.pack(), torch.where(better, found, own)
+            mixed = state.pack()
+            own = torch.where(better, found, own)
         if own is not None and mixed is not None:
             # A person with non-finite energy in all states is excluded from the totals.
             finite = torch.isfinite(own)
             value = (float((~finite).sum()), float(own[finite].sum()) + scale)
             if value < best:
-                best, chosen = value, mixed
+                best = value
+                chosen = mixed
     state.load(chosen)
 
 
@@ -141,7 +163,8 @@ def _finite_total(energies: Mapping[str, Tensor]) -> float:
 StepProgress = Callable[[float], None]
 """Called with the completed share of the work, 0-1."""
 
-_HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
+# pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
+_HISTORY_SIZE = 40
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
 _ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _MAX_TRIALS = 10  # step lengths that a line search tries
@@ -220,16 +243,20 @@ class Optimiser(ABC):
     def minimise(
         self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
-        """Minimise an energy by changing its state in place, then revert the people whose energy has increased.
+        """Minimise an energy by changing its state in place, then revert the people whose energy
+        has increased.
 
         Args:
             energy: refreshed, and finite at its present state.
             progress: called with the completed share of the steps.
-            groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
+            groups: (B,) int64 of people who touch each other; the end is kept or reverted for all
+                people of a group.
         """
         state = energy.state
-        origin, take_steps = state.pack(), self.start(energy, groups)
-        done, blocks = 0, list[BlockResult]()
+        origin = state.pack()
+        take_steps = self.start(energy, groups)
+        done = 0
+        blocks = list[BlockResult]()
         while done < self.steps and state.parameters() and not (blocks and blocks[-1].converged):
             if done:
                 energy.refresh()
@@ -238,12 +265,14 @@ class Optimiser(ABC):
             done += steps
             if progress is not None:
                 progress(done / self.steps)
-        if not (blocks and blocks[-1].converged):  # else the motion is too small to change visibility
+        # else the motion is too small to change visibility
+        if not (blocks and blocks[-1].converged):
             energy.refresh()
         start, end = revert_if_worse(energy, state.pack(), origin, groups)
         if progress is not None:
             progress(1.0)
-        evaluations, taken = sum(block.evaluations for block in blocks), sum(block.steps for block in blocks)
+        evaluations = sum(block.evaluations for block in blocks)
+        taken = sum(block.steps for block in blocks)
         return MinimisationResult(start, end, evaluations, taken)
 
 
@@ -256,10 +285,15 @@ class LbfgsOptimiser(Optimiser):
     refresh_steps: PositiveCount = 20
     """Steps between two updates of visibility and nearest points; 10-30."""
     tolerance: NotNegative = 5e-3
-    """Stop when the steps between two updates lower the energy by less than this share; 0 never stops."""
+    """Stop when the steps between two updates lower the energy by less than this share; 0 never
+    stops.
+    """
 
     def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
-        """Return a function that takes steps. The history is kept across updates: the next energy is nearly equal."""
+        """Return a function that takes steps.
+
+        The history is kept across updates: the next energy is nearly equal.
+        """
         return partial(_lbfgs_block, energy, self.tolerance, LbfgsHistory(groups))
 
 
@@ -269,8 +303,8 @@ class Gradient:
 
     Attributes:
         people: (B, D).
-        scale: (B,) of each person's energy by the scale; None if the scale is not free. Contributions that do not
-            belong to one person are shared equally.
+        scale: (B,) of each person's energy by the scale; None if the scale is not free.
+            Contributions that do not belong to one person are shared equally.
     """
 
     people: Tensor
@@ -296,7 +330,8 @@ def _evaluate(energy: Energy, at: Tensor) -> _Point:
     gradients = torch.autograd.grad(total, wanted, allow_unused=True)
     flat = [torch.zeros_like(p) if g is None else g for p, g in zip(wanted, gradients, strict=True)]
     gradient = torch.cat([g.reshape(-1) for g in flat[:-1]])
-    value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()  # one synchronisation with the device
+    # one synchronisation with the device
+    value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()
     people, scale = state.split(gradient)
     if scale is not None:
         scale = flat[-1] + (scale - flat[-1].sum()) / len(people)
@@ -304,7 +339,9 @@ def _evaluate(energy: Energy, at: Tensor) -> _Point:
     return _Point(at, value if finite else math.inf, gradient, Gradient(people, scale))
 
 
-def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps: int) -> BlockResult:
+def _lbfgs_block(
+    energy: Energy, tolerance: float, history: LbfgsHistory, steps: int
+) -> BlockResult:
     """Take L-BFGS steps between two refreshes."""
     state = energy.state
     evaluations = 0
@@ -333,14 +370,18 @@ def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps:
         here = found
         values.append(here.value)
         taken += 1
-        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - here.value < tolerance * abs(here.value):
+        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - here.value < tolerance * abs(
+            here.value
+        ):
             break
     state.load(here.at)
     converged = values[0] - here.value < tolerance * abs(values[0])
     return BlockResult(evaluations, taken, converged)
 
 
-def _backtrack(evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float) -> _Point | None:
+def _backtrack(
+    evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float
+) -> _Point | None:
     """Shorten the step until the Armijo condition holds; return the point found, or None."""
     length = 1.0
     for _ in range(_MAX_TRIALS):
@@ -355,21 +396,25 @@ def _backtrack(evaluate: Callable[[Tensor], _Point], here: _Point, direction: Te
 
 
 class LbfgsHistory:
-    """Steps and gradient changes, which define the quasi-Newton direction of L-BFGS for people who share a scale.
+    """Steps and gradient changes, which define the quasi-Newton direction of L-BFGS for people who
+    share a scale.
 
-    The energy is a sum over people, each a function of the person's own parameters and of the scale. Each person has a
-    separate history (Griewank and Toint 1982: partially separable functions), so that several people need no more
-    steps than one. Their Newton equations are joined by the scale, which is eliminated. With the inverse Hessian of
-    person i split into (P_i, q_i; q_i', r_i), the last row being the scale's, and the gradient into g_i and h_i:
+    The energy is a sum over people, each a function of the person's own parameters and of the
+    scale. Each person has a separate history (Griewank and Toint 1982: partially separable
+    functions), so that several people need no more steps than one. Their Newton equations are
+    joined by the scale, which is eliminated. With the inverse Hessian of person i split into (P_i,
+    q_i; q_i', r_i), the last row being the scale's, and the gradient into g_i and h_i:
 
         step of the scale = -(sum_i h_i + q_i' g_i / r_i) / sum_i 1 / r_i
         step of person i  = -P_i g_i + q_i (q_i' g_i + step of the scale) / r_i
 
-    Each inverse Hessian is applied in the compact form of Byrd, Nocedal and Schnabel (1994): a few matrix products with
-    all pairs. In float64, since the small matrices are nearly singular at the end.
+    Each inverse Hessian is applied in the compact form of Byrd, Nocedal and Schnabel (1994): a few
+    matrix products with all pairs. In float64, since the small matrices are nearly singular at the
+    end.
 
     Args:
-        groups: (B,) int64, the same for people who touch each other, who share one history; None if all are separate.
+        groups: (B,) int64, the same for people who touch each other, who share one history; None if
+            all are separate.
     """
 
     def __init__(self, groups: Tensor | None = None) -> None:
@@ -378,52 +423,77 @@ class LbfgsHistory:
 
     def clear(self) -> None:
         """Remove all pairs."""
-        # Step and change of the gradient: of people (B, D), of the scale by group (B,), 0 where the pair is not kept;
-        # and whether it is kept (B,).
+        # Step and change of the gradient: of people (B, D), of the scale by group (B,), 0 where the
+        # pair is not kept; and whether it is kept (B,).
         self._pairs: list[tuple[Tensor, Tensor, Tensor, Tensor, Tensor]] = []
         self._gamma: Tensor | None = None
 
-    def add(self, step: Tensor, scale_step: Tensor | None, before: Gradient, after: Gradient) -> None:
-        """Add the step (B, D) of people and that () of the scale, except for people whose curvature is negative."""
-        s, y = step.double(), (after.people - before.people).double()
-        t, z = s.new_zeros(len(s)), s.new_zeros(len(s))
+    def add(
+        self, step: Tensor, scale_step: Tensor | None, before: Gradient, after: Gradient
+    ) -> None:
+        """Add the step (B, D) of people and that () of the scale, except for people whose curvature
+        is negative.
+        """
+        s = step.double()
+        y = (after.people - before.people).double()
+        t = s.new_zeros(len(s))
+        z = s.new_zeros(len(s))
         if scale_step is not None and before.scale is not None and after.scale is not None:
-            t, z = t + scale_step.double(), self._by_group((after.scale - before.scale).double())
+            t = t + scale_step.double()
+            z = self._by_group((after.scale - before.scale).double())
         sy, ss, yy = (self._by_group((a * b).sum(1)) for a, b in ((s, y), (s, s), (y, y)))
-        curvature, length = sy + t * z, yy + z * z
+        curvature = sy + t * z
+        length = yy + z * z
         kept = curvature > _MIN_CURVATURE * ((ss + t * t) * length).sqrt()
         if self._gamma is not None:
             self._gamma = torch.where(kept, curvature / length, self._gamma)
         rows = kept if self._groups is None else kept[self._groups]
-        s, y = torch.where(rows[:, None], s, 0.0), torch.where(rows[:, None], y, 0.0)
+        s = torch.where(rows[:, None], s, 0.0)
+        y = torch.where(rows[:, None], y, 0.0)
         pair = (s, y, torch.where(kept, t, 0.0), torch.where(kept, z, 0.0), kept)
         self._pairs = [*self._pairs[1 - _HISTORY_SIZE :], pair]
 
     def direction(self, gradient: Gradient) -> tuple[Tensor, Tensor | None]:
         """Return the quasi-Newton step of people (B, D) and of the scale ()."""
-        g, h = gradient.people.double(), gradient.scale
+        g = gradient.people.double()
+        h = gradient.scale
         total = g.square().sum() if h is None else g.square().sum() + h.double().sum().square()
         if self._gamma is None:
-            self._gamma = (_FIRST_STEP / total.sqrt().clamp(min=1e-30)).clamp(max=1.0).expand(len(g))
+            self._gamma = (
+                (_FIRST_STEP / total.sqrt().clamp(min=1e-30)).clamp(max=1.0).expand(len(g))
+            )
         none = g.new_zeros(len(g))
         if h is None:
             step, _ = self._apply_inverse(g[..., None], none[:, None])
             return -step[..., 0].to(gradient.people), None
         ones = torch.ones_like(none)
-        P, q = self._apply_inverse(torch.stack([g, torch.zeros_like(g)], 2), torch.stack([none, ones], 1))
+        P, q = self._apply_inverse(
+            torch.stack([g, torch.zeros_like(g)], 2), torch.stack([none, ones], 1)
+        )
         along, r = q.unbind(1)
         present = ones if self._groups is None else self._by_group(ones).clamp(max=1.0)
         scale = -(h.double().sum() + (present * along / r).sum()) / (present / r).sum()
         factor = (along + scale) / r
-        step = P[..., 1] * (factor if self._groups is None else factor[self._groups])[:, None] - P[..., 0]
+        step = (
+            P[..., 1] * (factor if self._groups is None else factor[self._groups])[:, None]
+            - P[..., 0]
+        )
         return step.to(gradient.people), scale.to(h)
 
     def _by_group(self, of_people: Tensor) -> Tensor:
-        """Sum numbers (B, ...) of people over their groups: (B, ...), 0 for indices without a group."""
-        return of_people if self._groups is None else torch.zeros_like(of_people).index_add(0, self._groups, of_people)
+        """Sum numbers (B, ...) of people over their groups: (B, ...), 0 for indices without a
+        group.
+        """
+        return (
+            of_people
+            if self._groups is None
+            else torch.zeros_like(of_people).index_add(0, self._groups, of_people)
+        )
 
     def _apply_inverse(self, people: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
-        """Multiply the inverse Hessian of each group by columns: (B, D, c) of people and (B, c) of the scale."""
+        """Multiply the inverse Hessian of each group by columns: (B, D, c) of people and (B, c) of
+        the scale.
+        """
         gamma = self._gamma
         assert gamma is not None
         own = slice(None) if self._groups is None else self._groups

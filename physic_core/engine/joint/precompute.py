@@ -33,7 +33,9 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     probability = torch.nan_to_num(problem.contact_probability)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
-    ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
+    ids, area = subsample_vertices(
+        model, is_contact.any(0), method.visibility.vertex_spacing_m, area
+    )
     depth = problem.human_depth
     faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
@@ -53,12 +55,17 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         keypoints=method.weigh_keypoints(problem),
         person_px=_person_px(problem, start.joints[:, 0]),
         start=start,
-        relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
+        relative=root_relative(
+            start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]
+        ),
+        feet_visible=observed[:, _ANKLES]
+        & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
     )
-    return replace(context, views=tuple(_context_of_view(context, view, method) for view in problem.views))
+    return replace(
+        context, views=tuple(_context_of_view(context, view, method) for view in problem.views)
+    )
 
 
 def _context_of_view(context: JointContext, view: OtherView, method: JointMethod) -> JointContext:
@@ -75,12 +82,17 @@ def _context_of_view(context: JointContext, view: OtherView, method: JointMethod
 
 
 def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
-    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera frame."""
+    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera
+    frame.
+    """
     return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
 
 
-def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
-    """Subsample vertices: select one per grid cell and body part in the T-pose, with the summed area of its group.
+def subsample_vertices(
+    model: BodyModel, keep: Tensor, spacing: float, area: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Subsample vertices: select one per grid cell and body part in the T-pose, with the summed
+    area of its group.
 
     Args:
         keep: (V,) bool, vertices that are always selected.
@@ -100,7 +112,8 @@ def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Ten
         ids = model.outer.nonzero(as_tuple=True)[0]
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
-    # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell on every CPU.
+    # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell
+    # on every CPU.
     exact = model.double
     at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
     group, chosen = cluster_points(at, model.part_of_vertex[rest], spacing)

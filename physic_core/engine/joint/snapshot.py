@@ -1,7 +1,7 @@
 """Visibility and contacts of vertices at a refresh.
 
-A vertex is visible inside the person's mask, if it is not self-occluded and faces the camera. OpenCV camera frame,
-metres and pixels.
+A vertex is visible inside the person's mask, if it is not self-occluded and faces the camera.
+OpenCV camera frame, metres and pixels.
 """
 
 from __future__ import annotations
@@ -19,12 +19,20 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.visibility import facing_camera, in_free_space, inside_image, self_occlusion
+from physic_core.geometry.visibility import (
+    facing_camera,
+    in_free_space,
+    inside_image,
+    self_occlusion,
+)
 
 HIDDEN_LIMB_SHARE = 0.3
-"""A limb segment is hidden if this share of its vertices lies behind other parts; as in the released code."""
+"""A limb segment is hidden if this share of its vertices lies behind other parts; as in the
+released code.
+"""
 
-_MIN_MOTION_M = 0.01  # mean motion of a person across the rays, from which self-occlusion is computed again
+# mean motion of a person across the rays, from which self-occlusion is computed again
+_MIN_MOTION_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,8 @@ class Visibility:
     Attributes:
         uv: (B, n, 2) px, projected vertices.
         normals: (B, n, 3) of the body, unit.
-        eligible: (B, n) bool, inside the image and on a visible limb: eligible for contact and penetration.
+        eligible: (B, n) bool, inside the image and on a visible limb: eligible for contact and
+            penetration.
         in_mask: (B, n) bool, inside the person's mask: not hidden by an object or another person.
         hidden: (B, n) bool, hidden by objects, other people or the person's own body.
         facing: (B, n) bool, camera-facing and inside the person's mask.
@@ -90,20 +99,25 @@ class OcclusionTracker:
 
 
 @torch.no_grad()
-def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker) -> Visibility:
+def update_visibility(
+    context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker
+) -> Visibility:
     """Compute the visibility of the subsampled vertices from masks, normals and ray casting.
 
     Args:
         bodies: posed at the current state, all vertices.
         self_occlusion: of the B people.
     """
-    problem, settings = context.problem, context.visibility
+    problem = context.problem
+    settings = context.visibility
     vertices = bodies.vertices[:, context.ids]
     masks = problem.masks
     uv = project(vertices, problem.K)
     # Points behind the camera are not visible, although the clamped division gives them a pixel.
     in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
-    in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * settings.mask_tolerance).any(0)
+    in_mask = in_image & sample_mask_neighbours(
+        uv, masks, context.person_px * settings.mask_tolerance
+    ).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
     normals = vertex_normals(bodies.vertices, context.faces, context.faces_of_vertices)
     toward = facing_camera(normals, vertices, settings.facing_deg)
@@ -119,12 +133,18 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
 
 
 def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
-    """Sample masks (B, H, W) at pixels (B, V, 2) and at eight neighbours, ``reach`` (B,) px away: (9, B, V) bool."""
+    """Sample masks (B, H, W) at pixels (B, V, 2) and at eight neighbours, ``reach`` (B,) px away:
+    (9, B, V) bool.
+    """
     height, width = masks.shape[-2:]
     steps = torch.tensor([-1.0, 0.0, 1.0], device=uv.device, dtype=uv.dtype) * reach[:, None]
-    u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))  # (B, 3, V): three columns and three rows
-    in_u, in_v = (u >= -0.5) & (u < width - 0.5), (v >= -0.5) & (v < height - 0.5)
-    column, row = (torch.where(inside, x, 0.0).round().long() for inside, x in ((in_u, u), (in_v, v)))
+    # (B, 3, V): three columns and three rows
+    u, v = ((uv[..., None, :, axis] + steps[..., None]) for axis in (0, 1))
+    in_u = (u >= -0.5) & (u < width - 0.5)
+    in_v = (v >= -0.5) & (v < height - 0.5)
+    column, row = (
+        torch.where(inside, x, 0.0).round().long() for inside, x in ((in_u, u), (in_v, v))
+    )
     pixel = (row[:, :, None] * width + column[:, None]).flatten(1)
     inside = (in_v[:, :, None] & in_u[:, None]).flatten(1)
     found = masks.flatten(1).gather(1, pixel) & inside
@@ -144,10 +164,12 @@ class ContactState:
         distance: to that point, metres.
         signed: along its normal, metres, negative inside; inf if no point is found.
         height: above the floor's plane, metres; inf if there is no plane.
-        facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
+        facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a
+            scene.
         facing_floor: cosine between the body's normal and minus the floor's normal.
         in_free_space: bool, nearer to the camera than the depth map at its pixel.
-        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
+        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields
+            below.
         normals: (B, n, 3) of those points.
         plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
     """
@@ -165,7 +187,9 @@ class ContactState:
 
 
 def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:
-    """Return the signed distance of vertices to the planes through scene points: ``n . (v - p)``, negative inside.
+    """Return the signed distance of vertices to the planes through scene points: ``n .
+
+    (v - p)``, negative inside.
 
     Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
     """
@@ -174,7 +198,11 @@ def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor
 
 @torch.no_grad()
 def update_contacts(
-    context: JointContext, body_normals: Tensor, scene: NearestPointSearch, vertices: Tensor, scale: float
+    context: JointContext,
+    body_normals: Tensor,
+    scene: NearestPointSearch,
+    vertices: Tensor,
+    scale: float,
 ) -> ContactState:
     """Find the nearest scene points and measure the distances to them and to the floor.
 
@@ -184,16 +212,22 @@ def update_contacts(
         vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
     """
-    problem, plane = context.problem, context.problem.floor_normal
+    problem = context.problem
+    plane = context.problem.floor_normal
     nearest = scene.query(vertices, scale)
-    far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
+    far = torch.full_like(context.area, torch.inf)
+    zeros = torch.zeros_like(context.area)
     no = torch.zeros_like(context.on_visible_part)
-    free = no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
+    free = (
+        no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
+    )
     floor_offset = vertices.new_tensor(problem.floor_offset * scale)
-    signed, facing_scene = far, zeros
+    signed = far
+    facing_scene = zeros
     points = normals = plane_distance = None
     if len(scene.points):
-        points, normals = scene.points[nearest.index], scene.normals[nearest.index]
+        points = scene.points[nearest.index]
+        normals = scene.normals[nearest.index]
         plane_distance = (normals * points).sum(-1)
         scaled = points * scale
         signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)

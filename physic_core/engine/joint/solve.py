@@ -30,8 +30,8 @@ def optimize(
 ) -> JointResult:
     """Minimise the joint energy over people and the scale of the scene.
 
-    One energy covers all people and the scale of the scene. A person with a non-finite start keeps it and is listed in
-    ``failures``; the others are optimised without that person.
+    One energy covers all people and the scale of the scene. A person with a non-finite start keeps
+    it and is listed in ``failures``; the others are optimised without that person.
 
     Args:
         problem: placed people and their scene.
@@ -64,8 +64,12 @@ def optimize(
     late, optimiser = settings.late_terms(energy.context)
     groups = energy.add_terms(late)
     if groups is not None:
-        minimised = join_results(energy, origin, minimised, optimiser.minimise(energy, groups=groups))
-    return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
+        minimised = join_results(
+            energy, origin, minimised, optimiser.minimise(energy, groups=groups)
+        )
+    return _merged_result(
+        problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures)
+    )
 
 
 def _finite_energy(energy: JointEnergy) -> Tensor:
@@ -73,7 +77,11 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
     people = len(energy.problem)
     energy_per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
     parameters = [energy.state.values[g] for g in energy.state.free if g != "scale"]
-    gradients = torch.autograd.grad(energy_per_person.sum(), parameters, allow_unused=True) if parameters else ()
+    gradients = (
+        torch.autograd.grad(energy_per_person.sum(), parameters, allow_unused=True)
+        if parameters
+        else ()
+    )
     fine = torch.isfinite(energy_per_person).all(0)
     for gradient in gradients:
         if gradient is not None:
@@ -82,10 +90,14 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _start_result(problem: JointProblem, failures: tuple[str, ...], output: BodyOutput | None = None) -> JointResult:
+def _start_result(
+    problem: JointProblem, failures: tuple[str, ...], output: BodyOutput | None = None
+) -> JointResult:
     """Return the start as a result, with the vertices and joints of ``output`` if it is given."""
     if output is None:
-        output = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+        output = problem.model(
+            problem.rotations0, problem.betas0, problem.transl0, problem.expression0
+        )
     return JointResult(
         rotations=problem.rotations0,
         betas=problem.betas0,
@@ -103,7 +115,11 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...], output: Body
 
 @torch.no_grad()
 def _merged_result(
-    problem: JointProblem, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor, failures: tuple[str, ...]
+    problem: JointProblem,
+    energy: JointEnergy,
+    minimised: MinimisationResult,
+    rows: Tensor,
+    failures: tuple[str, ...],
 ) -> JointResult:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
     estimate = energy.state.unpack()
@@ -131,9 +147,14 @@ def _merged_result(
 
 
 def finalize_scene(
-    scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneMethod
+    scene: SceneState,
+    problem: JointProblem,
+    result: JointResult,
+    hole: Tensor,
+    settings: SceneMethod,
 ) -> tuple[SceneState, JointProblem]:
-    """Return the scene after the joint optimisation, and the problem with the points and the depth of that scene.
+    """Return the scene after the joint optimisation, and the problem with the points and the depth
+    of that scene.
 
     The scene's scale is not applied. Inpainted points inside people are moved out.
 
@@ -143,7 +164,14 @@ def finalize_scene(
     s = result.scene_scale
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
     if settings.carve_m and bool(finite.any()):
-        scene = _carved(scene, result.vertices[finite] / s, problem.model.faces, problem.masks[finite], hole, settings)
+        scene = _carved(
+            scene,
+            result.vertices[finite] / s,
+            problem.model.faces,
+            problem.masks[finite],
+            hole,
+            settings,
+        )
     points, normals = scene.surface
     problem = replace(
         problem,
@@ -155,11 +183,18 @@ def finalize_scene(
 
 
 def _carved(
-    scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneMethod
+    scene: SceneState,
+    bodies: Tensor,
+    faces: Tensor,
+    masks: Tensor,
+    hole: Tensor,
+    settings: SceneMethod,
 ) -> SceneState:
     """Move inpainted scene points out of the bodies (B, V, 3) that occluded them."""
     unseen = hole & scene.valid
-    moved, out = move_behind_bodies(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
+    moved, out = move_behind_bodies(
+        scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m
+    )
     points = scene.points.clone()
     points[unseen] = moved
     changed = unseen.clone()

@@ -1,7 +1,7 @@
 """Free parameters of the joint optimisation: bodies, scene scale, and a depth offset per person.
 
-The parameters are whitened: deviations from the start, divided by their expected sizes. One step length then suits all,
-and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
+The parameters are whitened: deviations from the start, divided by their expected sizes. One step
+length then suits all, and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -18,9 +18,18 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-PARAMETER_GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
-"""Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
-depth offset."""
+PARAMETER_GROUPS: tuple[str, ...] = (
+    "root",
+    "pose",
+    "hands",
+    "betas",
+    "translation",
+    "scale",
+    "offset",
+)
+"""Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape,
+translation, scene scale and depth offset.
+"""
 
 _OF_PEOPLE = tuple(group for group in PARAMETER_GROUPS if group != "scale")
 
@@ -30,8 +39,9 @@ HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
 """Body joints 1-21, jaw and eyes, and the joints of both hands, among the 55 joints."""
 
 _POSE_SIGMAS: dict[str, float | tuple[float, float, float]] = {
-    # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the standard deviation
-    # of people's poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
+    # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the
+    # standard deviation of people's poses, within 0.05 and 0.3. Knees bend about x, elbows about y;
+    # the other axes of a hinge hardly move.
     "hip": (0.3, 0.2, 0.2),
     "knee": (0.3, 0.05, 0.05),
     "ankle": 0.14,
@@ -78,17 +88,19 @@ class State:
     A subclass may parametrise them otherwise, by ``_initial_values`` and ``unpack``.
 
     Attributes:
-        scale_shares: (B,) zeros that are added to each person's scale: the gradient by one of them is that of one
-            person's energy by the scale.
+        scale_shares: (B,) zeros that are added to each person's scale: the gradient by one of them
+            is that of one person's energy by the scale.
 
     Args:
         rotations: (B, 55, 3, 3) at the start.
         betas: (B, K) at the start.
         transl: (B, 3) metres, at the start.
-        pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its ray.
+        pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its
+            ray.
         frozen: groups of :data:`PARAMETER_GROUPS` that are kept constant.
         scale_sigma: expected size of log(scale).
-        offset_sigma: expected size of the log depth offsets; (B,) differs per person. 0 fixes the offset.
+        offset_sigma: expected size of the log depth offsets; (B,) differs per person. 0 fixes the
+            offset.
 
     Raises:
         PhysicError: unknown parameter group.
@@ -107,8 +119,12 @@ class State:
     ) -> None:
         unknown = sorted(set(frozen) - set(PARAMETER_GROUPS))
         if unknown:
-            raise PhysicError(f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}")
-        people, device, dtype = len(rotations), rotations.device, rotations.dtype
+            raise PhysicError(
+                f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}"
+            )
+        people = len(rotations)
+        device = rotations.device
+        dtype = rotations.dtype
         self.start = Estimate(
             rotations.detach(),
             betas.detach(),
@@ -123,19 +139,22 @@ class State:
             row[:] = row.new_tensor(_POSE_SIGMAS[name.rpartition("_")[2].rstrip("123")])
         self._sigmas: dict[str, Tensor | float] = {
             "betas": _BETA_SIGMA,
-            "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
+            "translation": torch.tensor(
+                [_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype
+            ),
             "scale": scale_sigma,
             "offset": offset_sigma,
         }
-        body, hands = rotations[:, BODY].detach(), rotations[:, HANDS].detach()
-        root_sigma, hand_sigmas = (
-            transl.new_full((1, 3), _ROOT_SIGMA),
-            transl.new_full((hands.shape[1], 3), _HAND_SIGMA),
-        )
+        body = rotations[:, BODY].detach()
+        hands = rotations[:, HANDS].detach()
+        root_sigma = transl.new_full((1, 3), _ROOT_SIGMA)
+        hand_sigmas = transl.new_full((hands.shape[1], 3), _HAND_SIGMA)
         self._turn_sigmas = torch.cat([root_sigma, pose_sigmas, hand_sigmas])
         one = torch.eye(3, device=device, dtype=dtype).expand(people, 1, 3, 3)
         self._before = torch.cat([one, body, hands], 1)
-        self._after = torch.cat([rotations[:, :1].detach(), one.expand(-1, body.shape[1] + hands.shape[1], 3, 3)], 1)
+        self._after = torch.cat(
+            [rotations[:, :1].detach(), one.expand(-1, body.shape[1] + hands.shape[1], 3, 3)], 1
+        )
         self._ray = self._pelvis / self._pelvis[:, 2:]
         self._across = transl.new_tensor([1.0, 1.0, 0.0])
         self.offset_free = (transl.new_zeros(people) + offset_sigma) > 0
@@ -150,7 +169,8 @@ class State:
 
     def _initial_values(self) -> dict[str, Tensor]:
         """Return the free parameters at the start, by group."""
-        start, rotvecs = self.start, torch.zeros_like(self.start.rotations[..., 0])
+        start = self.start
+        rotvecs = torch.zeros_like(self.start.rotations[..., 0])
         return {
             "root": torch.zeros_like(start.transl),
             "pose": rotvecs[:, BODY].clone(),
@@ -163,9 +183,15 @@ class State:
 
     def unpack(self) -> Estimate:
         """Convert the free parameters to bodies and scene; differentiable."""
-        start, values, sigmas = self.start, self.values, self._sigmas
-        # One call for all rotations. The root's is applied in the camera frame, the others in the frame of their joint.
-        rotvecs = torch.cat([values["root"][:, None], values["pose"], values["hands"]], 1) * self._turn_sigmas
+        start = self.start
+        values = self.values
+        sigmas = self._sigmas
+        # One call for all rotations. The root's is applied in the camera frame, the others in the
+        # frame of their joint.
+        rotvecs = (
+            torch.cat([values["root"][:, None], values["pose"], values["hands"]], 1)
+            * self._turn_sigmas
+        )
         rotated = self._before @ rotvec_to_rotmat(rotvecs) @ self._after
         body, hands = torch.split(rotated, [FACE.start, rotated.shape[1] - FACE.start], dim=1)
         move = values["translation"] * sigmas["translation"]
@@ -180,11 +206,15 @@ class State:
         )
 
     def deviation(self) -> tuple[Tensor, Tensor]:
-        """Return the deviation of people's parameters (B, P) and of the scene's scale () from the start.
+        """Return the deviation of people's parameters (B, P) and of the scene's scale () from the
+        start.
 
-        Columns are all groups except the scale, in the order of :data:`PARAMETER_GROUPS`. Units are expected sizes.
+        Columns are all groups except the scale, in the order of :data:`PARAMETER_GROUPS`. Units are
+        expected sizes.
         """
-        return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
+        return self._concatenate(self.values) - self._origin_columns, self.values[
+            "scale"
+        ] - self._origin["scale"]
 
     @property
     def expected_turns(self) -> Tensor:
@@ -193,15 +223,23 @@ class State:
         return angles
 
     def expand_to_parameters(self, of_group: Mapping[str, float]) -> Tensor:
-        """Expand one number per parameter group to one per parameter: (P,), in the columns of :meth:`deviation`."""
+        """Expand one number per parameter group to one per parameter: (P,), in the columns of
+        :meth:`deviation`.
+        """
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)
-        return self._origin_columns.new_tensor([of_group[group] for group, size in sizes for _ in range(size)])
+        return self._origin_columns.new_tensor(
+            [of_group[group] for group, size in sizes for _ in range(size)]
+        )
 
     @staticmethod
     def _concatenate(values: Mapping[str, Tensor]) -> Tensor:
         """Concatenate the parameters of people: (B, P)."""
         return torch.cat(
-            [values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None] for group in _OF_PEOPLE], 1
+            [
+                values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None]
+                for group in _OF_PEOPLE
+            ],
+            1,
         )
 
     def parameters(self) -> list[Tensor]:
@@ -224,7 +262,9 @@ class State:
             value.copy_(part.view_as(value))
 
     def split(self, packed: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Split a vector of :meth:`pack` into people's parameters (B, D), and the scale () if it is free."""
+        """Split a vector of :meth:`pack` into people's parameters (B, D), and the scale () if it is
+        free.
+        """
         parts = dict(zip(self.free, self._parts(packed), strict=True))
         scale = parts.pop("scale", None)
         rows = [part.reshape(self.num_people, -1) for part in parts.values()]
@@ -237,7 +277,10 @@ class State:
         columns = iter(torch.split(people, sizes, 1))
         none = people.new_zeros(0) if scale is None else scale.reshape(1)
         return torch.cat(
-            [people.new_zeros(0), *(none if g == "scale" else next(columns).reshape(-1) for g in self.free)]
+            [
+                people.new_zeros(0),
+                *(none if g == "scale" else next(columns).reshape(-1) for g in self.free),
+            ]
         )
 
     @property
@@ -247,7 +290,9 @@ class State:
 
     @torch.no_grad()
     def load_people(self, packed: Tensor, people: Tensor) -> None:
-        """Set the parameters of the ``people`` (B,) bool from a vector of :meth:`pack`, without the scene's scale."""
+        """Set the parameters of the ``people`` (B,) bool from a vector of :meth:`pack`, without the
+        scene's scale.
+        """
         for group, part in zip(self.free, self._parts(packed), strict=True):
             value = self.values[group]
             if group != "scale":
@@ -268,5 +313,7 @@ class State:
         """Split a packed vector into the free parameter groups."""
         sizes = [v.numel() for v in self.parameters()]
         if packed.shape != (sum(sizes),):
-            raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
+            raise PhysicError(
+                f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}"
+            )
         return torch.split(packed, sizes)

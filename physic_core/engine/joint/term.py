@@ -18,7 +18,8 @@ from physic_core.types.short_repr import ShortRepr
 
 @dataclass(frozen=True)
 class RobustSum:
-    """Weighted sum of robust losses, ``sum_v w_v rho(r_v^2 / sigma^2)``, of residuals (B, n) or (p,).
+    """Weighted sum of robust losses, ``sum_v w_v rho(r_v^2 / sigma^2)``, of residuals (B, n) or
+    (p,).
 
     Attributes:
         kind: of loss, see :mod:`physic_core.geometry.robust`.
@@ -38,7 +39,9 @@ class RobustSum:
 
     @classmethod
     def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
-        """Build from the type of loss, its scale in units of ``sigma``, the expected residual and weights (B, n)."""
+        """Build from the type of loss, its scale in units of ``sigma``, the expected residual and
+        weights (B, n).
+        """
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
 
     def rho(self, squared: Tensor) -> Tensor:
@@ -46,13 +49,17 @@ class RobustSum:
         return robust_loss(self.kind, squared, self.scale)
 
     def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the sum of each person (B,) and its derivative with respect to the residuals (B, n)."""
+        """Return the sum of each person (B,) and its derivative with respect to the residuals (B,
+        n).
+        """
         values, slopes = self.values_and_slopes(residual)
         return values.sum(1), slopes
 
     def values_and_slopes(self, residual: Tensor) -> tuple[Tensor, Tensor]:
         """Return the summands (...) and their derivatives with respect to the residuals (...)."""
-        loss, slope = loss_with_slope(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
+        loss, slope = loss_with_slope(
+            self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale
+        )
         return self.value_weight * loss, self.slope_weight * residual * slope
 
 
@@ -79,14 +86,17 @@ class Snapshot(ShortRepr):
 
 @dataclass(frozen=True)
 class PosedBodies(ShortRepr):
-    """Posed bodies and scene parameters of one energy evaluation, differentiable. B people, n subsampled vertices.
+    """Posed bodies and scene parameters of one energy evaluation, differentiable.
+
+    B people, n subsampled vertices.
 
     Attributes:
         vertices: (B, n, 3) metres, camera frame.
         joints: (B, 55, 3) metres.
         keypoints: (B, J, 3) metres, landmarks of the keypoints' joint set.
         estimate: parameters of bodies and scene.
-        deviation: (B, P) free parameters of people minus those at the start, see ``State.deviation``.
+        deviation: (B, P) free parameters of people minus those at the start, see
+            ``State.deviation``.
         scale_deviation: () deviation of the scene's scale from the start.
     """
 
@@ -102,19 +112,27 @@ class Term(ABC):
     """One summand of the energy (paper Eq. 5), or several that are evaluated together.
 
     Attributes:
-        weights: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 excludes a vertex or person.
+        weights: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 excludes a vertex
+            or person.
     """
 
     weights: Mapping[str, Tensor] = MappingProxyType({})
 
     @property
     def links(self) -> Tensor:
-        """Pairs (k, 2) int64 of people who share energy since the last :meth:`refresh`; by default none."""
+        """Pairs (k, 2) int64 of people who share energy since the last :meth:`refresh`; by default
+        none.
+        """
         return torch.zeros(0, 2, dtype=torch.int64)
 
     def refresh(self, snapshot: Snapshot) -> None:  # noqa: B027 - most terms have constant weights
-        """Update :attr:`weights`, which are constant until the next call. By default nothing changes."""
+        """Update :attr:`weights`, which are constant until the next call.
+
+        By default nothing changes.
+        """
 
     @abstractmethod
     def __call__(self, bodies: PosedBodies) -> Mapping[str, Tensor]:
-        """Return the weighted energies, differentiable: name -> (B,) per person; "scale", of the scene, is (1,)."""
+        """Return the weighted energies, differentiable: name -> (B,) per person; "scale", of the
+        scene, is (1,).
+        """

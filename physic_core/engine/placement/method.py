@@ -1,14 +1,15 @@
 """The steps of stage 2. An energy may override some of them in a subclass.
 
-The default minimises for each person, by Gauss-Newton steps with nearest points updated at each step,
+The default minimises for each person, by Gauss-Newton steps with nearest points updated at each
+step,
 
     lambda_j2d mean_j rho(|pi(J_j + t) - u_j|^2 / size^2)
     + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
-over the translation t and the depth offset g. g is free if the person's feet are visible and there is a floor.
-Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor.
-Means and relative sizes make all terms independent of the resolution.
+over the translation t and the depth offset g. g is free if the person's feet are visible and there
+is a floor. Monocular depth places people farther away than the floor under their feet, so without g
+the body leaves the floor. Means and relative sizes make all terms independent of the resolution.
 """
 
 from __future__ import annotations
@@ -43,14 +44,17 @@ from physic_core.types import Skeleton
 from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 
 POINTMAP_TOLERANCE = 0.15
-"""Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
-one surface."""
+"""Largest difference of the two point maps at an inlier, as a share of the depth.
+
+Below 0.1, the fit may follow only one surface.
+"""
 
 FEWEST_POINTS = 50
 """Minimum number of human points and of camera-facing vertices for Eq. 4."""
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
-_DEPTH_SHARE = 0.15  # standard deviation of the background weight, as a share of the inverse depth range
+# standard deviation of the background weight, as a share of the inverse depth range
+_DEPTH_SHARE = 0.15
 _QUANTILE_PIXELS = 20_000
 _FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
@@ -81,7 +85,9 @@ class Fit:
 
 @dataclass(frozen=True)
 class PlacementMethod:
-    """Stage 2 of preset "default": human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
+    """Stage 2 of preset "default": human points in the scene, and body translation (paper Sec.
+
+    3.2, Eq. 2-4).
 
     Attributes:
         alignment: options of the alignment of the photo's point map to the scene.
@@ -94,20 +100,28 @@ class PlacementMethod:
     min_confidence: Share = 0.3
     """Keypoints of lower confidence are ignored."""
     robust_px_share: PositiveOrInfinite = 0.05
-    """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
+    """Scale of the robust reprojection error, as a share of the person's size in the image; "inf"
+    is least squares.
+    """
     robust_m: PositiveOrInfinite = 0.15
     """Minimum scale of the robust Chamfer distance, metres; "inf" is least squares."""
     max_points: PointCount = 1000
-    """Maximum number of a person's points, and of camera-facing vertices, in Eq. 4; its run time is proportional to
-    it."""
+    """Maximum number of a person's points, and of camera-facing vertices, in Eq.
+
+    4; its run time is proportional to it.
+    """
     depth_offset_sigma: NotNegative = 0.2
-    """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human points to the
-    scene."""
+    """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human
+    points to the scene.
+    """
     floor_weight: NotNegative = 1.0
-    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
+    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0
+    disables it.
+    """
     stance: bool = True
-    """Whether feet are pulled to the floor in proportion to the probability that they touch something
-    (:mod:`physic_core.engine.stance`), and feet of people in the air not at all."""
+    """Whether feet are pulled to the floor in proportion to the probability that they touch
+    something (:mod:`physic_core.engine.stance`), and feet of people in the air not at all.
+    """
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 
@@ -115,14 +129,19 @@ class PlacementMethod:
         """Return the pixels (H, W) bool that are not background, from the mask of all people."""
         return dilate_square(people, round(_MASK_GROWTH * max(people.shape)))
 
-    def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
-        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None means uniform.
+    def weigh_background(
+        self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor
+    ) -> Tensor | None:
+        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W);
+        None means uniform.
 
-        It is by the difference of inverse depth to people. Two point maps of one scene differ by more than an affine
-        map. Without weights, sky and far walls would dominate the alignment, and the ground at the feet would be wrong.
+        It is by the difference of inverse depth to people. Two point maps of one scene differ by
+        more than an affine map. Without weights, sky and far walls would dominate the alignment,
+        and the ground at the feet would be wrong.
         """
         inverse = torch.where(valid & (depth > 0), 1 / depth, 0.0)
-        own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
+        own = inverse[people & (inverse > 0)]
+        others = inverse[background & (inverse > 0)]
         if not len(own) or not len(others):
             return None
         low, high = quantiles(own, (0.1, 0.9), _QUANTILE_PIXELS)
@@ -133,7 +152,9 @@ class PlacementMethod:
         gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (_DEPTH_SHARE * extent)
         return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
 
-    def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
+    def clean_points(
+        self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
+    ) -> Tensor:
         """Return the points (M, 3) of one person.
 
         Args:
@@ -143,7 +164,8 @@ class PlacementMethod:
             size: (H, W) of the photo.
         """
         ratio = edge_ratio(size[0], size[1])
-        # Depth edges need pixels outside the mask, as networks mix person and background at its rim.
+        # Depth edges need pixels outside the mask, as networks mix person and background at its
+        # rim.
         own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
         return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.max_points)
 
@@ -155,25 +177,34 @@ class PlacementMethod:
         """Return the indices of the keypoints that are used."""
         return placement_keypoints(skeleton)
 
-    def weigh_keypoints(self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+    def weigh_keypoints(
+        self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor
+    ) -> Tensor:
         """Return the weight (B, J) of keypoints (B, J, 2), px, for people with masks (B, H, W)."""
         return confidence
 
     def mask(self, masks: Tensor, person: int) -> Tensor:
-        """Return the pixels (H, W) bool in which a person's vertices count as visible, from all masks (B, H, W)."""
+        """Return the pixels (H, W) bool in which a person's vertices count as visible, from all
+        masks (B, H, W).
+        """
         own: Tensor = masks[person]
         return own
 
     def error_unit(self, keypoints: Tensor, mask: Tensor) -> Tensor:
-        """Return the size (2,) in px that reprojection errors are divided by: the diagonal of the person's box."""
+        """Return the size (2,) in px that reprojection errors are divided by: the diagonal of the
+        person's box.
+        """
         corners = keypoints
         if bool(mask.any()):
-            rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+            rows = mask.any(1).nonzero()[:, 0]
+            columns = mask.any(0).nonzero()[:, 0]
             ends = [[int(columns[0]), int(rows[0])], [int(columns[-1]), int(rows[-1])]]
             corners = torch.cat((corners, torch.tensor(ends, dtype=torch.float64)))
         if not len(corners):
             return torch.ones(2, dtype=torch.float64)
-        diagonal: Tensor = torch.linalg.vector_norm(corners.amax(0) - corners.amin(0)).clamp(min=1.0)
+        diagonal: Tensor = torch.linalg.vector_norm(corners.amax(0) - corners.amin(0)).clamp(
+            min=1.0
+        )
         return diagonal.expand(2)
 
     def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
@@ -181,7 +212,9 @@ class PlacementMethod:
         return facing_camera(person.normals, moved, _FACING_DEG)
 
     def camera_facing(self, person: PlacementProblem, x: Tensor) -> Tensor:
-        """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
+        """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask:
+        (V,) bool.
+        """
         moved = person.vertices + x[:-1]
         seen = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
         return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
@@ -192,8 +225,11 @@ class PlacementMethod:
         return PlacementReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
-        """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times lambda_d."""
-        vertices, weight = _subsample(person.vertices[seen], self.max_points), self.chamfer_weight
+        """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times
+        lambda_d.
+        """
+        vertices = _subsample(person.vertices[seen], self.max_points)
+        weight = self.chamfer_weight
         weights = weight / len(vertices), weight / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.robust_m)
 
@@ -208,10 +244,14 @@ class PlacementMethod:
 
     def fit_keypoints(self, person: PlacementProblem) -> Tensor:
         """Solve Eq. 2: return x (4,)."""
-        return gauss_newton([self.reprojection_term(person)], closed_form_translation(person), TRANSLATION)
+        return gauss_newton(
+            [self.reprojection_term(person)], closed_form_translation(person), TRANSLATION
+        )
 
     def fit_points(self, person: PlacementProblem, x: Tensor) -> Fit:
-        """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has moved."""
+        """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has
+        moved.
+        """
         seen = self.camera_facing(person, x)
         if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
             return Fit(x, seen)
@@ -228,7 +268,8 @@ class PlacementMethod:
             again = self.camera_facing(person, x)
             if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
                 break
-            seen, chamfer = again, self.chamfer_term(person, again)
+            seen = again
+            chamfer = self.chamfer_term(person, again)
         return Fit(x, seen, (before, chamfer.median(x)))
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
@@ -240,7 +281,9 @@ class PlacementMethod:
         return False
 
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
-        """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") position."""
+        """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final
+        ("end") position.
+        """
         terms: dict[str, PlacementTerm] = {}
         if not bool(torch.isfinite(person.vertices).all()):
             return {}
@@ -251,7 +294,10 @@ class PlacementMethod:
             if self.has_offset(person):
                 terms["floor"] = self.floor_term(person)
         ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
-        return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
+        return {
+            name: {end: term_energy(term, at) for end, at in ends.items()}
+            for name, term in terms.items()
+        }
 
 
 def _subsample(points: Tensor, max_points: int) -> Tensor:
@@ -259,4 +305,8 @@ def _subsample(points: Tensor, max_points: int) -> Tensor:
     last = len(points) - 1
     if last < max_points:
         return points
-    return points[torch.linspace(0, last, max_points, dtype=torch.float64, device=points.device).round().long()]
+    return points[
+        torch.linspace(0, last, max_points, dtype=torch.float64, device=points.device)
+        .round()
+        .long()
+    ]

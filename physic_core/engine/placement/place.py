@@ -1,7 +1,7 @@
 """Stage 2: translate each body to fit its keypoints (Eq. 2) and its human points (Eq. 3-4).
 
-:class:`physic_core.engine.placement.method.PlacementMethod` states the energy. Float64 on the CPU, which is fastest for
-k-d trees of a few thousand points. OpenCV camera frame, metres.
+:class:`physic_core.engine.placement.method.PlacementMethod` states the energy. Float64 on the CPU,
+which is fastest for k-d trees of a few thousand points. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -65,12 +65,14 @@ class PlacedBodies:
 
 @dataclass(frozen=True)
 class PeopleObservations:
-    """What B people are placed by: of the :class:`ObservedPeople`, the keypoints that the method uses with its weights.
+    """What B people are placed by: of the :class:`ObservedPeople`, the keypoints that the method
+    uses with its weights.
 
     Attributes:
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
-        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.solve.human_points`.
+        points: B tensors (M_i, 3) metres, see
+            :func:`physic_core.engine.placement.solve.human_points`.
         masks: (B, H, W) bool, visible pixels of each person.
         feet_seen: (B,) bool, people with visible feet; None disables the floor term.
     """
@@ -88,10 +90,11 @@ class Placement(ShortRepr):
 
     Attributes:
         transl: (B, 3) metres.
-        diagnostics: one mapping per person: numbers of "keypoints", "facing_vertices" and "points" used;
-            "reprojection_px" and "chamfer_m", medians at start and end; "losses", term of Eq. 3 -> its energy at
-            "start" and "end"; "moved_m"; "depth_offset"; "foot_height_m" over the floor (None without a
-            floor, and for a person not on it); "problem", a message or None.
+        diagnostics: one mapping per person: numbers of "keypoints", "facing_vertices" and "points"
+            used; "reprojection_px" and "chamfer_m", medians at start and end; "losses", term of Eq.
+            3 -> its energy at "start" and "end"; "moved_m"; "depth_offset"; "foot_height_m" over
+            the floor (None without a floor, and for a person not on it); "problem", a message or
+            None.
         keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
         on_floor: per person, whether the floor was used.
     """
@@ -109,7 +112,9 @@ def place_bodies(
     floor: tuple[Tensor, float] | None = None,
     method: PlacementMethod | None = None,
 ) -> Placement:
-    """Translate B posed bodies independently (Eq. 2-4); a body that cannot be placed keeps its translation.
+    """Translate B posed bodies independently (Eq.
+
+    2-4); a body that cannot be placed keeps its translation.
 
     Args:
         bodies: as estimated.
@@ -123,7 +128,9 @@ def place_bodies(
     people = [_person_problem(i, bodies, evidence, K, floor, method) for i in range(len(transl))]
     if not people:
         return Placement(transl, (), transl)
-    moves, keypoint_moves, diagnostics = zip(*(_place_person(person, method) for person in people), strict=True)
+    moves, keypoint_moves, diagnostics = zip(
+        *(_place_person(person, method) for person in people), strict=True
+    )
     return Placement(
         transl=transl + torch.stack(moves).to(transl),
         diagnostics=diagnostics,
@@ -141,12 +148,25 @@ def _person_problem(
     method: PlacementMethod,
 ) -> PlacementProblem:
     """Return the problem of person i with usable keypoints and points only."""
-    uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
-    landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
-    used = (confidence >= method.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
+    uv = _on_cpu(evidence.keypoints[i])
+    confidence = _on_cpu(evidence.confidence[i])
+    landmarks, vertices, cloud = (
+        _on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i])
+    )
+    used = (
+        (confidence >= method.min_confidence)
+        & torch.isfinite(uv).all(-1)
+        & torch.isfinite(landmarks).all(-1)
+    )
     mask = method.mask(evidence.masks, i).cpu()
-    plane, soles = None, vertices[:0]
-    if floor is not None and bodies.soles is not None and evidence.feet_seen is not None and evidence.feet_seen[i]:
+    plane = None
+    soles = vertices[:0]
+    if (
+        floor is not None
+        and bodies.soles is not None
+        and evidence.feet_seen is not None
+        and evidence.feet_seen[i]
+    ):
         plane = torch.cat((_on_cpu(floor[0]), torch.tensor([floor[1]], dtype=torch.float64)))
         soles = vertices[bodies.soles.cpu()]
     return PlacementProblem(
@@ -156,7 +176,9 @@ def _person_problem(
         size=method.error_unit(uv[used], mask),
         vertices=vertices,
         normals=_on_cpu(bodies.normals[i]),
-        outer=torch.ones(len(vertices), dtype=torch.bool) if bodies.outer is None else bodies.outer.cpu(),
+        outer=torch.ones(len(vertices), dtype=torch.bool)
+        if bodies.outer is None
+        else bodies.outer.cpu(),
         points=cloud[torch.isfinite(cloud).all(-1)],
         mask=mask,
         soles=soles,
@@ -171,10 +193,15 @@ def _on_cpu(x: Tensor) -> Tensor:
     return x.detach().to("cpu", torch.float64)
 
 
-def _place_person(person: PlacementProblem, method: PlacementMethod) -> tuple[Tensor, Tensor, Mapping[str, Any]]:
-    """Return the translation (3,), the one by only the keypoints (3,), metres, and the diagnostics of a person."""
+def _place_person(
+    person: PlacementProblem, method: PlacementMethod
+) -> tuple[Tensor, Tensor, Mapping[str, Any]]:
+    """Return the translation (3,), the one by only the keypoints (3,), metres, and the diagnostics
+    of a person.
+    """
     start = torch.zeros(4, dtype=torch.float64)
-    fit, by_keypoints = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
+    fit = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool))
+    by_keypoints = start
     if not bool(torch.isfinite(person.vertices).all()):
         problem: str | None = "the body has non-finite vertices: its translation was not changed"
     elif method.is_placed(person) and not bool(person.mask.any()):
@@ -187,7 +214,8 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> tuple[Te
                 by_keypoints = start
         else:
             problem = (
-                f"{len(person.keypoints)} keypoints have confidence {method.min_confidence:g} or more, "
+                f"{len(person.keypoints)} keypoints have confidence {method.min_confidence:g} or "
+                f"more, "
                 f"but {FEWEST_KEYPOINTS} are needed to place a body"
             )
         fit = replace(fit, x=by_keypoints)
@@ -195,13 +223,17 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> tuple[Te
             fit = method.fit_points(person, by_keypoints)
             if fit.chamfer_m is None and problem is None:
                 problem = (
-                    f"{len(person.points)} points and {int(fit.seen.sum())} camera-facing vertices of the person, "
+                    f"{len(person.points)} points and {int(fit.seen.sum())} camera-facing "
+                    f"vertices of the person, "
                     f"but {FEWEST_POINTS} of each are needed: placed by keypoints alone"
                 )
         fit = replace(fit, x=method.finish(person, fit))
         if not _is_placed_in_view(person, fit.x):
-            fit, by_keypoints = replace(fit, x=start), start
-            problem = "the fit has no translation in front of the camera: the translation was not changed"
+            fit = replace(fit, x=start)
+            by_keypoints = start
+            problem = (
+                "the fit has no translation in front of the camera: the translation was not changed"
+            )
     return fit.x[:-1], by_keypoints[:-1], _diagnostics(person, fit, problem, method)
 
 
@@ -215,14 +247,20 @@ def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:
     return bool(torch.isfinite(x).all()) and NEAREST_M <= depth + float(x[2]) <= farthest
 
 
-def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method: PlacementMethod) -> dict[str, Any]:
+def _diagnostics(
+    person: PlacementProblem, fit: Fit, problem: str | None, method: PlacementMethod
+) -> dict[str, Any]:
     """Return the diagnostics of a person's placement: data used, errors, and distance moved."""
-    start, x = torch.zeros_like(fit.x), fit.x
+    start = torch.zeros_like(fit.x)
+    x = fit.x
     return {
         "keypoints": len(person.keypoints),
         "points": len(person.points),
         "facing_vertices": int(fit.seen.sum()),
-        "reprojection_px": (median_reprojection_px(person, start), median_reprojection_px(person, x)),
+        "reprojection_px": (
+            median_reprojection_px(person, start),
+            median_reprojection_px(person, x),
+        ),
         "chamfer_m": fit.chamfer_m,
         "losses": method.losses(person, fit),
         "moved_m": float(torch.linalg.vector_norm(x[:-1])),

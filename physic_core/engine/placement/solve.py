@@ -1,8 +1,8 @@
 """Stage 2: place the people in the scene (paper Sec. 3.2).
 
-The point map of the original photo is aligned to the scene on the background, which gives the 3D points of each person.
-Each body is aligned with its keypoints (Eq. 2) and these points (Eq. 3-4). In a scene of known size, people of unknown
-stature are resized first. OpenCV camera frame, metres.
+The point map of the original photo is aligned to the scene on the background, which gives the 3D
+points of each person. Each body is aligned with its keypoints (Eq. 2) and these points (Eq. 3-4).
+In a scene of known size, people of unknown stature are resized first. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ from torch import Tensor
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.placement.method import PlacementMethod
-from physic_core.engine.placement.place import ObservedPeople, PeopleObservations, PlacedBodies, Placement, place_bodies
+from physic_core.engine.placement.place import (
+    ObservedPeople,
+    PeopleObservations,
+    PlacedBodies,
+    Placement,
+    place_bodies,
+)
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes.stature import resize_bodies
 from physic_core.engine.stance import Stance
@@ -76,8 +82,12 @@ class AlignedPhoto:
         return torch.where(self.valid & all_finite(self.points), self.points[..., 2], torch.nan)
 
 
-def align_photo(photo: PhotoPoints, scene: SceneState, masks: Tensor, method: PlacementMethod) -> AlignedPhoto:
-    """Align the photo to the metric scene, and select the points of people with masks (B, H, W) bool."""
+def align_photo(
+    photo: PhotoPoints, scene: SceneState, masks: Tensor, method: PlacementMethod
+) -> AlignedPhoto:
+    """Align the photo to the metric scene, and select the points of people with masks (B, H, W)
+    bool.
+    """
     alignment = align_photo_points_to_scene(photo, scene.points, scene.valid, method, far=FAR_M)
     aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
     people = tuple(human_points(aligned, photo.valid, mask, method) for mask in masks)
@@ -98,7 +108,8 @@ def align_photo_points_to_scene(
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
         method: of stage 2; that of preset "default" if None.
-        far: largest depth of scene pixels used, in the unit of the scene; ``FAR_M`` for a metric scene.
+        far: largest depth of scene pixels used, in the unit of the scene; ``FAR_M`` for a metric
+            scene.
 
     Returns:
         The alignment; ``inlier_share`` is 0 without common pixels.
@@ -116,10 +127,12 @@ def align_photo_points_to_scene(
 
 
 def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
-    """Apply the alignment to the original photo's point map; if ``K`` (3, 3) is given, move points onto rays of ``K``.
+    """Apply the alignment to the original photo's point map; if ``K`` (3, 3) is given, move points
+    onto rays of ``K``.
 
     Returns:
-        (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then unknown.
+        (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then
+        unknown.
     """
     if alignment.inlier_share == 0:
         return torch.full_like(points, math.nan)
@@ -127,7 +140,9 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor |
     return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
 
 
-def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod | None = None) -> Tensor:
+def human_points(
+    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod | None = None
+) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:
@@ -142,7 +157,8 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementM
     box = _box(mask)
     if box is None:
         return points.new_zeros((0, 3))
-    cloud, inside = points[box], mask[box]
+    cloud = points[box]
+    inside = mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
@@ -155,7 +171,9 @@ def _box(mask: Tensor) -> tuple[slice, slice] | None:
     spans = []
     for dim, size in ((1, mask.shape[0]), (0, mask.shape[1])):
         hit = mask.any(dim).nonzero()
-        spans.append(slice(max(0, int(hit[0]) - _MARGIN_PX), min(size, int(hit[-1]) + 1 + _MARGIN_PX)))
+        spans.append(
+            slice(max(0, int(hit[0]) - _MARGIN_PX), min(size, int(hit[-1]) + 1 + _MARGIN_PX))
+        )
     return spans[0], spans[1]
 
 
@@ -172,8 +190,8 @@ class EstimatedBodies(ShortRepr):
         betas: (B, K).
         expression: (B, E).
         transl: (B, 3) metres.
-        rotation_sigma: (B, 22) radians, stated errors of the rotations of pelvis and body joints, NaN where unknown;
-            None if the estimator states none.
+        rotation_sigma: (B, 22) radians, stated errors of the rotations of pelvis and body joints,
+            NaN where unknown; None if the estimator states none.
     """
 
     model: BodyModel
@@ -214,9 +232,10 @@ class PlacedPeople(ShortRepr):
         photo: its point map, aligned to the scene.
         bodies: as estimated, or resized to a scene of known size.
         placement: of the bodies.
-        foot_touch: (B, 2) probability that the left and the right foot touch something; None if not requested.
-        size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the photo, NaN where
-            unknown; None if the size of the scene is unknown.
+        foot_touch: (B, 2) probability that the left and the right foot touch something; None if not
+            requested.
+        size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the
+            photo, NaN where unknown; None if the size of the scene is unknown.
     """
 
     scene: SceneState
@@ -246,8 +265,11 @@ def _place(
     given: PlacementInput, scene: SceneState, feet_seen: Tensor, method: PlacementMethod
 ) -> tuple[PlacedBodies, AlignedPhoto, Placement]:
     """Pose the bodies, align the photo with a scene, and place the bodies in it."""
-    bodies, detections, model = given.bodies, given.detections, given.bodies.model
-    skeleton, keypoints = detections.skeleton, detections.keypoints
+    bodies = given.bodies
+    detections = given.detections
+    model = given.bodies.model
+    skeleton = detections.skeleton
+    keypoints = detections.keypoints
     columns = method.keypoint_columns(skeleton)
     output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
     posed = PlacedBodies(
@@ -259,7 +281,9 @@ def _place(
         soles=model.soles,
     )
     photo = align_photo(given.photo, scene, detections.masks, method)
-    weight = method.weigh_keypoints(skeleton, keypoints, detections.confidence, detections.masks.to(keypoints.device))
+    weight = method.weigh_keypoints(
+        skeleton, keypoints, detections.confidence, detections.masks.to(keypoints.device)
+    )
     evidence = PeopleObservations(
         keypoints=keypoints[:, columns],
         confidence=weight[:, columns],
@@ -270,7 +294,9 @@ def _place(
     return posed, photo, place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
 
 
-def _size_by_scene(given: PlacementInput, scene: SceneState, feet_seen: Tensor, method: PlacementMethod) -> Tensor:
+def _size_by_scene(
+    given: PlacementInput, scene: SceneState, feet_seen: Tensor, method: PlacementMethod
+) -> Tensor:
     """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
 
     Args:
@@ -280,7 +306,9 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, feet_seen: Tensor, 
 
     posed, photo, placed = _place(given, scene, feet_seen, method)
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
-    return size_by_scene(vertices, given.bodies.model.soles, placed.on_floor, scene.floor_plane, photo.people)
+    return size_by_scene(
+        vertices, given.bodies.model.soles, placed.on_floor, scene.floor_plane, photo.people
+    )
 
 
 def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
@@ -288,9 +316,13 @@ def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> E
     from physic_core.engine.sizes.stature import stature_factor
 
     own = bodies.model.stature(bodies.betas)
-    wanted = torch.where(torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own))
+    wanted = torch.where(
+        torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own)
+    )
     parts = (bodies.rotations.flatten(1), bodies.betas, bodies.expression, bodies.transl)
     finite = torch.isfinite(torch.cat(parts, 1)).all(1)
     wanted = torch.where(finite, wanted, torch.nan)
-    betas, transl, _ = resize_bodies(bodies.model, bodies.rotations, bodies.betas, bodies.transl, wanted)
+    betas, transl, _ = resize_bodies(
+        bodies.model, bodies.rotations, bodies.betas, bodies.transl, wanted
+    )
     return replace(bodies, betas=betas, transl=transl)

@@ -1,7 +1,9 @@
 """Terms of stage 2 and their solvers.
 
-Residuals and Jacobians are with respect to x = (t, g), a translation and a log depth offset. Solvers are a closed form
-for keypoints alone, and Gauss-Newton. Float64, CPU, camera frame, metres and pixels."""
+Residuals and Jacobians are with respect to x = (t, g), a translation and a log depth offset.
+Solvers are a closed form for keypoints alone, and Gauss-Newton. Float64, CPU, camera frame, metres
+and pixels.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
 
 class PlacementProblem(NamedTuple):
-    """Inputs to place one person, float64 on the CPU; N landmarks, V vertices, M points, S sole vertices."""
+    """Inputs to place one person, float64 on the CPU; N landmarks, V vertices, M points, S sole
+    vertices.
+    """
 
     landmarks: Tensor  # (N, 3)
     keypoints: Tensor  # (N, 2)
@@ -50,13 +54,17 @@ class PlacementProblem(NamedTuple):
         return len(self.soles) > 0
 
     def foot_height(self, x: Tensor) -> Tensor:
-        """Return the height () of the lower foot above the floor, metres, of a person moved by x (4,)."""
+        """Return the height () of the lower foot above the floor, metres, of a person moved by x
+        (4,).
+        """
         assert self.plane is not None
         return height_over_plane(self.soles + x[:-1], self.plane[:-1], self.plane[-1]).min()
 
 
 class Residuals(NamedTuple):
-    """Residuals of one term at x: error (N, D), Jacobian ``slope`` (N, D, 4), weight (N,), scale of the robust loss."""
+    """Residuals of one term at x: error (N, D), Jacobian ``slope`` (N, D, 4), weight (N,), scale of
+    the robust loss.
+    """
 
     error: Tensor
     slope: Tensor
@@ -73,12 +81,15 @@ class PlacementReprojectionTerm:
     """
 
     def __init__(self, person: PlacementProblem, weight: Tensor, scale: float) -> None:
-        self.person, self.weight, self.scale = person, weight, scale
+        self.person = person
+        self.weight = weight
+        self.scale = scale
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         moved = self.person.landmarks + x[:-1]
         z = moved[:, 2].clamp(min=NEAREST_M)
-        size, K = self.person.size, self.person.K
+        size = self.person.size
+        K = self.person.K
         error = (project(moved, K) - self.person.keypoints) / size
         slope = torch.zeros((len(moved), 2, len(x)), dtype=torch.float64)
         for axis in (0, 1):
@@ -97,16 +108,25 @@ class ChamferTerm:
         scale: of the robust loss, metres; "inf" is least squares.
     """
 
-    def __init__(self, vertices: Tensor, points: Tensor, weights: tuple[float, float], scale: float) -> None:
-        self.vertices, self.points, self.weights, self.scale = vertices, points, weights, scale
+    def __init__(
+        self, vertices: Tensor, points: Tensor, weights: tuple[float, float], scale: float
+    ) -> None:
+        self.vertices = vertices
+        self.points = points
+        self.weights = weights
+        self.scale = scale
         self.vertex_tree, self.point_tree = cKDTree(vertices.numpy()), cKDTree(points.numpy())
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3) of each point."""
+        """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3)
+        of each point.
+        """
         factor = math.exp(float(x[-1]))
         _, nearest_point = self.point_tree.query(((self.vertices + x[:-1]) / factor).numpy())
         _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:-1]).numpy())
-        return self.points[torch.as_tensor(nearest_point)], self.vertices[torch.as_tensor(nearest_vertex)]
+        return self.points[torch.as_tensor(nearest_point)], self.vertices[
+            torch.as_tensor(nearest_vertex)
+        ]
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         factor = math.exp(float(x[-1]))
@@ -125,21 +145,31 @@ class ChamferTerm:
 
     def median(self, x: Tensor) -> float:
         """Return the median distance over both directions, metres."""
-        return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.residuals(x)]).median())
+        return float(
+            torch.cat(
+                [torch.linalg.vector_norm(r.error, dim=-1) for r in self.residuals(x)]
+            ).median()
+        )
 
 
 class PlacementFloorTerm:
-    """Height of the lower foot above the floor, plus the prior ``cost g^2`` of the log depth offset g."""
+    """Height of the lower foot above the floor, plus the prior ``cost g^2`` of the log depth offset
+    g.
+    """
 
     def __init__(self, person: PlacementProblem, weight: float, offset_cost: float) -> None:
-        self.person, self.weight, self.offset_cost = person, weight, offset_cost
+        self.person = person
+        self.weight = weight
+        self.offset_cost = offset_cost
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         assert self.person.plane is not None
         lowest = self.person.foot_height(x).reshape(1, 1)
-        upward, only_offset = self.person.plane.clone(), torch.zeros_like(x)
+        upward = self.person.plane.clone()
+        only_offset = torch.zeros_like(x)
         upward[-1], only_offset[-1] = 0.0, 1.0
-        foot, cost = lowest.new_tensor([self.weight]), lowest.new_tensor([self.offset_cost])
+        foot = lowest.new_tensor([self.weight])
+        cost = lowest.new_tensor([self.offset_cost])
         return [
             Residuals(lowest, upward[None, None], foot, _FLOOR_ROBUST_M),
             Residuals(x[-1].reshape(1, 1), only_offset[None, None], cost, math.inf),
@@ -165,15 +195,22 @@ _MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
 
 
 def closed_form_translation(person: PlacementProblem) -> Tensor:
-    """Estimate the translation of Eq. 2 by linear least squares of X + t_x = u (Z + t_z); return x (4,).
+    """Estimate the translation of Eq.
+
+    2 by linear least squares of X + t_x = u (Z + t_z); return x (4,).
 
     The solution is approximate: the weights of the rows approximate image errors.
     """
     ray = (person.keypoints - person.K[:2, 2]) / torch.stack((person.K[0, 0], person.K[1, 1]))
     joints = person.landmarks
-    zero, one = torch.zeros(len(ray), dtype=torch.float64), torch.ones(len(ray), dtype=torch.float64)
-    rows = torch.cat((torch.stack((one, zero, -ray[:, 0]), -1), torch.stack((zero, one, -ray[:, 1]), -1)))
-    goal = torch.cat((ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1]))
+    zero = torch.zeros(len(ray), dtype=torch.float64)
+    one = torch.ones(len(ray), dtype=torch.float64)
+    rows = torch.cat(
+        (torch.stack((one, zero, -ray[:, 0]), -1), torch.stack((zero, one, -ray[:, 1]), -1))
+    )
+    goal = torch.cat(
+        (ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1])
+    )
     trust = person.confidence.repeat(2)
     move = torch.zeros_like(joints[0])
     # A weak prior of zero translation, for keypoints that do not determine depth.
@@ -190,20 +227,23 @@ def closed_form_translation(person: PlacementProblem) -> Tensor:
 def gauss_newton(terms: Sequence[PlacementTerm], x: Tensor, free: Sequence[int]) -> Tensor:
     """Minimise a sum of robust terms from x (4,) by iteratively reweighted Gauss-Newton steps.
 
-    Only the elements of x with an index in ``free`` change. A step that increases the energy is halved.
+    Only the elements of x with an index in ``free`` change. A step that increases the energy is
+    halved.
     """
     index = torch.tensor(free)
     rows = [r for term in terms for r in term.residuals(x)]
     for _ in range(ITERATIONS):
         scales = [_robust_scale(r) for r in rows]
         energy = _energy(rows, scales)
-        A, b = torch.zeros(len(x), len(x), dtype=torch.float64), torch.zeros_like(x)
+        A = torch.zeros(len(x), len(x), dtype=torch.float64)
+        b = torch.zeros_like(x)
         for r, scale in zip(rows, scales, strict=True):
             # Derivative of the Cauchy loss by the squared error: 1 / (1 + e^2 / c^2).
             weight = r.weight / (1 + r.error.square().sum(-1) / scale**2)
             A += torch.einsum("n,ndi,ndj->ij", weight, r.slope, r.slope)
             b += torch.einsum("n,ndi,nd->i", weight, r.slope, r.error)
-        A, b = A[index][:, index], b[index]
+        A = A[index][:, index]
+        b = b[index]
         A = A + 1e-9 * torch.diag(A.diagonal().clamp(min=1e-12))
         step = torch.zeros_like(x)
         step[index] = torch.linalg.solve(A, -b)
@@ -212,7 +252,8 @@ def gauss_newton(terms: Sequence[PlacementTerm], x: Tensor, free: Sequence[int])
             if abs(float(x[-1] + step[-1])) <= _MAX_OFFSET:
                 tried = [r for term in terms for r in term.residuals(x + step)]
                 if _energy(tried, scales) <= energy:
-                    x, rows = x + step, tried
+                    x = x + step
+                    rows = tried
                     break
             step = step / 2
         else:
@@ -233,7 +274,9 @@ def _energy(rows: Sequence[Residuals], scales: Sequence[float]) -> float:
     total = 0.0
     for r, scale in zip(rows, scales, strict=True):
         squared = r.error.square().sum(-1)
-        total += float((r.weight * (cauchy(squared, scale) if math.isfinite(scale) else squared)).sum())
+        total += float(
+            (r.weight * (cauchy(squared, scale) if math.isfinite(scale) else squared)).sum()
+        )
     return total
 
 

@@ -1,8 +1,8 @@
 """Give a relative point map the shape of a measured depth, where that is known.
 
-The point map is aligned to the depth first. What is left, the ratio of both, is followed pixel by pixel; its noise and
-its steps are those of the sensor, and the point map is smooth. Where the depth is unknown, the trend of
-the ratio over place and depth continues it. OpenCV camera frame.
+The point map is aligned to the depth first. What is left, the ratio of both, is followed pixel by
+pixel; its noise and its steps are those of the sensor, and the point map is smooth. Where the depth
+is unknown, the trend of the ratio over place and depth continues it. OpenCV camera frame.
 """
 
 from __future__ import annotations
@@ -24,13 +24,18 @@ _NOISE = 0.01
 """Largest difference from the measured depth that smoothing may leave, as a share of it."""
 
 _REACH = 1 / 60
-"""Width of the smoothing window, as a share of the long side: a few pixels of a phone's depth sensor."""
+"""Width of the smoothing window, as a share of the long side: a few pixels of a phone's depth
+sensor.
+"""
 
-_SAMPLES, _REWEIGHTED = 20_000, 10  # pixels of the trend, and fits with new weights
+# pixels of the trend, and fits with new weights
+_SAMPLES = 20_000
+_REWEIGHTED = 10
 
 
 def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics) -> Pointmap:
-    """Return a point map with the measured depth, metres, where that is known, and its own shape elsewhere.
+    """Return a point map with the measured depth, metres, where that is known, and its own shape
+    elsewhere.
 
     Args:
         pointmap: of the same picture, in any unit.
@@ -40,8 +45,11 @@ def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics)
     rays = tensor(camera.matrix)
     measured = np.isfinite(depth.depth) & (depth.depth > 0)
     target = depth_to_pointmap(tensor(np.where(measured, depth.depth, 1.0)), rays)
-    options, common = AlignmentOptions(METRIC_DEPTH_TOLERANCE), tensor(pointmap.valid & measured)
-    alignment = fit_alignment(tensor(pointmap.points), target, common, pointmap.unknown, options=options)
+    options = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
+    common = tensor(pointmap.valid & measured)
+    alignment = fit_alignment(
+        tensor(pointmap.points), target, common, pointmap.unknown, options=options
+    )
     own = apply_alignment(tensor(pointmap.points), alignment)[..., 2].numpy()
     valid = pointmap.valid & np.isfinite(own) & (own > 0)
     known = valid & measured
@@ -49,15 +57,24 @@ def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics)
         return pointmap
     own = np.where(valid, own, 1.0)
     ratio = np.log(np.where(known, depth.depth, own) / own)
-    found = np.where(valid, own * np.exp(_continued(ratio, own, known)), np.where(measured, depth.depth, 1.0))
-    points = np.where((valid | measured)[..., None], depth_to_pointmap(tensor(found), rays).numpy(), 0.0)
+    found = np.where(
+        valid, own * np.exp(_continued(ratio, own, known)), np.where(measured, depth.depth, 1.0)
+    )
+    points = np.where(
+        (valid | measured)[..., None], depth_to_pointmap(tensor(found), rays).numpy(), 0.0
+    )
     return replace(
-        pointmap, points=np.asarray(points, np.float32), valid=valid | measured, unknown="scale", shift_sigma=None
+        pointmap,
+        points=np.asarray(points, np.float32),
+        valid=valid | measured,
+        unknown="scale",
+        shift_sigma=None,
     )
 
 
 def shows_people(depth: DepthMap, photo: Pointmap, scene: Pointmap, masks: BoolArray) -> bool:
-    """Return whether a depth is nearer to that of the photo than to that of the scene behind the people.
+    """Return whether a depth is nearer to that of the photo than to that of the scene behind the
+    people.
 
     Args:
         depth: measured.
@@ -68,12 +85,16 @@ def shows_people(depth: DepthMap, photo: Pointmap, scene: Pointmap, masks: BoolA
     common = masks.any(0) & np.isfinite(depth.depth) & photo.valid & scene.valid
     if not common.any():
         return False
-    away = [np.median(np.abs(np.log(depth.depth[common] / one.points[common][:, 2]))) for one in (photo, scene)]
+    away = [
+        np.median(np.abs(np.log(depth.depth[common] / one.points[common][:, 2])))
+        for one in (photo, scene)
+    ]
     return bool(away[0] < away[1])
 
 
 def _continued(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatArray:
-    """Return log ratios (H, W), smooth within the noise where they are known, and by their trend elsewhere.
+    """Return log ratios (H, W), smooth within the noise where they are known, and by their trend
+    elsewhere.
 
     Args:
         ratio: (H, W) log ratios.
@@ -90,15 +111,18 @@ def _continued(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatA
 
 
 def _trend(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatArray:
-    """Return the plane (H, W) through log ratios over column, row and log depth, of least absolute residuals.
+    """Return the plane (H, W) through log ratios over column, row and log depth, of least absolute
+    residuals.
 
-    The nearest pixels of a person are often those of a far background, which has an error of its own.
+    The nearest pixels of a person are often those of a far background, which has an error of its
+    own.
     """
     rows, columns = np.mgrid[: ratio.shape[0], : ratio.shape[1]] / max(ratio.shape)
     terms = np.stack([columns, rows, np.log(depth), np.ones_like(depth)], -1)
     chosen = np.flatnonzero(known)
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _SAMPLES)).astype(int)]
-    seen, target = terms.reshape(-1, 4)[chosen], ratio.ravel()[chosen]
+    seen = terms.reshape(-1, 4)[chosen]
+    target = ratio.ravel()[chosen]
     weight = np.ones(len(chosen))
     for _ in range(_REWEIGHTED):
         plane = np.linalg.lstsq(seen * weight[:, None], target * weight, rcond=None)[0]

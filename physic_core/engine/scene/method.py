@@ -1,4 +1,7 @@
-"""Settings and steps of stage 1, and the camera of a photo. An energy may override some of the steps in a subclass."""
+"""Settings and steps of stage 1, and the camera of a photo.
+
+An energy may override some of the steps in a subclass.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,8 @@ class Cameras:
     """Intrinsics of a photo from several sources, each (3, 3) px or None if unknown.
 
     Attributes:
-        given: known camera. It overrides the others, and every point is moved onto the ray of its pixel.
+        given: known camera. It overrides the others, and every point is moved onto the ray of its
+            pixel.
         metric_depth: camera that the metric depth was estimated for.
         pointmap: camera that the relative point map was estimated for.
     """
@@ -40,8 +44,8 @@ class Cameras:
 
 
 def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
-    """Return the intrinsics (3, 3) float64: given ones, otherwise those of the metric depth, otherwise from the point
-    map.
+    """Return the intrinsics (3, 3) float64: given ones, otherwise those of the metric depth,
+    otherwise from the point map.
 
     Args:
         points: (H, W, 3) point map, any unit.
@@ -56,7 +60,9 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     if cameras.metric_depth is not None:
         return cameras.metric_depth.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
-    return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))
+    return intrinsics_matrix(
+        fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device)
+    )
 
 
 METRIC_DEPTH_TOLERANCE = 0.1
@@ -64,7 +70,9 @@ METRIC_DEPTH_TOLERANCE = 0.1
 
 
 class PixelSurface(NamedTuple):
-    """Surface at each pixel: normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
+    """Surface at each pixel: normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool
+    outside edges.
+    """
 
     normals: Tensor
     edges: Tensor
@@ -76,10 +84,12 @@ class SceneMethod:
     """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
-        uses_pointmap: whether the scene is the aligned point map rather than the metric depth alone.
+        uses_pointmap: whether the scene is the aligned point map rather than the metric depth
+            alone.
         alignment: options of Eq. 1.
         min_floor_share: minimum inlier share of an accepted floor.
-        rescales_depth: whether metric depth gets the scale of the vote with the people, or keeps its own.
+        rescales_depth: whether metric depth gets the scale of the vote with the people, or keeps
+            its own.
     """
 
     far_m: PositiveOrInfinite = 50.0
@@ -87,21 +97,26 @@ class SceneMethod:
     floor: Literal["disparity", "off"] = "disparity"
     """"disparity" fits a plane in inverse depth. "off" finds no floor."""
     carve_m: NotNegative = 0.5
-    """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
-    metres; 0 moves none."""
+    """Largest distance by which inpainted scene points are moved behind a body that contains or
+    should occlude them, metres; 0 moves none.
+    """
 
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = 0.05
     rescales_depth: ClassVar[bool] = True
 
-    def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
-        """Convert point map and metric depth to the given camera, or to the mean of their two cameras if none is given.
+    def share_camera(
+        self, points: Tensor, depth: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor, Cameras]:
+        """Convert point map and metric depth to the given camera, or to the mean of their two
+        cameras if none is given.
 
         If only one of the two cameras is known, nothing is converted.
 
-        Metric depth is proportional to the focal length, since depth networks infer it from the size of objects in
-        pixels. The depth of the point map does not change, since its unit is unknown.
+        Metric depth is proportional to the focal length, since depth networks infer it from the
+        size of objects in pixels. The depth of the point map does not change, since its unit is
+        unknown.
 
         Args:
             points: (H, W, 3), any unit.
@@ -109,13 +124,22 @@ class SceneMethod:
             cameras: of the photo.
 
         Returns:
-            The converted points, the converted depth, and the cameras with ``metric_depth`` set to the common one.
+            The converted points, the converted depth, and the cameras with ``metric_depth`` set to
+            the common one.
         """
-        common, metric, pointmap = cameras.given, cameras.metric_depth, cameras.pointmap
+        common = cameras.given
+        metric = cameras.metric_depth
+        pointmap = cameras.pointmap
         if common is None and metric is not None and pointmap is not None:
-            common = mean_camera(metric.to(torch.float64), pointmap.to(metric.device, torch.float64))
+            common = mean_camera(
+                metric.to(torch.float64), pointmap.to(metric.device, torch.float64)
+            )
         if common is None:
-            return points, depth, replace(cameras, metric_depth=metric if metric is not None else pointmap)
+            return (
+                points,
+                depth,
+                replace(cameras, metric_depth=metric if metric is not None else pointmap),
+            )
         if pointmap is not None:
             factor = torch.diagonal(pointmap)[:2].to(points) / torch.diagonal(common)[:2].to(points)
             points = torch.cat((points[..., :2] * factor, points[..., 2:]), -1)
@@ -123,27 +147,39 @@ class SceneMethod:
             depth = depth * (focal_px(common) / focal_px(metric))
         return points, depth, replace(cameras, metric_depth=common)
 
-    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
-        """Return the metric points (H, W, 3) on the rays of their pixels, and the camera (3, 3) of these rays."""
+    def place_on_rays(
+        self, points: Tensor, valid: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor]:
+        """Return the metric points (H, W, 3) on the rays of their pixels, and the camera (3, 3) of
+        these rays.
+        """
         camera = scene_camera(points, valid, cameras)
         return depth_to_pointmap(points[..., 2], camera), camera
 
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
-        """Return the normals, and the removed pixels, of metric points (H, W, 3) that are known (H, W) bool."""
+        """Return the normals, and the removed pixels, of metric points (H, W, 3) that are known (H,
+        W) bool.
+        """
         ratio = edge_ratio(*known.shape)
         edges = depth_edges(points[..., 2], known, ratio)
         outliers = isolated_pixels(points[..., 2], known & ~edges, ratio)
         return PixelSurface(pointmap_normals(points, known, ratio), edges, outliers)
 
-    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
-        """Return the floor in valid metric points (H, W, 3) with their normals, fitted again if it is known."""
+    def search_floor(
+        self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
+    ) -> FloorSearch:
+        """Return the floor in valid metric points (H, W, 3) with their normals, fitted again if it
+        is known.
+        """
         if self.floor == "off":
             return FloorSearch(None, "switched_off")
         if evidence.found is not None:
             return refit_floor(points, valid, evidence.found)
         return find_floor(points, valid, evidence, surface)
 
-    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None) -> Tensor:
+    def sample_floor(
+        self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None
+    ) -> Tensor:
         """Return points (F, 3) on the floor.
 
         Args:

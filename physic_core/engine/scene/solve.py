@@ -1,7 +1,7 @@
 """Stage 1: build the metric scene with camera, normals and floor (paper Sec. 3.1).
 
-The relative point map gives the shape, and the metric depth the scale (Eq. 1). OpenCV camera frame (x right, y down,
-z forward).
+The relative point map gives the shape, and the metric depth the scale (Eq. 1). OpenCV camera frame
+(x right, y down, z forward).
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ class SceneState(ShortRepr):
 
 
 def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
-    """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove edges and outliers.
+    """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove
+    edges and outliers.
 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
@@ -109,9 +110,12 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         # A floor at a grazing angle resembles a depth edge: keep points on its plane.
         z = placed[..., 2]
         on_floor = (
-            known & floor.inliers & (height_over_plane(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
+            known
+            & floor.inliers
+            & (height_over_plane(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
         )
-        edges, outliers = edges & ~on_floor, outliers & ~on_floor
+        edges = edges & ~on_floor
+        outliers = outliers & ~on_floor
         bare = on_floor & (surface == 0).all(-1)
         surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
     clean = known & ~edges & ~outliers
@@ -143,7 +147,8 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
 
 def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
-    metric_depth, cameras = given.metric_depth, given.cameras
+    metric_depth = given.metric_depth
+    cameras = given.cameras
     metric_valid = _positive(metric_depth)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -157,19 +162,26 @@ def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
     options = replace(method.alignment, axes="z") if camera is None else method.alignment
-    return fit_alignment(given.points, target, given.valid & metric_valid, given.unknown, options=options)
+    return fit_alignment(
+        given.points, target, given.valid & metric_valid, given.unknown, options=options
+    )
 
 
-def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod) -> tuple[Tensor, Tensor, Tensor]:
+def _metric_points(
+    given: SceneInput, alignment: Alignment, method: SceneMethod
+) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 
-    They come from the metric depth alone if the method selects it, or if the alignment has no inliers.
+    They come from the metric depth alone if the method selects it, or if the alignment has no
+    inliers.
     """
     if method.uses_pointmap and alignment.inlier_share > 0:
-        placed, known = apply_alignment(given.points, alignment), given.valid
+        placed = apply_alignment(given.points, alignment)
+        known = given.valid
     else:
         camera = scene_camera(given.points, given.valid, given.cameras)
-        placed, known = depth_to_pointmap(given.metric_depth, camera), _positive(given.metric_depth)
+        placed = depth_to_pointmap(given.metric_depth, camera)
+        known = _positive(given.metric_depth)
     known = known & all_finite(placed) & (placed[..., 2] > 0)
     placed, camera = method.place_on_rays(placed, known, given.cameras)
     placed = torch.where(known[..., None], placed, 0.0)
@@ -195,8 +207,12 @@ def _share(mask: Tensor) -> float:
     return float(mask.double().mean())
 
 
-def _intersect_feet(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
-    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None without feet."""
+def _intersect_feet(
+    floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float
+) -> Tensor | None:
+    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None
+    without feet.
+    """
     if feet_px is None or not len(feet_px):
         return None
     normal = floor.normal

@@ -1,7 +1,9 @@
-"""Evidence of the scale of a scene: the logarithm of the scale by one observation, with its standard deviation.
+"""Evidence of the scale of a scene: the logarithm of the scale by one observation, with its
+standard deviation.
 
-The sizes that the user knows are the most certain evidence, a usual size the least. Each person also gives a scale,
-with the sigma of :mod:`.stature`. Since some people are not adults, they vote in :mod:`.scale_vote`.
+The sizes that the user knows are the most certain evidence, a usual size the least. Each person
+also gives a scale, with the sigma of :mod:`.stature`. Since some people are not adults, they vote
+in :mod:`.scale_vote`.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Plane, Pointmap
 
 KNOWN_SIZE_SIGMA = 0.002
-"""Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""
+"""Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a
+wrong limb.
+"""
 
 KNOWN_SCALE_SIGMA = 0.01
 """Expected error of log(scale) by a known size: its pixels and the floor are not exact."""
@@ -34,16 +38,22 @@ FACTOR_SPREAD = 0.05
 """Standard deviation of the logarithm of one size in the photo by another."""
 
 CONTRADICTION = 3 * FACTOR_SPREAD
-"""Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
+"""Difference of logarithms beyond which the photo contradicts a given size: three standard
+errors.
+"""
 
 MEASURED_SIGMA = 0.05
-"""Largest stated error of log(scale) of a metric depth that counts as measured: it decides, and people follow it."""
+"""Largest stated error of log(scale) of a metric depth that counts as measured: it decides, and
+people follow it.
+"""
 
 DEPTH_SCALE_SIGMA = 0.1
 """Standard deviation of log(scale) of a metric depth whose backend states none."""
 
 USUAL_CAMERA_HEIGHT_M = 1.45
-"""Median height of a camera above the floor: people hold it at their chest or eyes, and some hang high indoors."""
+"""Median height of a camera above the floor: people hold it at their chest or eyes, and some hang
+high indoors.
+"""
 
 USUAL_CAMERA_HEIGHT_SIGMA = 0.5
 """Standard deviation of the logarithm of that height."""
@@ -111,7 +121,12 @@ _UNIT_SPREAD = 0.2  # of the logarithm of a ratio that a unit explains: statures
 
 def likely_unit(factor: float) -> str:
     """Return a question about the unit of a depth that is too large by a factor."""
-    ratios = {math.log(count / read): name for read in _READ_AS for name, count in _PER_METRE.items() if count != read}
+    ratios = {
+        math.log(count / read): name
+        for read in _READ_AS
+        for name, count in _PER_METRE.items()
+        if count != read
+    }
     nearest = min(ratios, key=lambda ratio: abs(math.log(factor) - ratio))
     if abs(math.log(factor) - nearest) < _UNIT_SPREAD:
         return f"is its unit {ratios[nearest]}?"
@@ -119,7 +134,8 @@ def likely_unit(factor: float) -> str:
 
 
 def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
-    """Return the mean weighted by precision, in which the most certain evidence dominates; None without evidence.
+    """Return the mean weighted by precision, in which the most certain evidence dominates; None
+    without evidence.
 
     Its sigma is that of the most certain one: evidence of one kind shares its error.
     """
@@ -134,14 +150,19 @@ def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
 _RAYS = 4000  # largest number of sampled pixels of each person
 _MIN_PIXELS = 30
 _MIN_HITS = 20
-_ERODED_SHARE = 0.004  # of the long side: the depth of the background bleeds into the edge of a mask
+# of the long side: the depth of the background bleeds into the edge of a mask
+_ERODED_SHARE = 0.004
 
 
-def scales_by_soles(vertices: FloatArray, model: BodyModel, observed: BoolArray, floor: Plane) -> FloatArray:
-    """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each person on the floor.
+def scales_by_soles(
+    vertices: FloatArray, model: BodyModel, observed: BoolArray, floor: Plane
+) -> FloatArray:
+    """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each
+    person on the floor.
 
-    With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale -n . X / h. The
-    normal does not depend on the scale, and the lowest vertex of a sole is the one with the largest.
+    With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale
+    -n . X / h. The normal does not depend on the scale, and the lowest vertex of a sole is the one
+    with the largest.
 
     Args:
         vertices: (N, V, 3) metres.
@@ -167,7 +188,8 @@ def scales_by_soles(vertices: FloatArray, model: BodyModel, observed: BoolArray,
 def scales_by_torsos(
     vertices: FloatArray, model: BodyModel, masks: BoolArray, photo: Pointmap, camera: FloatArray
 ) -> FloatArray:
-    """Return the scale (N,), metres per unit, that makes the relative depth of each torso equal to its depth in metres.
+    """Return the scale (N,), metres per unit, that makes the relative depth of each torso equal to
+    its depth in metres.
 
     Args:
         vertices: (N, V, 3) metres.
@@ -182,7 +204,10 @@ def scales_by_torsos(
     faces = model.faces.cpu().numpy()
     torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
     return np.array(
-        [_scale_by_torso(body, faces, torso, mask, photo, camera) for body, mask in zip(vertices, masks, strict=True)]
+        [
+            _scale_by_torso(body, faces, torso, mask, photo, camera)
+            for body, mask in zip(vertices, masks, strict=True)
+        ]
     )
 
 
@@ -194,16 +219,24 @@ def _scale_by_torso(
     photo: Pointmap,
     camera: FloatArray,
 ) -> float:
-    """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits the torso first."""
+    """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits
+    the torso first.
+    """
     from physic_core.geometry.rays import RayCaster
 
     rows, columns = np.nonzero(_erode(mask) & photo.valid)
     if len(rows) < _MIN_PIXELS or not np.isfinite(body).all():
         return float("nan")
     chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
-    rows, columns = rows[chosen], columns[chosen]
+    rows = rows[chosen]
+    columns = columns[chosen]
     directions = np.stack(
-        [(columns - camera[0, 2]) / camera[0, 0], (rows - camera[1, 2]) / camera[1, 1], np.ones(len(rows))], -1
+        [
+            (columns - camera[0, 2]) / camera[0, 0],
+            (rows - camera[1, 2]) / camera[1, 1],
+            np.ones(len(rows)),
+        ],
+        -1,
     )
     hits = RayCaster(body, faces).first(np.zeros(3), directions)
     on_torso = (hits.face >= 0) & torso[hits.face]
@@ -223,16 +256,20 @@ def _erode(mask: BoolArray) -> BoolArray:
     return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
 
 
-_SURE, _SURE_IF_STATED = 0.9, 0.99  # probability of a correct metric depth, without and with a stated error
+# probability of a correct metric depth, without and with a stated error
+_SURE = 0.9
+_SURE_IF_STATED = 0.99
 _NEAR = 0.3  # standard deviation of the logarithm of depth, of pixels that count as near the people
 
 
-def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: Witnesses) -> Witnesses | None:
+def depth_witness(
+    depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: Witnesses
+) -> Witnesses | None:
     """Return the scale of a relative scene by a metric depth; None if they have no pixel in common.
 
-    It is the weighted median of the ratio of both. Pixels near the people have the largest weights, since an unknown
-    shift of the inverse depth changes the ratio elsewhere. With an estimated camera, the depth is inferred from sizes
-    in px, so it is proportional to the focal length.
+    It is the weighted median of the ratio of both. Pixels near the people have the largest weights,
+    since an unknown shift of the inverse depth changes the ratio elsewhere. With an estimated
+    camera, the depth is inferred from sizes in px, so it is proportional to the focal length.
 
     Args:
         depth: of the scene.
@@ -247,7 +284,9 @@ def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: 
     if not len(ratio):
         return None
     people = (torsos.depth / torsos.scale)[np.isfinite(torsos.scale)]
-    weight = np.exp(-0.5 * (np.log(own[known] / np.median(people)) / _NEAR) ** 2) if len(people) else 1.0
+    weight = (
+        np.exp(-0.5 * (np.log(own[known] / np.median(people)) / _NEAR) ** 2) if len(people) else 1.0
+    )
     order = np.argsort(ratio)
     total = np.cumsum(np.broadcast_to(weight, ratio.shape)[order] + 1e-9)
     scale = float(ratio[order][np.searchsorted(total, 0.5 * total[-1])])
@@ -255,7 +294,9 @@ def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: 
         scale *= math.sqrt(camera.fx * camera.fy / (depth.intrinsics.fx * depth.intrinsics.fy))
     stated = depth.scale_sigma is not None
     sigma, sure = (depth.scale_sigma, _SURE_IF_STATED) if stated else (DEPTH_SCALE_SIGMA, _SURE)
-    return Witnesses(np.array([scale]), np.array([np.nan]), np.array([sigma]), np.array([sure]), 0.0)
+    return Witnesses(
+        np.array([scale]), np.array([np.nan]), np.array([sigma]), np.array([sure]), 0.0
+    )
 
 
 def is_measured(depth: DepthMap) -> bool:
@@ -263,7 +304,8 @@ def is_measured(depth: DepthMap) -> bool:
     return depth.scale_sigma is not None and depth.scale_sigma <= MEASURED_SIGMA
 
 
-_DISPARITY = -0.3  # rank correlation of a depth with that of the scene, at and below which it is the inverse
+# rank correlation of a depth with that of the scene, at and below which it is the inverse
+_DISPARITY = -0.3
 
 
 def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:
@@ -274,7 +316,8 @@ def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:
     if len(rows) < _MIN_PIXELS:
         return False
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), _RAYS)).astype(int)
-    rows, columns = rows[chosen], columns[chosen]
+    rows = rows[chosen]
+    columns = columns[chosen]
     found = spearmanr(depth.depth[rows, columns], scene.points[rows, columns, 2]).statistic
     return bool(found <= _DISPARITY)
 
@@ -288,12 +331,21 @@ def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> Meas
     return MeasuredScale(by_depth, vote.scale.sigma or DEPTH_SCALE_SIGMA)
 
 
-def rescaled_depth(depth: DepthMap, witness: Witnesses, vote: ScaleVote, notes: Sequence[str]) -> DepthMap:
-    """Return a metric depth at the scale of a vote in which it took part, with notes about the other witnesses."""
+def rescaled_depth(
+    depth: DepthMap, witness: Witnesses, vote: ScaleVote, notes: Sequence[str]
+) -> DepthMap:
+    """Return a metric depth at the scale of a vote in which it took part, with notes about the
+    other witnesses.
+    """
     factor = math.exp(-float(vote.residuals(witness)[0]))
     own = f"the metric depth counts beside the sizes of people, and was multiplied by {factor:.3g}"
     if is_measured(depth):
-        own = f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, who follow it"
+        own = (
+            f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, "
+            f"who follow it"
+        )
         notes = ()
     scaled = np.asarray(depth.depth * factor, np.float32)
-    return replace(depth, depth=scaled, scale_sigma=vote.scale.sigma, notes=(*depth.notes, *notes, own))
+    return replace(
+        depth, depth=scaled, scale_sigma=vote.scale.sigma, notes=(*depth.notes, *notes, own)
+    )

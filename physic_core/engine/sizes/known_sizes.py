@@ -27,7 +27,8 @@ _FACING_DEG = 89.0
 
 @dataclass(frozen=True)
 class BodyPoint:
-    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible vertices.
+    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible
+    vertices.
 
     Attributes:
         ids: (k,) int64.
@@ -46,7 +47,9 @@ class BodyPoint:
 
 
 def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
-    """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
+    """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray
+    (3,).
+    """
     seen = facing_camera(normals, vertices, _FACING_DEG)
     seen = seen if bool(seen.any()) else torch.ones_like(seen)
     away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
@@ -65,11 +68,12 @@ def size_by_scene(
     floor: tuple[Tensor, float] | None,
     points: Sequence[Tensor],
 ) -> Tensor:
-    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
+    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo
+    shows them.
 
-    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
-    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
-    the floor show. NaN where nothing is known.
+    The photo shows the direction of each body, so that its size follows from its depth: that of the
+    floor under visible soles, else that of the person's points. Points of people are too far away
+    by a common share, which the people on the floor show. NaN where nothing is known.
 
     Args:
         vertices: (B, V, 3), each body where the photo shows it.
@@ -90,11 +94,14 @@ def size_by_scene(
     return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
 
 
-def size_beside_others(before: FloatArray, after: FloatArray, sigma: FloatArray, person: int) -> tuple[float, float]:
-    """Return the log size of a person as the photo shows it beside the others, and its standard deviation.
+def size_beside_others(
+    before: FloatArray, after: FloatArray, sigma: FloatArray, person: int
+) -> tuple[float, float]:
+    """Return the log size of a person as the photo shows it beside the others, and its standard
+    deviation.
 
-    The joint fit divides a contradiction between all people. So the photo shows a person as large as the result, less
-    the growth of the others, weighed by their errors.
+    The joint fit divides a contradiction between all people. So the photo shows a person as large
+    as the result, less the growth of the others, weighed by their errors.
 
     Args:
         before: (N,) log sizes before the fit.
@@ -110,7 +117,8 @@ def size_beside_others(before: FloatArray, after: FloatArray, sigma: FloatArray,
     return float(after[person] - common), float(np.sqrt(spread + 1 / weight.sum()))
 
 
-_SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
+# of the long side: radius in which a pixel without a scene point takes the nearest one
+_SEARCH_SHARE = 0.01
 
 
 BodyEnds = tuple[BodyPoint | None, ...]
@@ -136,7 +144,9 @@ class KnownDistances(ShortRepr):
     index: Tensor
 
     def ends_on_bodies(self, vertices: Tensor, normals: Tensor, K: Tensor) -> list[BodyEnds]:
-        """Choose, for each distance, the points of its ends on bodies (B, V, 3) with normals (B, V, 3)."""
+        """Choose, for each distance, the points of its ends on bodies (B, V, 3) with normals (B, V,
+        3).
+        """
         return [
             tuple(
                 vertices_at_ray(vertices[person], normals[person], ray, K) if person >= 0 else None
@@ -145,8 +155,11 @@ class KnownDistances(ShortRepr):
             for people, rays in zip(self.person.tolist(), self.rays, strict=True)
         ]
 
-    def measure(self, ends: Sequence[BodyEnds], vertices: Tensor, scale: Tensor | float) -> list[Tensor]:
-        """Return the distances, metres, between people with vertices (B, V, 3) in a scene at a scale; differentiable.
+    def measure(
+        self, ends: Sequence[BodyEnds], vertices: Tensor, scale: Tensor | float
+    ) -> list[Tensor]:
+        """Return the distances, metres, between people with vertices (B, V, 3) in a scene at a
+        scale; differentiable.
 
         Args:
             ends: of :meth:`ends_on_bodies`.
@@ -157,14 +170,20 @@ class KnownDistances(ShortRepr):
         for i, on_bodies in enumerate(ends):
             start, end = (
                 self.points[i, side] * scale if on is None else on(vertices[person])
-                for side, (on, person) in enumerate(zip(on_bodies, self.person[i].tolist(), strict=True))
+                for side, (on, person) in enumerate(
+                    zip(on_bodies, self.person[i].tolist(), strict=True)
+                )
             )
             found.append(torch.linalg.vector_norm(start - end))
         return found
 
     def __getitem__(self, rows: Tensor) -> KnownDistances:
         return KnownDistances(
-            self.metres[rows], self.person[rows], self.points[rows], self.rays[rows], self.index[rows]
+            self.metres[rows],
+            self.person[rows],
+            self.points[rows],
+            self.rays[rows],
+            self.index[rows],
         )
 
 
@@ -187,7 +206,9 @@ class KnownGeometry(ShortRepr):
     depth_sigma: float | None = None
 
     def select_people(self, rows: Tensor) -> KnownGeometry:
-        """Return the sizes of a selection of the people, (n,) int64; distances on other people are skipped."""
+        """Return the sizes of a selection of the people, (n,) int64; distances on other people are
+        skipped.
+        """
         new_row = torch.full((len(self.stature) + 1,), -2, dtype=torch.int64, device=rows.device)
         new_row[rows] = torch.arange(len(rows), device=rows.device)
         new_row[-1] = -1
@@ -232,7 +253,8 @@ def scale_scene_to_known_sizes(
     Args:
         known: pixels in px of the image.
         stature: (B,) metres, NaN where unknown.
-        masks: (B, H, W) bool. A pixel in a mask is on that person, the smallest one where masks overlap.
+        masks: (B, H, W) bool. A pixel in a mask is on that person, the smallest one where masks
+            overlap.
         scene: stage 1.
         by_depth: of the factor on the scene by a measured depth, or None.
     """
@@ -255,17 +277,23 @@ def scale_scene_to_known_sizes(
     return KnownScene(scaled, scene, geometry, found)
 
 
-def _known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:
+def _known_geometry(
+    known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
+) -> KnownGeometry:
     """Find the scene points and people at the pixels of known lengths."""
     masks, height, width = masks.cpu(), *scene.valid.shape
     area = masks.flatten(1).sum(1)
     inverse = torch.linalg.inv(scene.K.double().cpu())
     nothing = torch.full((3,), torch.nan, dtype=torch.float64)
-    person, at, rays = [torch.zeros(0, 2)], [nothing.expand(0, 2, -1)], [nothing.expand(0, 2, -1)]
-    used, unused = [], []
+    person = [torch.zeros(0, 2)]
+    at = [nothing.expand(0, 2, -1)]
+    rays = [nothing.expand(0, 2, -1)]
+    used = []
+    unused = []
     for i, length in enumerate(known.lengths):
         pixels = torch.tensor([length.start, length.end], dtype=torch.float64)
-        people, points = [], []
+        people = []
+        points = []
         for x, y in pixels.round().long().tolist():
             inside = 0 <= x < width and 0 <= y < height
             shown = masks[:, y, x].nonzero().flatten().tolist() if inside else []
@@ -276,20 +304,30 @@ def _known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, 
             continue
         person.append(torch.tensor([people]))
         at.append(torch.stack([nothing if p is None else p for p in points])[None])
-        rays.append((torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T)[None])
+        rays.append(
+            (torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T)[None]
+        )
         used.append(i)
     metres = torch.tensor([known.lengths[i].metres for i in used], dtype=torch.float64)
     index = torch.tensor(used, dtype=torch.int64)
-    distances = KnownDistances(metres, torch.cat(person).long(), torch.cat(at), torch.cat(rays), index)
+    distances = KnownDistances(
+        metres, torch.cat(person).long(), torch.cat(at), torch.cat(rays), index
+    )
     return KnownGeometry(
-        torch.tensor(list(stature), dtype=torch.float64), known.camera_height, distances, tuple(unused)
+        torch.tensor(list(stature), dtype=torch.float64),
+        known.camera_height,
+        distances,
+        tuple(unused),
     )
 
 
 def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
-    """Return the valid scene point (3,) nearest to a pixel, moved onto its ray; None if there is none nearby."""
+    """Return the valid scene point (3,) nearest to a pixel, moved onto its ray; None if there is
+    none nearby.
+    """
     reach = max(2, round(_SEARCH_SHARE * max(scene.valid.shape)))
-    top, left = max(0, y - reach), max(0, x - reach)
+    top = max(0, y - reach)
+    left = max(0, x - reach)
     rows, columns = scene.valid[top : y + reach + 1, left : x + reach + 1].nonzero(as_tuple=True)
     if not len(rows):
         return None
@@ -298,13 +336,19 @@ def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
     return point.detach().cpu().double()
 
 
-def scale_scene(scene: SceneState, known: KnownGeometry, factor: float) -> tuple[SceneState, KnownGeometry]:
+def scale_scene(
+    scene: SceneState, known: KnownGeometry, factor: float
+) -> tuple[SceneState, KnownGeometry]:
     """Scale the scene about the camera."""
-    floor = None if scene.floor is None else replace(scene.floor, offset=scene.floor.offset * factor)
+    floor = (
+        None if scene.floor is None else replace(scene.floor, offset=scene.floor.offset * factor)
+    )
     scaled = replace(
         scene,
         points=scene.points * factor,
         floor_points=scene.floor_points * factor,
         floor=floor,
     )
-    return scaled, replace(known, distances=replace(known.distances, points=known.distances.points * factor))
+    return scaled, replace(
+        known, distances=replace(known.distances, points=known.distances.points * factor)
+    )

@@ -1,12 +1,14 @@
-"""One vote on the scale of a scene, and on the shift of its inverse depth, by everything of known size.
+"""One vote on the scale of a scene, and on the shift of its inverse depth, by everything of known
+size.
 
-A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person at depth z, who gives
-the scale m = z / Z' if t = 0, gives s = m + t z. So people at different depths determine t as well: near people the
-scale, far ones the shift.
+A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person
+at depth z, who gives the scale m = z / Z' if t = 0, gives s = m + t z. So people at different
+depths determine t as well: near people the scale, far ones the shift.
 
-Witnesses of one kind share an error: soles that of the floor, torsos that of the depth of people in the map. Each one
-may also be wrong, as a child or a raised foot is. All is evaluated on a fixed grid of log s and t, for each candidate
-for the floor, and the answer is the mean over all of them. So no evidence near a limit switches the answer.
+Witnesses of one kind share an error: soles that of the floor, torsos that of the depth of people in
+the map. Each one may also be wrong, as a child or a raised foot is. All is evaluated on a fixed
+grid of log s and t, for each candidate for the floor, and the answer is the mean over all of them.
+So no evidence near a limit switches the answer.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
 _SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
 _WRONG_SIGMA = 0.5  # of the logarithm of the scale by a wrong witness
 _LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of a wrong witness, which may state any scale
-_SHARED_WRONG_SIGMA = 1.0  # of the logarithm of the scale, if the quantity that all witnesses of a kind share is wrong
+# of the logarithm of the scale, if the quantity that all witnesses of a kind share is wrong
+_SHARED_WRONG_SIGMA = 1.0
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
 _SIGMA_DECIMALS = 6  # the last bits are those of a CPU's exponential function
 _FARTHEST_M = 1e4
@@ -44,7 +47,8 @@ class Witnesses:
         sigma: (N,) standard deviation of log(m), without the shared error.
         sure: (N,) probability that a witness is not wrong.
         shared_sigma: standard deviation of the error that all share.
-        shared_wrong: probability that the quantity that all share is wrong, such as the depth of people in the map.
+        shared_wrong: probability that the quantity that all share is wrong, such as the depth of
+            people in the map.
     """
 
     scale: FloatArray
@@ -72,15 +76,21 @@ class ScaleVote:
     reference: float
 
     def residuals(self, witnesses: Witnesses) -> FloatArray:
-        """Return log(stated scale / answer) of witnesses: (N,), NaN for a witness without a statement."""
+        """Return log(stated scale / answer) of witnesses: (N,), NaN for a witness without a
+        statement.
+        """
         m = witnesses.scale + self.scale.shift * np.nan_to_num(witnesses.depth - self.reference)
         return np.asarray(np.log(np.maximum(m, 1e-3 * witnesses.scale)) - self.log_scale)
 
     def right(self, witnesses: Witnesses) -> FloatArray:
-        """Return the probability (N,) that witnesses are right; NaN for a witness without a statement."""
+        """Return the probability (N,) that witnesses are right; NaN for a witness without a
+        statement.
+        """
         away = self.residuals(witnesses)
         sigma = np.hypot(np.hypot(witnesses.sigma, witnesses.shared_sigma), self.scale.sigma or 0.0)
-        right, wrong = (np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma)))
+        right, wrong = (
+            np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma))
+        )
         sure = witnesses.sure
         return np.asarray(sure * right / (sure * right + (1 - sure) * wrong + 1e-300))
 
@@ -100,13 +110,21 @@ def vote_on_scale(
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit; 0 if it is known.
     """
     everyone = [w for kind in (kinds, *on_planes) for w in kind]
-    depths = np.concatenate([w.depth[np.isfinite(w.scale)] for w in everyone]) if everyone else np.zeros(0)
+    depths = (
+        np.concatenate([w.depth[np.isfinite(w.scale)] for w in everyone])
+        if everyone
+        else np.zeros(0)
+    )
     if not len(depths):
         return None
     depths = depths[np.isfinite(depths)]
     reference = float(np.median(depths)) if len(depths) else 0.0
-    shifts = _SHIFTS * shift_sigma if shift_sigma and len(depths) and np.ptp(depths) > 0 else np.zeros(1)
-    shared = sum((_log_likelihood(w, shifts, reference) for w in kinds), np.zeros((len(shifts), len(_LOGS))))
+    shifts = (
+        _SHIFTS * shift_sigma if shift_sigma and len(depths) and np.ptp(depths) > 0 else np.zeros(1)
+    )
+    shared = sum(
+        (_log_likelihood(w, shifts, reference) for w in kinds), np.zeros((len(shifts), len(_LOGS)))
+    )
     if len(shifts) > 1:
         shared = shared - 0.5 * (shifts / shift_sigma)[:, None] ** 2
     log_density = np.stack(
@@ -128,23 +146,34 @@ def vote_on_scale(
 
 
 def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) -> FloatArray:
-    """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the reference depth."""
+    """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the
+    reference depth.
+    """
     from scipy.ndimage import gaussian_filter1d
 
     known = np.isfinite(witnesses.scale)
-    m, z, sigma, sure = (x[known] for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.sure))
+    m, z, sigma, sure = (
+        x[known] for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.sure)
+    )
     logs = np.log(np.maximum(m + shifts[:, None] * np.nan_to_num(z - reference), 1e-3 * m))
-    away, sigma = logs[..., None] - _LOGS, np.hypot(sigma, _STEP)
+    away = logs[..., None] - _LOGS
+    sigma = np.hypot(sigma, _STEP)
     right, wrong = (
         np.exp(-0.5 * (away / s[:, None]) ** 2) / (math.sqrt(2 * math.pi) * s[:, None])
         for s in (sigma, np.full_like(sigma, _WRONG_SIGMA))
     )
-    each = np.log(sure[:, None] * right + (1 - sure)[:, None] * np.maximum(wrong, _LEAST_DENSITY) + 1e-300)
+    each = np.log(
+        sure[:, None] * right + (1 - sure)[:, None] * np.maximum(wrong, _LEAST_DENSITY) + 1e-300
+    )
     total = each.sum(1)
     most = total.max()
-    shares = [(1 - witnesses.shared_wrong, witnesses.shared_sigma), (witnesses.shared_wrong, _SHARED_WRONG_SIGMA)]
+    shares = [
+        (1 - witnesses.shared_wrong, witnesses.shared_sigma),
+        (witnesses.shared_wrong, _SHARED_WRONG_SIGMA),
+    ]
     smooth = sum(
-        share * gaussian_filter1d(np.exp(total - most), max(sigma / _STEP, 1e-3), axis=-1, truncate=5.0)
+        share
+        * gaussian_filter1d(np.exp(total - most), max(sigma / _STEP, 1e-3), axis=-1, truncate=5.0)
         for share, sigma in shares
         if share
     )
@@ -152,8 +181,12 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
 
 
 def scaled_depth(scene: Pointmap, scale: SceneScale, camera: Intrinsics | None) -> DepthMap:
-    """Return the metric depth of a relative scene; ``camera`` is used if the scene does not state its own."""
+    """Return the metric depth of a relative scene; ``camera`` is used if the scene does not state
+    its own.
+    """
     with np.errstate(divide="ignore"):
-        inverse = (1 / np.where(scene.valid, scene.points[..., 2], np.nan) + scale.shift) / scale.scale
+        inverse = (
+            1 / np.where(scene.valid, scene.points[..., 2], np.nan) + scale.shift
+        ) / scale.scale
         depth = np.where(inverse > 1 / _FARTHEST_M, 1 / inverse, np.nan).astype(np.float32)
     return DepthMap(depth, scene.intrinsics or camera, scale.sigma, scale.notes)

@@ -1,10 +1,13 @@
-"""Stature of people: how tall they are at an age, and how their expected height constrains the scale of the scene.
+"""Stature of people: how tall they are at an age, and how their expected height constrains the
+scale of the scene.
 
-Scene scale s and stature h are two measurements of one unknown, since a photo shows only relative sizes. If they
-disagree by d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / sigma_h^2`` under ``log h - log s = d`` divides d
-between them. The scene's share is ``sigma_s^2 / (sigma_s^2 + sigma_h^2)``.
+Scene scale s and stature h are two measurements of one unknown, since a photo shows only relative
+sizes. If they disagree by d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / sigma_h^2`` under
+``log h - log s = d`` divides d between them. The scene's share is ``sigma_s^2 / (sigma_s^2 +
+sigma_h^2)``.
 
-Statures and shapes of children are fitted to Anny's calibrated distribution (``tools/bake_children.py``).
+Statures and shapes of children are fitted to Anny's calibrated distribution
+(``tools/bake_children.py``).
 """
 
 from __future__ import annotations
@@ -28,17 +31,21 @@ if TYPE_CHECKING:
 ADULT_STATURE_M = 1.715 + 0.025
 """Mean height of adults in shoes, metres.
 
-Barefoot adults in high-income countries measure 1.78 m (men) and 1.65 m (women) in the mean (NCD-RisC, eLife
-2016;5:e13410), that is 1.715 m, with a standard deviation of 9.3 cm (ANSUR II, Gordon et al. 2014). The soles of shoes
-are the soles of a fitted body: 2.5 cm more.
+Barefoot adults in high-income countries measure 1.78 m (men) and 1.65 m (women) in the mean
+(NCD-RisC, eLife 2016;5:e13410), that is 1.715 m, with a standard deviation of 9.3 cm (ANSUR II,
+Gordon et al. 2014). The soles of shoes are the soles of a fitted body: 2.5 cm more.
 """
 
 STATURE_SIGMA = 0.06
-"""Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
+"""Expected error of log(stature).
+
+With the embedded body's shape prior (0.054) the combined error is 0.04.
+"""
 
 CHILD_SHARE = 0.07
-"""Share of children from 2 to 13 years among people whose age is unknown: by eye 22 of 325 people in 150 photos of the
-street, sport and rooms. They get sizes of adults."""
+"""Share of children from 2 to 13 years among people whose age is unknown: by eye 22 of 325 people
+in 150 photos of the street, sport and rooms. They get sizes of adults.
+"""
 
 _CHILD_YEARS = (2.0, 13.0)
 
@@ -60,7 +67,8 @@ class AgeClasses:
         years: (C, 2) limits of each class.
         log_stature: (C,) mean of the logarithm of stature in metres.
         sigma: (C,) standard deviation of it.
-        shape: (D, K) polynomial of log stature that gives the mean betas of the embedded body, constant term first.
+        shape: (D, K) polynomial of log stature that gives the mean betas of the embedded body,
+            constant term first.
     """
 
     years: FloatArray
@@ -76,7 +84,9 @@ class AgeClasses:
 
     def at_age(self, years: float) -> tuple[float, float]:
         """Return mean and standard deviation of log stature at an age below :data:`ADULT_YEARS`."""
-        mean, sigma = (np.interp(years, self.middle, values) for values in (self.log_stature, self.sigma))
+        mean, sigma = (
+            np.interp(years, self.middle, values) for values in (self.log_stature, self.sigma)
+        )
         return float(mean), float(sigma)
 
     def betas(self, log_stature: FloatArray) -> FloatArray:
@@ -100,7 +110,8 @@ def load_ages() -> AgeClasses:
 
 @dataclass(frozen=True)
 class LinearStature:
-    """Standing height as a linear function of betas, valid while the top and bottom vertices do not change.
+    """Standing height as a linear function of betas, valid while the top and bottom vertices do not
+    change.
 
     Attributes:
         height: (B,) metres, at ``betas``.
@@ -155,20 +166,28 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
 
 
 def adult_probability(stature: FloatArray, years: FloatArray) -> FloatArray:
-    """Return the probability (N,) that people of unknown age are adults; 1 for a known size or age."""
+    """Return the probability (N,) that people of unknown age are adults; 1 for a known size or
+    age.
+    """
     adult: FloatArray = np.where(np.isnan(stature) & np.isnan(years), 1 - CHILD_SHARE, 1.0)
     return adult
 
 
-def size_sigmas(stature: FloatArray, years: FloatArray, scale_sigma: float | None = None) -> FloatArray:
-    """Return the standard deviation (N,) of the log size of the bodies of N people, children among them.
+def size_sigmas(
+    stature: FloatArray, years: FloatArray, scale_sigma: float | None = None
+) -> FloatArray:
+    """Return the standard deviation (N,) of the log size of the bodies of N people, children among
+    them.
 
     Args:
         stature: (N,) metres, NaN where unknown.
         years: (N,), NaN where unknown.
-        scale_sigma: of a scene of known size, which gives those of people of unknown stature; None if people give it.
+        scale_sigma: of a scene of known size, which gives those of people of unknown stature; None
+            if people give it.
     """
-    ages, variance, adult = load_ages(), stature_sigmas(stature, years) ** 2, adult_probability(stature, years)
+    ages = load_ages()
+    variance = stature_sigmas(stature, years) ** 2
+    adult = adult_probability(stature, years)
     child = (ages.years[:, 0] >= _CHILD_YEARS[0]) & (ages.years[:, 1] <= _CHILD_YEARS[1])
     as_adult = ((ages.log_stature - np.log(ADULT_STATURE_M)) ** 2 + ages.sigma**2)[child].mean()
     sigma = np.sqrt(adult * variance + (1 - adult) * as_adult)
@@ -180,8 +199,8 @@ def size_sigmas(stature: FloatArray, years: FloatArray, scale_sigma: float | Non
 def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
     """Return the factor (B,) on the estimated statures of people in a scene of known scale.
 
-    The estimate is a prior of adults, and the scene measures each person with an error. Both are combined by their
-    spreads, unless they differ so much that the prior cannot hold.
+    The estimate is a prior of adults, and the scene measures each person with an error. Both are
+    combined by their spreads, unless they differ so much that the prior cannot hold.
 
     Args:
         measured: (B,) factor on the size of each person by the scene, NaN where unknown.
@@ -195,14 +214,18 @@ def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
 
 
 def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tensor:
-    """Return the most probable betas (B, K) near the given ones with the given statures (B,), metres.
+    """Return the most probable betas (B, K) near the given ones with the given statures (B,),
+    metres.
 
     Shape components have unit variance, so these are the nearest ones. NaN statures change nothing.
     """
     for _ in range(_NEWTON_STEPS):
         linear = linearise_stature(model, betas)
         missing = torch.nan_to_num(stature - linear.height)
-        betas = betas + linear.slope * (missing / linear.slope.square().sum(-1).clamp(min=1e-9))[:, None]
+        betas = (
+            betas
+            + linear.slope * (missing / linear.slope.square().sum(-1).clamp(min=1e-9))[:, None]
+        )
     return betas
 
 
@@ -214,9 +237,11 @@ def resize_bodies(
     stature: Tensor,
     near: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,) on their size.
+    """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,)
+    on their size.
 
-    The pelvis moves along its ray by this factor. The new betas are the nearest to ``near`` (B, K), or to the old ones.
+    The pelvis moves along its ray by this factor. The new betas are the nearest to ``near`` (B, K),
+    or to the old ones.
     """
     taller = betas_with_stature(model, betas if near is None else near, stature)
     ratio = model.stature(taller) / model.stature(betas)

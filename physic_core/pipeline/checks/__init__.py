@@ -1,7 +1,8 @@
 """Self-checks of a reconstruction: measured value, threshold, state, and advice for a failed check.
 
-If nothing was measured, the value is None, the state "unknown", and the message says why. Names, units and directions
-are stable. Each check is one function in ``photo`` or ``people``, with its spec above it.
+If nothing was measured, the value is None, the state "unknown", and the message says why. Names,
+units and directions are stable. Each check is one function in ``photo`` or ``people``, with its
+spec above it.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ def run_checks(estimates: Estimates, solution: Solution) -> tuple[CheckResult, .
     for person in range(len(solution.people)):
         of_person = (spec for spec in CHECKS.values() if spec.of == "person")
         found += _measured(
-            (spec, spec.compare(spec.measure(estimates, solution, person), person)) for spec in of_person
+            (spec, spec.compare(spec.measure(estimates, solution, person), person))
+            for spec in of_person
         )
     return tuple(found)
 

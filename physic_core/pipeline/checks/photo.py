@@ -1,4 +1,6 @@
-"""Self-checks of the photo: alignments, floor, scale and camera. Each failure is a warning, and makes it doubtful.
+"""Self-checks of the photo: alignments, floor, scale and camera.
+
+Each failure is a warning, and makes it doubtful.
 
 "Photos" below are of all kinds, run with the embedded backends; "worlds" are those of the mocks.
 """
@@ -40,63 +42,93 @@ def scene_alignment(estimates: Estimates, solution: Solution) -> Measured:
     """Return the share of the pixels where the aligned point map has the metric depth."""
     share = solution.diagnostics["scene"]["alignment"]["inlier_share"]
     if share == 0:
-        return share, "point map and metric depth agree nowhere: the scene uses only the metric depth"
+        return (
+            share,
+            "point map and metric depth agree nowhere: the scene uses only the metric depth",
+        )
     return share, (
-        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels: try another "
+        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the "
+        f"pixels: try another "
         "backend for metric depth or point map"
     )
 
 
-@_check("Photo agrees with the inpainted photo", at_least=0.5, share_of="the background", unmeasured=_NO_PEOPLE)
+@_check(
+    "Photo agrees with the inpainted photo",
+    at_least=0.5,
+    share_of="the background",
+    unmeasured=_NO_PEOPLE,
+)
 def photo_alignment(estimates: Estimates, solution: Solution) -> Measured:
     """Return the share of the background where the point maps with and without people agree."""
     if "placement" not in solution.diagnostics:
         return None
     share = solution.diagnostics["placement"]["alignment"]["inlier_share"]
     if share == 0:
-        return share, "the photo and the inpainted photo have no background in common: people are placed by size alone"
+        return (
+            share,
+            "the photo and the inpainted photo have no background in common: people are placed by "
+            "size alone",
+        )
     return share, (
-        f"people's distance to the scene is doubtful: the photo and the inpainted photo agree on {share:.0%} of the "
+        f"people's distance to the scene is doubtful: the photo and the inpainted photo agree on "
+        f"{share:.0%} of the "
         "background: try another backend for inpainting or point map"
     )
 
 
-# Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by 10 degrees.
+# Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
+# 10 degrees.
 @_check("Floor where the segmenter sees it", at_least=1, unit=YES, needed=True)
 def floor(estimates: Estimates, solution: Solution) -> Measured:
     """Return whether a floor was found, and is that of the segmenter."""
     report = solution.diagnostics["scene"]["floor"]
-    reason, in_mask = report["reason"], report["in_mask"]
+    reason = report["reason"]
+    in_mask = report["in_mask"]
     if reason == "switched_off":
         return None, "the engine settings disable the floor search"
     if reason != "found":
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the ground, and heights "
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the "
+            f"ground, and heights "
             "are unknown: use a photo that shows the ground at the feet"
         )
     plane = solution.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
     if pitch > _MOST_PITCH_DEG:
-        return 0.0, f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: the floor is doubtful"
+        return (
+            0.0,
+            f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: the floor "
+            f"is doubtful",
+        )
     if in_mask is None:
         return None, "the segmenter returned no floor pixels"
     return float(in_mask), (
-        "the floor mask was not followed, since another plane of the lower part of the photo is more likely: check it "
+        "the floor mask was not followed, since another plane of the lower part of the photo is "
+        "more likely: check it "
         "in preview.png"
     )
 
 
-# Right floors 4-13, several people; those that are off by 26 and 30 degrees 35 and 19; one of 12 degrees 7.
+# Right floors 4-13, several people; those that are off by 26 and 30 degrees 35 and 19; one of 12
+# degrees 7.
 @_check("Trunks tilted against the floor, median", at_most=15, unit="deg")
 def trunk_tilt(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the median angle between the trunks of several people, who do not all lean, and the floor's normal."""
-    plane, joints = solution.scene.floor, [j for j in solution.joints if np.isfinite(j).all()]
+    """Return the median angle between the trunks of several people, who do not all lean, and the
+    floor's normal.
+    """
+    plane = solution.scene.floor
+    joints = [j for j in solution.joints if np.isfinite(j).all()]
     if plane is None:
         return None, NO_FLOOR
     if len(joints) < _FEWEST_TRUNKS:
         return None, "fewer than two people have a body"
     tilt = median(float(trunk_tilt_deg(j, plane.normal)) for j in joints)
-    return tilt, f"half of the people lean by {tilt:.0f} degrees or more from the floor's normal: the floor is doubtful"
+    return (
+        tilt,
+        f"half of the people lean by {tilt:.0f} degrees or more from the floor's normal: the "
+        f"floor is doubtful",
+    )
 
 
 # Soles on a floor give 0.08, sizes of people 0.20 and more.
@@ -112,24 +144,36 @@ def scale_sigma(estimates: Estimates, solution: Solution) -> Measured:
     if sigma is None:
         return None
     return sigma, (
-        f"all lengths may be off by {sigma:.0%} (one standard deviation): the photo gives no better scale; use a "
+        f"all lengths may be off by {sigma:.0%} (one standard deviation): the photo gives no "
+        f"better scale; use a "
         "metric depth network, or a photo with feet on the floor"
     )
 
 
-# Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the depth is wrong.
+# Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the
+# depth is wrong.
 @_check(
-    "Depth differs from the sizes of people", at_most=0.5, unmeasured="no person has enough visible vertices with depth"
+    "Depth differs from the sizes of people",
+    at_most=0.5,
+    unmeasured="no person has enough visible vertices with depth",
 )
 def depth_vs_bodies(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the share by which metric depth and sizes differ on how far away people are, in the median."""
-    # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
-    ratios = [ratio / solution.scene.scale for report in solution.people if (ratio := report.get("depth_ratio"))]
+    """Return the share by which metric depth and sizes differ on how far away people are, in the
+    median.
+    """
+    # Depth at people's pixels has the final scale; this check compares with the depth before
+    # scaling.
+    ratios = [
+        ratio / solution.scene.scale
+        for report in solution.people
+        if (ratio := report.get("depth_ratio"))
+    ]
     if not ratios:
         return None
     ratio = median(ratios)
     return relative_difference(ratio), (
-        f"the metric depth puts the people {ratio:.2f} times as far away as their sizes do: distances between people "
+        f"the metric depth puts the people {ratio:.2f} times as far away as their sizes do: "
+        f"distances between people "
         "and scene are doubtful; try another metric_depth, or give the focal length"
     )
 
@@ -142,50 +186,71 @@ def depth_vs_bodies(estimates: Estimates, solution: Solution) -> Measured:
     optional=True,
 )
 def given_depth(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the difference of the scales by a measured depth and by people, in standard deviations."""
+    """Return the difference of the scales by a measured depth and by people, in standard
+    deviations.
+    """
     measured = estimates.measured_scale
     if measured is None:
         return None
     from physic_core.engine.sizes.evidence import likely_unit
 
     return measured.sigmas, (
-        f"by the given depth everything is {measured.factor:.3g} times as large as the people suggest, and it was "
+        f"by the given depth everything is {measured.factor:.3g} times as large as the people "
+        f"suggest, and it was "
         f"followed: {likely_unit(measured.factor)} --depth-unit states another unit"
     )
 
 
 @_check("Camera axis off the photo's centre", at_most=0.15, share_of="the photo's size")
 def principal_point(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the distance of the principal point from the centre, as a share of the photo's width or height."""
+    """Return the distance of the principal point from the centre, as a share of the photo's width
+    or height.
+    """
     camera = solution.intrinsics
-    off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
+    off_x = camera.cx - (camera.width - 1) / 2
+    off_y = camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
     return offset, (
-        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
+        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's "
+        f"size off its centre "
         f"({camera.source}), which is normal only in a cropped photo: check --intrinsics"
     )
 
 
-# Straight edges are right to about a tenth; distances are off by the same share as the focal length.
-@_check("Backends differ in the focal length", at_most=0.2, unmeasured="no backend estimates a focal length")
+# Straight edges are right to about a tenth; distances are off by the same share as the focal
+# length.
+@_check(
+    "Backends differ in the focal length",
+    at_most=0.2,
+    unmeasured="no backend estimates a focal length",
+)
 def focal_agreement(estimates: Estimates, solution: Solution) -> Measured:
     """Return the largest difference of a backend's focal length from the one used, as a share."""
     camera = solution.intrinsics
-    witnesses = [estimates.scene.intrinsics, estimates.original.intrinsics, estimates.depth.intrinsics]
+    witnesses = [
+        estimates.scene.intrinsics,
+        estimates.original.intrinsics,
+        estimates.depth.intrinsics,
+    ]
     used = math.sqrt(camera.fx * camera.fy)
-    ratios = [math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None]
+    ratios = [
+        math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None
+    ]
     if not ratios:
         return None
     ratio = max(ratios, key=relative_difference)
     return relative_difference(ratio), (
-        f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px ({camera.source}) was used: "
+        f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px "
+        f"({camera.source}) was used: "
         "check the value used"
     )
 
 
 @_check("People without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the number of boxes without a body that are as large as main people, and not of people with a body."""
+    """Return the number of boxes without a body that are as large as main people, and not of people
+    with a body.
+    """
     people = estimates.people
     boxes: list[FloatArray] = list(people.boxes)
     posed: BoolArray = np.any(people.masks, axis=0)
@@ -195,13 +260,16 @@ def unposed_people(estimates: Estimates, solution: Solution) -> Measured:
     )
     who = "1 person" if lacking == 1 else f"{lacking} people"
     return float(lacking), (
-        f"no body was found for {who} in the photo, whom dashed boxes in preview and page show: point at each person "
+        f"no body was found for {who} in the photo, whom dashed boxes in preview and page show: "
+        f"point at each person "
         "with --person x,y"
     )
 
 
 def _is_covered(box: tuple[float, float, float, float], mask: BoolArray) -> bool:
-    """Return whether a mask (H, W) has most pixels of a box, which then is of the person with the mask."""
+    """Return whether a mask (H, W) has most pixels of a box, which then is of the person with the
+    mask.
+    """
     x0, y0, x1, y1 = (max(0, round(edge)) for edge in box)
     inside = mask[y0:y1, x0:x1]
     return inside.size > 0 and float(inside.mean()) > _COVERED_SHARE

@@ -13,7 +13,9 @@ YES = "1: yes"
 """Unit of a check that holds or not."""
 
 Measured = float | tuple[float | None, str] | None
-"""Value of a check, None if nothing was measured; with a text in place of the check's advice, or of its reason."""
+"""Value of a check, None if nothing was measured; with a text in place of the check's advice, or of
+its reason.
+"""
 
 _Check = TypeVar("_Check", bound=Callable[..., Measured])
 _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
@@ -59,10 +61,16 @@ class CheckSpec:
         """Compare a value with the threshold; NaN counts as not measured."""
         value, text = measured if isinstance(measured, tuple) else (measured, "")
         if value is None or math.isnan(value):
-            state, message, value = CheckState.UNKNOWN, f"not measured: {text or self.unmeasured}", None
+            state = CheckState.UNKNOWN
+            message = f"not measured: {text or self.unmeasured}"
+            value = None
         else:
-            failed = value < self.threshold if self.direction == "at least" else value > self.threshold
-            state, message, value = CheckState.FAILED if failed else CheckState.OK, text or self.advice, float(value)
+            failed = (
+                value < self.threshold if self.direction == "at least" else value > self.threshold
+            )
+            state = CheckState.FAILED if failed else CheckState.OK
+            message = text or self.advice
+            value = float(value)
         result = CheckResult(
             self.name,
             state,
@@ -118,7 +126,11 @@ def failed_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]
 
 def unknown_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
     """Return the names of the self-checks of one person for which nothing was measured."""
-    return tuple(check.name for check in checks if check.person == person and check.state is CheckState.UNKNOWN)
+    return tuple(
+        check.name
+        for check in checks
+        if check.person == person and check.state is CheckState.UNKNOWN
+    )
 
 
 def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
@@ -133,8 +145,8 @@ def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
 def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
     """Grade one person by the checks of this person.
 
-    Bad if two checks contradict the body; doubtful if a check fails, or if one that the grade needs was not measured;
-    good otherwise.
+    Bad if two checks contradict the body; doubtful if a check fails, or if one that the grade needs
+    was not measured; good otherwise.
     """
     return _grade([check for check in checks if check.person == person])
 
@@ -144,7 +156,10 @@ def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade
 
     Without people it is at best doubtful: nothing confirms the scale.
     """
-    grades = {*(people or [Grade.DOUBTFUL]), _grade([check for check in checks if check.person is None])}
+    grades = {
+        *(people or [Grade.DOUBTFUL]),
+        _grade([check for check in checks if check.person is None]),
+    }
     return next(grade for grade in _WORST_FIRST if grade in grades)
 
 
@@ -152,5 +167,7 @@ def _grade(checks: Sequence[CheckResult]) -> Grade:
     failed = [CHECKS[check.name] for check in checks if check.failed]
     if sum(not spec.weak for spec in failed) > 1:
         return Grade.BAD
-    unknown = any(CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN)
+    unknown = any(
+        CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN
+    )
     return Grade.DOUBTFUL if failed or unknown else Grade.GOOD

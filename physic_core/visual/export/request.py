@@ -1,4 +1,6 @@
-"""What an exporter gets: the result, the frame that it writes in, and a mesh of the measured floor for pictures."""
+"""What an exporter gets: the result, the frame that it writes in, and a mesh of the measured floor
+for pictures.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ if TYPE_CHECKING:
     from physic_core.types import Person, Plane, Reconstruction
     from physic_core.visual.surface import SceneMesh
 
-_Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+_Z_UP_FROM_Y_UP = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,9 @@ class ExportFrame:
     @property
     def up_vector(self) -> NDArray[np.float64]:
         """Unit vector (3,) that points up in this frame; of a camera frame, the camera's up."""
-        return np.array({"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0], "camera": [0.0, -1.0, 0.0]}[self.up])
+        return np.array(
+            {"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0], "camera": [0.0, -1.0, 0.0]}[self.up]
+        )
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,8 @@ class ExportRequest:
         suffix: of the file, with its dot.
         scene: whether to write the scene too.
         body_file: SMPL-X file of the user, or None.
-        options: name -> value of the ``options`` of the record; their defaults where the user gave none.
+        options: name -> value of the ``options`` of the record; their defaults where the user gave
+            none.
     """
 
     result: Reconstruction
@@ -73,15 +80,22 @@ class ExportRequest:
         return [(index, self.result.people[index]) for index in self.people]
 
     def file_of(self, person: int) -> str:
-        """Return the name of the file of one person: the stem, with the person's number if there are several."""
-        return f"{self.stem}{self.suffix}" if len(self.people) == 1 else f"{self.stem}_{person}{self.suffix}"
+        """Return the name of the file of one person: the stem, with the person's number if there
+        are several.
+        """
+        return (
+            f"{self.stem}{self.suffix}"
+            if len(self.people) == 1
+            else f"{self.stem}_{person}{self.suffix}"
+        )
 
 
 def export_frame(floor: Plane | None, up: str) -> ExportFrame:
     """Return the frame with an up axis.
 
-    "y" and "z" have the origin on the floor below the camera, and the camera looks along -z or +y. "camera" is the
-    frame of the result. Without a floor, "y" has its origin in the camera, and y is the camera's up axis.
+    "y" and "z" have the origin on the floor below the camera, and the camera looks along -z or +y.
+    "camera" is the frame of the result. Without a floor, "y" has its origin in the camera, and y is
+    the camera's up axis.
 
     Raises:
         InputError: z up without a floor.
@@ -93,28 +107,38 @@ def export_frame(floor: Plane | None, up: str) -> ExportFrame:
     if up == "z":
         if floor is None:
             raise InputError(
-                "z up needs the direction of gravity, which is the normal of the floor, and this result has no floor: "
+                "z up needs the direction of gravity, which is the normal of the floor, and this "
+                "result has no floor: "
                 "use a format with --up y (y is then the camera's up axis) or --up camera"
             )
         return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, f"x right, y forward, z up, {origin}")
     if floor is None:
         note = "the result has no floor: y is the camera's up axis, and the origin is the camera"
-        return ExportFrame(up, matrix, "x right, y up (of the camera), z backward, origin at the camera", (note,))
+        return ExportFrame(
+            up, matrix, "x right, y up (of the camera), z backward, origin at the camera", (note,)
+        )
     return ExportFrame(up, matrix, f"x right, y up, z backward, {origin}")
 
 
 def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:
-    """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and MuJoCo."""
+    """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and
+    MuJoCo.
+    """
     return frame.from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 _MARGIN_M = 0.5
 """Distance of the floor's edges from people, where the scene is smaller."""
-_CELL_M, _MAX_CELLS = 0.1, 300
+_CELL_M = 0.1
+_MAX_CELLS = 300
 """Side of a square of the floor; it grows where the floor would have more squares along a side."""
 _NEAR_M = 0.2
-"""The scene's surface covers the floor where it is this near to the plane: both would be drawn at one place."""
-_CORNERS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3] * 3])
+"""The scene's surface covers the floor where it is this near to the plane: both would be drawn at
+one place.
+"""
+_CORNERS = np.array(
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3] * 3]
+)
 
 
 def drawn_floor(
@@ -122,8 +146,8 @@ def drawn_floor(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
     """Return vertices (4 n, 3) and faces (2 n, 3) of rectangles on the floor; None without a floor.
 
-    They lie within the convex outline of scene and people, seen from above, and not where ``surface`` is the floor.
-    n is 0 if it is everywhere.
+    They lie within the convex outline of scene and people, seen from above, and not where
+    ``surface`` is the floor. n is 0 if it is everywhere.
     """
     import cv2
 
@@ -137,7 +161,8 @@ def drawn_floor(
     outline = np.concatenate([scene[:, plan], feet + _MARGIN_M, feet - _MARGIN_M])
     if not len(outline):
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    low, size = outline.min(0), np.ptp(outline, axis=0).max()
+    low = outline.min(0)
+    size = np.ptp(outline, axis=0).max()
     cell = max(_CELL_M, float(size) / _MAX_CELLS)
     squares: NDArray[Any] = ((outline - low) / cell).astype(np.int32)
     width, height = squares.max(0) + 1
@@ -159,4 +184,6 @@ def drawn_floor(
     vertices[..., plan[1]] = low[1] + cell * np.stack([row, row, row + 1, row + 1], 1)
     # The axes of the plan are x and y, or x and z: only the first pair is right-handed about up.
     corners = np.array([[0, 1, 2], [0, 2, 3]] if up == 2 else [[2, 1, 0], [3, 2, 0]])
-    return vertices.reshape(-1, 3), (4 * np.arange(len(row))[:, None, None] + corners).reshape(-1, 3)
+    return vertices.reshape(-1, 3), (4 * np.arange(len(row))[:, None, None] + corners).reshape(
+        -1, 3
+    )

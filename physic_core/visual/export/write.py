@@ -38,8 +38,8 @@ def export_reconstruction(
 
     Args:
         result: the reconstruction.
-        path: of the file, or a folder, which then needs ``format`` and is created if missing. With several people,
-            formats of one person per file add "_0", "_1", ... to the name.
+        path: of the file, or a folder, which then needs ``format`` and is created if missing. With
+            several people, formats of one person per file add "_0", "_1", ... to the name.
         format: name of the format ("glb", "amass", ...); None for that of the suffix.
         person: index or indices into ``result.people``; None for all people with a body.
         up: "y", "z" or "camera"; None for the convention of the format.
@@ -62,12 +62,19 @@ def export_reconstruction(
         raise ConfigError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
     frame = export_frame(result.scene.floor, up or kind.ups[0])
     file = None if body_model is None else Path(os.path.expanduser(body_model))
-    request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
-    names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
-    _check_names(folder, names, overwrite, result.photo)  # before an exporter that takes long is called
+    request = ExportRequest(
+        result, people, frame, stem, suffix, scene, file, _options(kind, options)
+    )
+    names = (
+        {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
+    )
+    # before an exporter that takes long is called
+    _check_names(folder, names, overwrite, result.photo)
     made = _call(exporter, request)
     _check_names(folder, made.files, overwrite, result.photo)
-    return Exported(_write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes))
+    return Exported(
+        _write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes)
+    )
 
 
 def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path, str, str]:
@@ -83,7 +90,8 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
         return exporter, path, kind.stem or kind.name, kind.suffixes[0]
     if path.suffix.lower() not in kind.suffixes:
         raise ConfigError(
-            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format {kind.name} must: "
+            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format "
+            f"{kind.name} must: "
             "name another file"
         )
     return exporter, path.parent, path.stem, path.suffix.lower()
@@ -99,7 +107,8 @@ def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFi
     made = call_item(exporter, "exporter", request)
     if not isinstance(made, ExportedFiles):
         raise PluginError(
-            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got {type(made).__name__}"
+            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got "
+            f"{type(made).__name__}"
         )
     return made
 
@@ -115,14 +124,23 @@ def _people(
     """
     count = len(result.people)
     bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
-    wanted = range(count) if person is None else [person] if isinstance(person, int) else list(dict.fromkeys(person))
+    wanted = (
+        range(count)
+        if person is None
+        else [person]
+        if isinstance(person, int)
+        else list(dict.fromkeys(person))
+    )
     for index in wanted:
         if not 0 <= index < count:
-            there = f"people are numbered 0 to {count - 1}" if count else "this result has no people"
+            there = (
+                f"people are numbered 0 to {count - 1}" if count else "this result has no people"
+            )
             raise ConfigError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
             raise ConfigError(
-                f"person {index} has no body, only a box and keypoints: the body estimator returned no finite values "
+                f"person {index} has no body, only a box and keypoints: the body estimator "
+                f"returned no finite values "
                 "for them; choose another person"
             )
     kept = tuple(index for index in wanted if index not in bodiless)
@@ -145,14 +163,17 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
             raise ConfigError(f"the format {kind.name} has no option '{name}': {there}")
         if value not in kind.options[name]:
             allowed = ", ".join(map(str, kind.options[name]))
-            raise ConfigError(f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'")
+            raise ConfigError(
+                f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'"
+            )
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
 def _write(folder: Path, made: ExportedFiles, main: str) -> tuple[Path, ...]:
     check_writable(folder)
     with atomic_write(folder) as temporary:
-        for name in sorted(made.files, key=lambda name: name == main):  # the file that names the others comes last
+        # the file that names the others comes last
+        for name in sorted(made.files, key=lambda name: name == main):
             temporary(name).write_bytes(made.files[name])
     return tuple(folder / name for name in made.files)
 
@@ -162,12 +183,15 @@ def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str
     existing = [folder / name for name in names if os.path.lexists(folder / name)]
     if existing and not overwrite:
         raise OutputError(
-            f"{', '.join(map(str, existing))} exists already: name another file (-o), or replace it with --overwrite "
+            f"{', '.join(map(str, existing))} exists already: name another file (-o), or replace "
+            f"it with --overwrite "
             "(overwrite=True in Python)"
         )
     for path in existing:
         if path.is_symlink() or _sha256(path) in photo.split():
-            raise OutputError(f"cannot replace {path}: it is the photo, or a link; name another file (-o)")
+            raise OutputError(
+                f"cannot replace {path}: it is the photo, or a link; name another file (-o)"
+            )
 
 
 def _sha256(path: Path) -> str:

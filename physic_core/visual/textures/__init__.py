@@ -1,1 +1,3 @@
-"""Textures of bodies with the colours of the photo; loaded only for output that is meant for eyes."""
+"""Textures of bodies with the colours of the photo; loaded only for output that is meant for
+eyes.
+"""

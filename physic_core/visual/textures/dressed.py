@@ -1,8 +1,9 @@
-"""People as pictures, page and GLB show them: the photo's colours where it shows them, and guessed clothes elsewhere.
+"""People as pictures, page and GLB show them: the photo's colours where it shows them, and guessed
+clothes elsewhere.
 
-What no photo shows is filled: with the other side of the body where the photo shows that, and over the surface
-between, towards the mean of the body part. The guess is darker, and has a light of its own, since the photo's colours,
-which have theirs, are drawn without one.
+What no photo shows is filled: with the other side of the body where the photo shows that, and over
+the surface between, towards the mean of the body part. The guess is darker, and has a light of its
+own, since the photo's colours, which have theirs, are drawn without one.
 """
 
 from __future__ import annotations
@@ -41,21 +42,30 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SIZES = (128, 256, 512)
-"""Texels along a side of a texture: at least as many as the person has px in height, up to the last. A texel of 512 is
-3 mm of skin."""
+"""Texels along a side of a texture: at least as many as the person has px in height, up to the
+last. A texel of 512 is 3 mm of skin.
+"""
 
-MIRROR_WEIGHT, PART_WEIGHT, SCALP_WEIGHT = 0.3, 0.002, 0.1
-"""Weights of the other side, of the part's mean, and of that of the scalp, whose neighbour is a face, against what the
-photo shows."""
+MIRROR_WEIGHT = 0.3
+PART_WEIGHT = 0.002
+SCALP_WEIGHT = 0.1
+"""Weights of the other side, of the part's mean, and of that of the scalp, whose neighbour is a
+face, against what the photo shows.
+"""
 
 GUESSED = "darker: guessed, not seen in the photo"
 """What a legend says of the clothes that no photo shows."""
 
-_LIGHT, _DARK = 0.9, 0.55  # of what is guessed, towards the light and away from it
+# of what is guessed, towards the light and away from it
+_LIGHT = 0.9
+_DARK = 0.55
 _HAIR_M = 0.25  # reach of hair around the joint of the head
-_DARKER = 35  # percentile of the colours beside the face: ears and background are mostly lighter than hair
+# percentile of the colours beside the face: ears and background are mostly lighter than hair
+_DARKER = 35
 _LEAST_HAIR = 0.02  # least area of hair, as a share of the square of its reach
-_HAIRLINE_M, _NAPE_M = 0.115, -0.03  # heights over the head's joint, over the forehead and at the neck
+# heights over the head's joint, over the forehead and at the neck
+_HAIRLINE_M = 0.115
+_NAPE_M = -0.03
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,8 @@ class DressedBodies:
 
     Attributes:
         colors: person -> (V, 3) uint8 sRGB of each vertex.
-        fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not darkened.
+        fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not
+            darkened.
         tone: person -> (V,) brightness of the guess.
         filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
         shown: person -> share of the body's surface that a photo shows.
@@ -72,7 +83,8 @@ class DressedBodies:
         vertices: person -> (V, 3) metres, camera frame, with shoes.
         normals: person -> (V, 3) of those.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        bodies: meshes of ``vertices``, without triangles of an implausible length; None without bodies.
+        bodies: meshes of ``vertices``, without triangles of an implausible length; None without
+            bodies.
     """
 
     colors: Mapping[int, UInt8Array]
@@ -91,18 +103,27 @@ class DressedBodies:
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
     people = enumerate(result.people)
-    posed = {i: one.vertices.astype(np.float64) for i, one in people if np.isfinite(one.vertices).all()}
+    posed = {
+        i: one.vertices.astype(np.float64) for i, one in people if np.isfinite(one.vertices).all()
+    }
     faces = np.asarray(result.faces, np.int64)
     model = _model(result) if posed else None
     normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
-    shoes = {} if model is None else {i: worn_shoes(result, i, posed[i], normals[i], model) for i in posed}
+    shoes = (
+        {}
+        if model is None
+        else {i: worn_shoes(result, i, posed[i], normals[i], model) for i in posed}
+    )
     for index, toes in shoes.items():
         posed[index], normals[index] = with_shoes(posed[index], normals[index], toes)
     bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
     caster = None if bodies is None else bodies.caster
     mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
-    colors, fill, tone = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, "Array"]()
-    filled, shown = dict[int, "NDArray[np.float32]"](), dict[int, float]()
+    colors = dict[int, "UInt8Array"]()
+    fill = dict[int, "Array"]()
+    tone = dict[int, "Array"]()
+    filled = dict[int, "NDArray[np.float32]"]()
+    shown = dict[int, float]()
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
     for index, vertices in posed.items():
         photo, seen, near = photo_colors(result, index, vertices, normals[index], caster)
@@ -119,7 +140,8 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
 @kept_for_next_picture
 def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
-    dressed, images = dressed_bodies(result), dict[int, "UInt8Array"]()
+    dressed = dressed_bodies(result)
+    images = dict[int, "UInt8Array"]()
     if dressed.mesh is not None:
         for index in dressed.colors:
             images[index] = dressed_texture(result, index, embedded_raster(_size(result, index)))[0]
@@ -129,7 +151,8 @@ def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
 def dressed_texture(
     result: Reconstruction, index: int, raster: TextureRaster, *, darken: bool = True
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Return the texture (N, N, 3) uint8 sRGB of a person with a body, and (N, N) 255 where no photo shows it, else 0.
+    """Return the texture (N, N, 3) uint8 sRGB of a person with a body, and (N, N) 255 where no
+    photo shows it, else 0.
 
     Args:
         result: of the photo.
@@ -137,8 +160,11 @@ def dressed_texture(
         raster: of the texture.
         darken: whether what is guessed is darker.
     """
-    dressed, faces = dressed_bodies(result), np.asarray(result.faces, np.int64)
-    points, normals = (raster.interpolate(faces, of[index]) for of in (dressed.vertices, dressed.normals))
+    dressed = dressed_bodies(result)
+    faces = np.asarray(result.faces, np.int64)
+    points, normals = (
+        raster.interpolate(faces, of[index]) for of in (dressed.vertices, dressed.normals)
+    )
     caster = None if dressed.bodies is None else dressed.bodies.caster
     photo, seen, near = photo_colors(result, index, points, normals, caster)
     guess = dressed.fill[index] * dressed.tone[index][:, None] if darken else dressed.fill[index]
@@ -148,7 +174,8 @@ def dressed_texture(
 
 def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
     """Return colours (V, 3) of the vertices of an embedded body as a texture (size, size, 3)."""
-    raster, mesh = embedded_raster(size), embedded_coordinates()
+    raster = embedded_raster(size)
+    mesh = embedded_coordinates()
     made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
     image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
     return image
@@ -178,25 +205,35 @@ def _model(result: Reconstruction) -> BodyModel | None:
 def _sides_and_parts(
     model: BodyModel | None, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight (V,) of its mean.
+    """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight
+    (V,) of its mean.
 
-    Scalp and face are two parts. Without a body model, each vertex is its own other side, and all are one part.
+    Scalp and face are two parts. Without a body model, each vertex is its own other side, and all
+    are one part.
     """
     from scipy.spatial import cKDTree
 
     if model is None:
         return np.arange(count), np.zeros(count, np.int64), np.full(count, PART_WEIGHT)
-    rest, parts = model.skin.template.T.double().numpy(), model.part_of_vertex.numpy().astype(np.int64)
+    rest = model.skin.template.T.double().numpy()
+    parts = model.part_of_vertex.numpy().astype(np.int64)
     others = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
     _, up, ahead = (rest - model.kinematics.template[JOINT_INDEX["head"]].double().numpy()).T
-    scalp = (parts == model.part_names.index("head")) & (((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M))
-    return others, np.where(scalp, parts.max() + 1, parts), np.where(scalp, SCALP_WEIGHT, PART_WEIGHT)
+    scalp = (parts == model.part_names.index("head")) & (
+        ((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M)
+    )
+    return (
+        others,
+        np.where(scalp, parts.max() + 1, parts),
+        np.where(scalp, SCALP_WEIGHT, PART_WEIGHT),
+    )
 
 
 def _hair(
     result: Reconstruction, index: int, vertices: Array, model: BodyModel, parts: NDArray[np.int64]
 ) -> Array | None:
-    """Return the colour (3,) of a person's hair: of their pixels around the upper head that the face does not cover.
+    """Return the colour (3,) of a person's hair: of their pixels around the upper head that the
+    face does not cover.
 
     Hair that stands off lies beside the body. None if there are few such pixels.
 
@@ -209,7 +246,8 @@ def _hair(
     """
     import cv2
 
-    person, matrix = result.people[index], result.intrinsics.matrix
+    person = result.people[index]
+    matrix = result.intrinsics.matrix
     joints = person.joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]].astype(np.float64)
     face = vertices[parts == model.part_names.index("head")]
     if min(joints[:, 2].min(), face[:, 2].min()) <= 0:
@@ -217,14 +255,17 @@ def _hair(
     (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))
     radius = float(_HAIR_M * matrix[0, 0] / joints[0, 2])
     size = person.mask.shape[::-1]
-    low, high = (np.clip(np.round(head + side * radius), 0, size).astype(np.int64) for side in (-1, 1))
+    low, high = (
+        np.clip(np.round(head + side * radius), 0, size).astype(np.int64) for side in (-1, 1)
+    )
     window = slice(low[1], high[1]), slice(low[0], high[0])
     rows, columns = np.mgrid[window]
     beyond = np.stack([columns, rows], -1) - head
     around = person.mask[window] & ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
     if not around.size:
         return None
-    shown = cv2.erode(around.astype(np.uint8), np.ones((3, 3), np.uint8))  # the rim has colours of the background
+    # the rim has colours of the background
+    shown = cv2.erode(around.astype(np.uint8), np.ones((3, 3), np.uint8))
     cv2.fillConvexPoly(shown, cv2.convexHull(np.round(outline - low).astype(np.int32)), 0)
     if shown.sum() < _LEAST_HAIR * radius**2:
         return None
@@ -243,8 +284,8 @@ def _fill(
 ) -> Array:
     """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
 
-    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the part)^2``. The mean of the
-    last part, the scalp, is the colour of the hair, if that is known.
+    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the
+    part)^2``. The mean of the last part, the scalp, is the colour of the hair, if that is known.
     """
     import scipy.sparse as sp
     from scipy.sparse.linalg import splu
@@ -256,7 +297,8 @@ def _fill(
     target = np.where(from_other[:, None], photo[others], photo)
     trust = np.where(from_other, MIRROR_WEIGHT * weight[others], weight)
     size = int(parts.max()) + 1
-    amount, mean = np.bincount(parts, trust, size), (trust[:, None] * target).sum(0) / trust.sum()
+    amount = np.bincount(parts, trust, size)
+    mean = (trust[:, None] * target).sum(0) / trust.sum()
     of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
     of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
     if hair is not None:
@@ -277,7 +319,9 @@ def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
 
 
 def _light(result: Reconstruction) -> Array:
-    """Return the direction (3,) towards the light of what is guessed, from above and the left, camera frame."""
+    """Return the direction (3,) towards the light of what is guessed, from above and the left,
+    camera frame.
+    """
     up = np.asarray(up_in_camera(result.scene.floor), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
     unit: Array = light / np.linalg.norm(light)

@@ -36,17 +36,24 @@ class TextureRaster:
     faces: NDArray[np.int64]
     corners: NDArray[np.float64]
 
-    def interpolate(self, triangles: NDArray[np.int64], values: NDArray[Any]) -> NDArray[np.float64]:
-        """Return values (n, ...) at the texels of values (V, ...) at the corners of triangles (F, 3)."""
+    def interpolate(
+        self, triangles: NDArray[np.int64], values: NDArray[Any]
+    ) -> NDArray[np.float64]:
+        """Return values (n, ...) at the texels of values (V, ...) at the corners of triangles (F,
+        3).
+        """
         ends = np.arange(0, self.corners.size + 1, 3)
         weights = csr_array(
-            (self.corners.ravel(), triangles[self.faces].ravel(), ends), shape=(len(self.faces), len(values))
+            (self.corners.ravel(), triangles[self.faces].ravel(), ends),
+            shape=(len(self.faces), len(values)),
         )
         picked: NDArray[np.float64] = weights @ values
         return picked
 
     def image(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (n, ...) as an image (size, size, ...), continued over the edges of the charts."""
+        """Return values (n, ...) as an image (size, size, ...), continued over the edges of the
+        charts.
+        """
         filled: NDArray[Any] = values[self._nearest]
         return filled
 
@@ -61,12 +68,17 @@ class TextureRaster:
 
 
 def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
-    """Return the texels with their centre in a triangle of the mesh; the first triangle wins where two overlap."""
-    places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(np.float64)
+    """Return the texels with their centre in a triangle of the mesh; the first triangle wins where
+    two overlap.
+    """
+    places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(
+        np.float64
+    )
     triangles = places[mesh.faces]
     owner = np.full(size * size, -1)
     corners = np.empty((size * size, 3))
-    for start in range((len(triangles) - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):  # the first triangles come last
+    # the first triangles come last
+    for start in range((len(triangles) - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):
         texel, face, weights = _texels_inside(triangles[start : start + _BLOCK], size)
         owner[texel] = start + face
         corners[texel] = weights
@@ -77,27 +89,36 @@ def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
 def _texels_inside(
     triangles: NDArray[np.float64], size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return texel, triangle, and barycentric coordinates (n, 3) of texels in triangles (F, 3, 2), the last first."""
+    """Return texel, triangle, and barycentric coordinates (n, 3) of texels in triangles (F, 3, 2),
+    the last first.
+    """
     low = np.clip(np.ceil(triangles.min(1)), 0, size).astype(np.int64)
     high = np.clip(np.floor(triangles.max(1)) + 1, low, size).astype(np.int64)
     width, height = (high - low).T
     count = width * height
     face = np.repeat(np.arange(len(count)), count)
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    columns, rows = low[face, 0] + within % width[face], low[face, 1] + within // width[face]
+    columns = low[face, 0] + within % width[face]
+    rows = low[face, 1] + within // width[face]
     first, second, third = np.ascontiguousarray(triangles.transpose(1, 2, 0))
     area = _cross(second - first, third - first)[face]
     spot = np.stack([columns, rows])
-    to_first, to_second, to_third = (corner.take(face, 1) - spot for corner in (first, second, third))
+    to_first, to_second, to_third = (
+        corner.take(face, 1) - spot for corner in (first, second, third)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        weights = np.stack([_cross(to_second, to_third), _cross(to_third, to_first), _cross(to_first, to_second)])
+        weights = np.stack(
+            [_cross(to_second, to_third), _cross(to_third, to_first), _cross(to_first, to_second)]
+        )
         weights /= area
     inside = np.flatnonzero(weights.min(0) >= -1e-9)[::-1]  # of an empty triangle they are NaN
     return (rows * size + columns)[inside], face[inside], weights[:, inside].T
 
 
 def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
-    """Fill the pixels outside of a mask with the value of the nearest pixel inside; image (H, W, ...)."""
+    """Fill the pixels outside of a mask with the value of the nearest pixel inside; image (H, W,
+    ...).
+    """
     import cv2
 
     if not inside.any():
@@ -122,7 +143,8 @@ class TextureCoordinates:
 
     Attributes:
         uv: (U, 2) float32 in 0-1, u right and v up.
-        vertex: (U,) int64 index of the body's vertex. The first V are 0 to V - 1, the rest are the split ones.
+        vertex: (U,) int64 index of the body's vertex. The first V are 0 to V - 1, the rest are the
+            split ones.
         faces: (F, 3) int64 indices into ``uv``; the triangles of the body in their order.
     """
 
@@ -131,7 +153,9 @@ class TextureCoordinates:
     faces: NDArray[np.int64]
 
 
-def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]) -> TextureCoordinates:
+def load_texture_coordinates(
+    source: str | Path, faces: NDArray[np.integer[Any]]
+) -> TextureCoordinates:
     """Load the texture coordinates of the embedded body, or ``vt`` and ``ft`` of a SMPL-X file.
 
     Args:
@@ -143,7 +167,10 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
     """
     triangles: NDArray[np.int64] = np.array(faces, np.int64)
     if source == "embedded":
-        with as_file(files("physic_core.body").joinpath("embedded_uv.npz")) as path, np.load(path) as file:
+        with (
+            as_file(files("physic_core.body").joinpath("embedded_uv.npz")) as path,
+            np.load(path) as file,
+        ):
             vertex = np.r_[np.arange(triangles.max() + 1), file["split"]]
             triangles.reshape(-1)[file["corner"]] = file["index"]
             return TextureCoordinates(file["uv"].astype(np.float32) / 65535, vertex, triangles)
@@ -153,7 +180,8 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
         return split_at_seams(triangles, arrays["ft"].astype(np.int64), arrays["vt"])
     except Exception as error:  # of zipfile and numpy, which have many
         raise BodyModelError(
-            f"{source} has no usable texture coordinates (the arrays vt and ft, which official SMPL-X files have): "
+            f"{source} has no usable texture coordinates (the arrays vt and ft, which official "
+            f"SMPL-X files have): "
             "give another file"
         ) from error
 
@@ -161,14 +189,17 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
 def split_at_seams(
     faces: NDArray[np.int64], corners: NDArray[np.int64], uv: NDArray[np.floating[Any]]
 ) -> TextureCoordinates:
-    """Return a mesh with one coordinate per vertex, of faces (F, 3) and the coordinates (F, 3) of their corners.
+    """Return a mesh with one coordinate per vertex, of faces (F, 3) and the coordinates (F, 3) of
+    their corners.
 
     Args:
         faces: (F, 3) indices of vertices; each vertex has a face.
         corners: (F, 3) indices into ``uv``.
         uv: (T, 2) in 0-1, v up.
     """
-    pairs, inverse = np.unique(np.stack([faces.ravel(), corners.ravel()], 1), axis=0, return_inverse=True)
+    pairs, inverse = np.unique(
+        np.stack([faces.ravel(), corners.ravel()], 1), axis=0, return_inverse=True
+    )
     first = np.r_[True, pairs[1:, 0] != pairs[:-1, 0]]
     order = np.argsort(~first, kind="stable")  # one of each vertex, then the split ones
     place = np.empty(len(order), np.int64)

@@ -23,15 +23,21 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SKIN_AB = np.array([13.0, 16.0])
-"""Coordinates a and b of skin in CIE Lab, beside which the person's own face counts: light has a colour."""
+"""Coordinates a and b of skin in CIE Lab, beside which the person's own face counts: light has a
+colour.
+"""
 
-SKIN_HUE, SKIN_CHROMA = 0.94, (0.5, 3.0)
-"""Least cosine of the difference in hue to skin, and range of the ratio of the chromas, of a colour of skin."""
+SKIN_HUE = 0.94
+SKIN_CHROMA = (0.5, 3.0)
+"""Least cosine of the difference in hue to skin, and range of the ratio of the chromas, of a colour
+of skin.
+"""
 
 BARE = 0.8
 """Share of what the photo shows of the feet that has the colour of skin, above which they are bare.
 
-Set with the values above on 396 feet in photos, 386 of them right; of 51 feet in 17 other photos, 47 are right.
+Set with the values above on 396 feet in photos, 386 of them right; of 51 feet in 17 other photos,
+47 are right.
 """
 
 _LEAST_CHROMA = 6.0  # of skin; in a photo without colours, nothing has that of skin
@@ -40,7 +46,8 @@ _LEAST_CHROMA = 6.0  # of skin; in a photo without colours, nothing has that of 
 def worn_shoes(
     result: Reconstruction, index: int, vertices: Array, normals: Array, model: BodyModel
 ) -> Sequence[Array]:
-    """Return, for each foot with a shoe, how far each vertex (V,) moves with the toes, in 0-1; none of bare feet.
+    """Return, for each foot with a shoe, how far each vertex (V,) moves with the toes, in 0-1; none
+    of bare feet.
 
     Feet that the photo does not show have shoes, as 19 of 20 people in photos do.
 
@@ -54,14 +61,19 @@ def worn_shoes(
     import cv2
 
     photo, seen, _ = photo_colors(result, index, vertices, normals, None)
-    hues = cv2.cvtColor((photo[None] / 255).astype(np.float32), cv2.COLOR_RGB2Lab)[0, :, 1:].astype(np.float64)
+    hues = cv2.cvtColor((photo[None] / 255).astype(np.float32), cv2.COLOR_RGB2Lab)[0, :, 1:].astype(
+        np.float64
+    )
     part = model.part_of_vertex.numpy()
 
     def colors(*names: str) -> Array:
-        chosen: Array = hues[(seen > SHOWN) & np.isin(part, [model.part_names.index(name) for name in names])]
+        chosen: Array = hues[
+            (seen > SHOWN) & np.isin(part, [model.part_names.index(name) for name in names])
+        ]
         return chosen
 
-    feet, face = colors("left_foot", "right_foot"), colors("head")
+    feet = colors("left_foot", "right_foot")
+    face = colors("head")
     skins = [SKIN_AB, np.median(face, 0)] if len(face) else [SKIN_AB]
     if len(feet) and max(_share_like(feet, skin) for skin in skins) > BARE:
         return ()
@@ -70,9 +82,12 @@ def worn_shoes(
 
 def _share_like(colors: Array, skin: Array) -> float:
     """Return the share of colours (n, 2), a and b, that have hue and chroma of skin."""
-    chroma, length = np.linalg.norm(colors, axis=1), float(np.linalg.norm(skin))
+    chroma = np.linalg.norm(colors, axis=1)
+    length = float(np.linalg.norm(skin))
     least, most = np.array(SKIN_CHROMA) * max(length, _LEAST_CHROMA)
-    return float(((colors @ skin > SKIN_HUE * chroma * length) & (least < chroma) & (chroma < most)).mean())
+    return float(
+        ((colors @ skin > SKIN_HUE * chroma * length) & (least < chroma) & (chroma < most)).mean()
+    )
 
 
 def with_shoes(vertices: Array, normals: Array, toes: Sequence[Array]) -> tuple[Array, Array]:
@@ -85,17 +100,20 @@ def with_shoes(vertices: Array, normals: Array, toes: Sequence[Array]) -> tuple[
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    vertices, normals = vertices.copy(), normals.copy()
+    vertices = vertices.copy()
+    normals = normals.copy()
     for weight in toes:
         moved = np.flatnonzero(weight > 0)
-        own, share = vertices[moved], weight[moved, None]
+        own = vertices[moved]
+        share = weight[moved, None]
         hinge = share * (1 - share)
         middle = (hinge * own).sum(0) / hinge.sum()
         try:
             facets = ConvexHull(own).equations
         except QhullError:  # a foot without volume keeps its toes
             continue
-        # The walls between toes lie along the rays from their hinge, so that the hull is covered nearly once.
+        # The walls between toes lie along the rays from their hinge, so that the hull is covered
+        # nearly once.
         rays = own - middle
         reached = rays @ facets[:, :3].T / -(facets[:, :3] @ middle + facets[:, 3])
         vertices[moved] += share * (rays / reached.max(1, keepdims=True) - rays)

@@ -1,4 +1,6 @@
-"""Benches: the engine on synthetic worlds, and results of several methods on data sets with ground truth."""
+"""Benches: the engine on synthetic worlds, and results of several methods on data sets with ground
+truth.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ __all__: list[str] = []
 def physic_commands() -> list[PluginItem]:
     """Return the commands "bench" and "evaluate"."""
     return [
-        PluginItem("bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."),
+        PluginItem(
+            "bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."
+        ),
         PluginItem(
             "evaluate",
             "physic_bench.evaluate_command:evaluate",

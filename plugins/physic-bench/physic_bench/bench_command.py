@@ -20,10 +20,16 @@ if TYPE_CHECKING:
 class _Size(click.ParamType[Any]):
     name = "WxH"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
         width, _, height = str(value).lower().partition("x")
-        if not (width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64):
-            self.fail(f"'{value}' is not a size in px of at least 64x64, such as 320x240", param, ctx)
+        if not (
+            width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64
+        ):
+            self.fail(
+                f"'{value}' is not a size in px of at least 64x64, such as 320x240", param, ctx
+            )
         return int(width), int(height)
 
 
@@ -37,38 +43,75 @@ def bench() -> None:
 
 
 @bench.command()
-@click.option("--worlds", metavar="N", type=click.IntRange(1), default=34, show_default=True, help="How many worlds.")
-@click.option("--seed", metavar="S", type=click.IntRange(0), default=1, show_default=True, help="Draws the worlds.")
-@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset, the full model.")
+@click.option(
+    "--worlds",
+    metavar="N",
+    type=click.IntRange(1),
+    default=34,
+    show_default=True,
+    help="How many worlds.",
+)
+@click.option(
+    "--seed",
+    metavar="S",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Draws the worlds.",
+)
+@click.option(
+    "--preset",
+    metavar="NAME",
+    default="default",
+    show_default=True,
+    help="Engine's preset, the full model.",
+)
 @click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
 @click.option(
-    "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
+    "--noise-seed",
+    metavar="K",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Draws the errors.",
 )
 @click.option(
     "--other-bodies/--model-bodies",
     default=True,
     show_default=True,
-    help="People with proportions and skin that no shape of the body model has, or people of the body model.",
+    help="People with proportions and skin that no shape of the body model has, or people of the "
+    "body model.",
 )
 @click.option(
     "--actions",
     type=click.Choice(["default", "contact", "both"]),
     default="default",
     show_default=True,
-    help="Everyday actions; those that touch the own body, other people, hidden or soft supports and small objects; or "
+    help="Everyday actions; those that touch the own body, other people, hidden or soft supports "
+    "and small objects; or "
     "--worlds of each.",
 )
-@click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
+@click.option(
+    "--rows",
+    metavar="NAME,...",
+    default="",
+    help="Rows of the table, or other presets of the engine.",
+)
 @click.option(
     "--set",
     "overrides",
     metavar="KEY=VALUE",
     multiple=True,
-    help="A setting of the engine (joint.depth.weight=10) makes a trial beside the full row; one of a backend "
+    help="A setting of the engine (joint.depth.weight=10) makes a trial beside the full row; one "
+    "of a backend "
     "(metric_depth.options...) changes all rows. May be repeated.",
 )
-@click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
-@click.option("-o", "--out", type=AnyPath(), default=Path("physic-bench"), show_default=True, help="Folder.")
+@click.option(
+    "--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes."
+)
+@click.option(
+    "-o", "--out", type=AnyPath(), default=Path("physic-bench"), show_default=True, help="Folder."
+)
 @click.option("--cache", type=AnyPath(), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(
@@ -86,9 +129,11 @@ def accuracy(
     cache: Path | None,
     no_cache: bool,
 ) -> None:
-    """Print the ablation table on synthetic worlds with ground truth; write the tables and all values to --out.
+    """Print the ablation table on synthetic worlds with ground truth; write the tables and all
+    values to --out.
 
-    Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
+    Ctrl-C ends the run and writes the results of the completed worlds; the same command continues
+    the run.
     """
     if no_cache and cache is not None:
         raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
@@ -125,13 +170,21 @@ def accuracy(
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Split overrides into engine settings, such as "engine.joint.x=1", and backend settings."""
     stages = ("scene.", "placement.", "joint.", "contact.")
-    full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
+    full = [
+        f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides
+    ]
     if any(text.startswith("engine.preset") for text in full):
-        raise ConfigError("--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME")
-    return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
+        raise ConfigError(
+            "--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME"
+        )
+    return [t for t in full if t.startswith("engine.")], [
+        t for t in full if not t.startswith("engine.")
+    ]
 
 
-def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
+def _configs(
+    preset: str, noise_seed: int, trial: list[str], others: list[str]
+) -> tuple[Config, Config]:
     """Return the trial's config, and the config of the estimators, which all rows share.
 
     Backends of other plugins have a noise seed, and errors of their own.
@@ -139,7 +192,8 @@ def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) 
     from physic_core.configuration.model import load_config
     from physic_core.interfaces import INTERFACES
 
-    usual, chosen = load_config(preset="mock"), load_config(preset="mock", overrides=others)
+    usual = load_config(preset="mock")
+    chosen = load_config(preset="mock", overrides=others)
     noise: dict[str, dict[str, dict[str, int]]] = {}
     for name in INTERFACES:
         noise[name] = {"options": {"noise_seed": noise_seed}}
@@ -156,7 +210,9 @@ def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) 
     )
 
 
-def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
+def _run(
+    cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]
+) -> None:
     """Run the benchmark, write the results and print the tables."""
     from physic_bench.tables import write_results
     from physic_bench.worlds.results import document_of, notes_of, tables_of
@@ -168,8 +224,14 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
     try:
         for record in run_cases(cases, work, jobs):
             records.append(record)
-            failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
-            echo(f"[{len(records)}/{len(cases)}] {record['name']} {record['seed']}{failed}", err=True)
+            failed = (
+                " failed"
+                if record["error"] or any(row["error"] for row in record["rows"].values())
+                else ""
+            )
+            echo(
+                f"[{len(records)}/{len(cases)}] {record['name']} {record['seed']}{failed}", err=True
+            )
     except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
         stopped = cause
     header = f"{len(records)} of {len(cases)} worlds, seed {settings['seed']}"

@@ -1,4 +1,6 @@
-"""The user's body model files, SMPL-X bodies posed by them, and values carried between meshes over the T-poses."""
+"""The user's body model files, SMPL-X bodies posed by them, and values carried between meshes over
+the T-poses.
+"""
 
 from __future__ import annotations
 
@@ -59,15 +61,23 @@ class BodyFiles:
         """
         given = self.smplx if family == "smplx" else self.smpl
         if given is None:
-            raise ConfigError(f"a {family.upper()} body needs the user's model file: give --{family} FILE or FOLDER")
+            raise ConfigError(
+                f"a {family.upper()} body needs the user's model file: give --{family} FILE or "
+                f"FOLDER"
+            )
         names = [f"{family.upper()}_{gender.upper()}{suffix}" for suffix in (".npz", ".pkl")]
         found = next((given / name for name in names if (given / name).is_file()), given)
         if found.is_dir():
-            raise InputError(f"{given} has no {' and '.join(names)}: a body of gender '{gender}' needs one of them")
+            raise InputError(
+                f"{given} has no {' and '.join(names)}: a body of gender '{gender}' needs one of "
+                f"them"
+            )
         return found
 
     def rest(self, topology: str) -> RestMesh | None:
-        """Return the mean body of a mesh topology in the T-pose, or None if its model file was not given."""
+        """Return the mean body of a mesh topology in the T-pose, or None if its model file was not
+        given.
+        """
         from physic_core.body.convert.bodies import rest_mesh_of_model
         from physic_core.body.files import load_smpl
 
@@ -77,17 +87,24 @@ class BodyFiles:
         return None if model is None else rest_mesh_of_model(model)
 
     def model(self, topology: str) -> BodyModel | None:
-        """Return the body model of a mesh topology, or None if the core poses no such body or its file is missing."""
+        """Return the body model of a mesh topology, or None if the core poses no such body or its
+        file is missing.
+        """
         if topology == "physic-embedded-1":
             return _model("embedded")
-        return _model(str(self.file("smplx"))) if topology == "smplx" and self.smplx is not None else None
+        return (
+            _model(str(self.file("smplx")))
+            if topology == "smplx" and self.smplx is not None
+            else None
+        )
 
     def smplx_body(self, parameters: Mapping[str, Any], gender: str = "neutral") -> PosedBody:
         """Pose SMPL-X.
 
         Args:
-            parameters: names as of SMPL-X; rotation vectors. Hands may be 6 to 24 principal components, of which the
-                mean hand pose of the file is the origin. What is missing is zero.
+            parameters: names as of SMPL-X; rotation vectors. Hands may be 6 to 24 principal
+                components, of which the mean hand pose of the file is the origin. What is missing
+                is zero.
             gender: of the model file.
 
         Raises:
@@ -100,16 +117,21 @@ class BodyFiles:
 
         path = self.file("smplx", gender)
         model = _model(str(path))
-        pose = np.concatenate([_pose(parameters, name, 3 * count, path) for name, count in ROTATION_FIELDS])
+        pose = np.concatenate(
+            [_pose(parameters, name, 3 * count, path) for name, count in ROTATION_FIELDS]
+        )
         rotations = rotvec_to_rotmat_numpy(pose.reshape(-1, 3))
         transl = numbers(parameters.get("transl", np.zeros(3)), (3,), "transl")
         given = (rotations, _ten(parameters, "betas"), transl, _ten(parameters, "expression"))
         with torch.no_grad():
             out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in given))
-        return PosedBody(out.vertices[0].double().numpy(), out.joints[0].double().numpy(), model.faces.numpy())
+        return PosedBody(
+            out.vertices[0].double().numpy(), out.joints[0].double().numpy(), model.faces.numpy()
+        )
 
     def carry(self, values: Array, source: str, target: str) -> Array | None:
-        """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None without a way.
+        """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None
+        without a way.
 
         A way needs the model files of both meshes, except that of the embedded body.
         """
@@ -118,8 +140,12 @@ class BodyFiles:
         way = _way(self, source, target)
         return None if way is None else way(values)
 
-    def carry_contact(self, contact: NDArray[np.bool_], source: str, target: str) -> NDArray[np.bool_] | None:
-        """Return contact (V_source,) at the vertices of another mesh: a vertex touches if most of its triangle does."""
+    def carry_contact(
+        self, contact: NDArray[np.bool_], source: str, target: str
+    ) -> NDArray[np.bool_] | None:
+        """Return contact (V_source,) at the vertices of another mesh: a vertex touches if most of
+        its triangle does.
+        """
         carried = self.carry(contact.astype(np.float64)[:, None], source, target)
         return None if carried is None else carried[:, 0] >= 0.5
 
@@ -128,12 +154,21 @@ def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Ar
     """Return a rotation vector of each joint, as one array."""
     given = np.ravel(parameters.get(name, np.zeros(size)))
     if "hand" in name and 6 <= given.size <= 24:
-        arrays, side = read_npz(path), name[0]
-        lacking = [key for key in (f"hands_mean{side}", f"hands_components{side}") if key not in arrays]
+        arrays = read_npz(path)
+        side = name[0]
+        lacking = [
+            key for key in (f"hands_mean{side}", f"hands_components{side}") if key not in arrays
+        ]
         if lacking:
-            raise InputError(f"{path} has no {' and '.join(lacking)}, which these hands need: give the official file")
+            raise InputError(
+                f"{path} has no {' and '.join(lacking)}, which these hands need: give the "
+                f"official file"
+            )
         components = numbers(given, (-1,), name)
-        given = arrays[f"hands_mean{side}"].ravel() + components @ arrays[f"hands_components{side}"][: given.size]
+        given = (
+            arrays[f"hands_mean{side}"].ravel()
+            + components @ arrays[f"hands_components{side}"][: given.size]
+        )
     return numbers(given, (size,), name)
 
 
@@ -157,7 +192,8 @@ def _way(files: BodyFiles, source: str, target: str) -> Callable[[Array], Array]
 
     from physic_core.body.convert.correspondence import find_correspondence
 
-    rest_source, rest_target = files.rest(source), files.rest(target)
+    rest_source = files.rest(source)
+    rest_target = files.rest(target)
     if rest_source is None or rest_target is None:
         return None
     model = files.model(target)
@@ -166,7 +202,10 @@ def _way(files: BodyFiles, source: str, target: str) -> Callable[[Array], Array]
     model = files.model(source)
     if model is None:
         return None
-    # The target has no model here: its vertices take the values of the nearest of the source's, laid onto it.
-    laid = find_correspondence(rest_target, model).interpolate(rest_target.vertices.astype(np.float64))
+    # The target has no model here: its vertices take the values of the nearest of the source's,
+    # laid onto it.
+    laid = find_correspondence(rest_target, model).interpolate(
+        rest_target.vertices.astype(np.float64)
+    )
     nearest = KDTree(laid).query(rest_target.vertices)[1]
     return lambda values: values[nearest]

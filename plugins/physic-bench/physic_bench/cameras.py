@@ -1,4 +1,6 @@
-"""Calibrated cameras of the data sets, pictures without the distortion of their lens, and people in the picture."""
+"""Calibrated cameras of the data sets, pictures without the distortion of their lens, and people in
+the picture.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ class Camera:
         height: px.
         R: (3, 3).
         t: (3,) m.
-        distortion: k1, k2, p1, p2, k3, as in OpenCV. ``project`` is that of the undistorted picture, which has the same
-            K.
+        distortion: k1, k2, p1, p2, k3, as in OpenCV. ``project`` is that of the undistorted
+            picture, which has the same K.
     """
 
     K: Array
@@ -62,21 +64,31 @@ class Camera:
 
 
 def calibrated(record: Mapping[str, Any]) -> tuple[Camera, tuple[int, int, int, int]]:
-    """The camera of an entry of a ``cameras.json``, and the part (x0, y0, x1, y1) of the picture that shows something.
+    """The camera of an entry of a ``cameras.json``, and the part (x0, y0, x1, y1) of the picture
+    that shows something.
 
-    A picture of another size than the calibrated one is that picture scaled by one factor and padded in the middle.
+    A picture of another size than the calibrated one is that picture scaled by one factor and
+    padded in the middle.
     """
     K = np.array(record.get("K", record.get("K_calibrated")), np.float64)
-    width, height = int(record["width"]), int(record["height"])
-    full = (int(record.get("width_calibrated", width)), int(record.get("height_calibrated", height)))
+    width = int(record["width"])
+    height = int(record["height"])
+    full = (
+        int(record.get("width_calibrated", width)),
+        int(record.get("height_calibrated", height)),
+    )
     factor = min(width / full[0], height / full[1])
     shown = [factor * side for side in full]
-    left, top = round((width - shown[0]) / 2), round((height - shown[1]) / 2)
+    left = round((width - shown[0]) / 2)
+    top = round((height - shown[1]) / 2)
     # Of a warp that carries centre to centre, as the makers of the padded pictures used it.
     K[:2] *= factor
     K[:2, 2] += (width - shown[0]) / 2 - left, (height - shown[1]) / 2 - top
-    width, height = width - 2 * left, height - 2 * top
-    camera = Camera(K, width, height, np.array(record["R"], np.float64), np.array(record["t_m"], np.float64))
+    width = width - 2 * left
+    height = height - 2 * top
+    camera = Camera(
+        K, width, height, np.array(record["R"], np.float64), np.array(record["t_m"], np.float64)
+    )
     return camera, (left, top, left + width, top + height)
 
 

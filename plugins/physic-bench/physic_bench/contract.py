@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-TOPOLOGY_OF_COUNT: Mapping[int, str] = {6890: "smpl", 10475: "smplx", 13348: "physic-embedded-1", 18439: "mhr"}
+TOPOLOGY_OF_COUNT: Mapping[int, str] = {
+    6890: "smpl",
+    10475: "smplx",
+    13348: "physic-embedded-1",
+    18439: "mhr",
+}
 """Number of vertices -> name of the mesh topology."""
 
 
@@ -62,7 +67,8 @@ class BenchPerson:
         topology: name of the mesh ("smplx", "smpl"); "" without vertices.
         contact: (V,) bool.
         contact_topology: name of the mesh of ``contact``.
-        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen; of a result.
+        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen; of a
+            result.
         grade: of a result, "" without.
     """
 
@@ -122,7 +128,8 @@ class Prediction:
 
     Attributes:
         people: best first.
-        K: (3, 3) px that the method assumed, of the picture of the frame's camera; None if it states none.
+        K: (3, 3) px that the method assumed, of the picture of the frame's camera; None if it
+            states none.
         floor: (4,) normal and offset of the floor's plane, camera frame, or None.
     """
 

@@ -52,15 +52,21 @@ _COMMON = (
         ["--results"],
         metavar="[NAME=][READER:]FOLDER",
         multiple=True,
-        help="Score results that exist; READER is physic or plain. May be repeated. The first is compared with all "
+        help="Score results that exist; READER is physic or plain. May be repeated. The first is "
+        "compared with all "
         "others.  [default reader: physic]",
     ),
-    click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
+    click.Option(
+        ["--preset"],
+        metavar="NAME",
+        help="Reconstruct the pictures with this preset, and score that.",
+    ),
     click.Option(
         ["--config"],
         metavar="FILE",
         type=AnyPath(),
-        help="Reconstruct them with this TOML file, or as reconstruction.json of a run says, and score that.",
+        help="Reconstruct them with this TOML file, or as reconstruction.json of a run says, and "
+        "score that.",
     ),
     click.Option(
         ["--set", "overrides"],
@@ -68,17 +74,23 @@ _COMMON = (
         multiple=True,
         help="Change one value of the configuration.",
     ),
-    click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
+    click.Option(
+        ["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."
+    ),
     click.Option(["--smplx"], type=AnyPath(), help="SMPL-X model file, or folder of them."),
     click.Option(["--smpl"], type=AnyPath(), help="SMPL model file, or folder of them."),
-    click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
+    click.Option(
+        ["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."
+    ),
     click.Option(
         ["--frames"],
         metavar="FILE",
         type=AnyPath(),
         help="Text file with one frame per line: the frames to evaluate.",
     ),
-    click.Option(["--limit"], metavar="N", type=click.IntRange(1), help="N frames, evenly spaced over all."),
+    click.Option(
+        ["--limit"], metavar="N", type=click.IntRange(1), help="N frames, evenly spaced over all."
+    ),
 )
 
 
@@ -119,14 +131,19 @@ def _command_of(chosen: DataSet) -> click.Command:
 
 
 def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
-    """Check everything that can be wrong before anything is computed; then reconstruct, score and write."""
+    """Check everything that can be wrong before anything is computed; then reconstruct, score and
+    write.
+    """
     if given.preset is not None and given.config is not None:
-        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
+        raise click.UsageError(
+            '--preset cannot be combined with --config: write extends = "NAME" into the file'
+        )
     missing = chosen.missing(given.root, given.reconstructs, **options)
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
         raise InputError(
-            f"{given.root} is not complete; `physic evaluate {chosen.name} --help` says what to get:\n{lines}"
+            f"{given.root} is not complete; `physic evaluate {chosen.name} --help` says what to "
+            f"get:\n{lines}"
         )
     from physic_bench.bodies import BodyFiles
     from physic_bench.datasets.base import Choice
@@ -135,7 +152,8 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     from physic_bench.tables import Tables, check_results, write_results
     from physic_core.files.atomic import MARK, check_writable
 
-    files, report = BodyFiles(given.smplx, given.smpl), partial(echo, err=True)
+    files = BodyFiles(given.smplx, given.smpl)
+    report = partial(echo, err=True)
     check_results(check_writable(given.out))
     methods = _methods(given)
     config = _config(given) if given.reconstructs else None
@@ -154,7 +172,9 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         methods.insert(0, Method(f"physic {name}", "physic", folder, failures))
     evaluation = evaluate_methods(found, methods, files)
     every = [record for own in evaluation.records.values() for record in own]
-    columns = columns_for(list(dict.fromkeys(name for record in every for name in record["contact"])))
+    columns = columns_for(
+        list(dict.fromkeys(name for record in every for name in record["contact"]))
+    )
     document = {
         "data_set": chosen.name,
         "options": options,
@@ -163,7 +183,9 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         "records": evaluation.records,
     }
     header = _header(chosen, options, given, len(found.frames))
-    paths = write_results(Tables.of(evaluation.records, columns), given.out, header, evaluation.notes, document)
+    paths = write_results(
+        Tables.of(evaluation.records, columns), given.out, header, evaluation.notes, document
+    )
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
 
@@ -171,7 +193,11 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
 def _header(chosen: DataSet, options: dict[str, Any], given: _Given, frames: int) -> str:
     """Return the line over the tables: the data set, and every option that changes the figures."""
     defaults = {option.name: option.default for option in chosen.options}
-    changed = [f"--{name.replace('_', '-')} {value}" for name, value in options.items() if value != defaults[name]]
+    changed = [
+        f"--{name.replace('_', '-')} {value}"
+        for name, value in options.items()
+        if value != defaults[name]
+    ]
     changed += [f"--frames {given.frames.name}"] if given.frames is not None else []
     changed += [f"--limit {given.limit}"] if given.limit is not None else []
     if given.reconstructs:
@@ -208,12 +234,16 @@ def _methods(given: _Given) -> list[Method]:
         name, rest = (name, rest) if separator else ("", text)
         kind, separator, folder = rest.partition(":")
         if separator and kind not in READERS and not Path(rest).is_dir():
-            raise click.UsageError(f"no reader is named '{kind}': choose one of {', '.join(READERS)}")
+            raise click.UsageError(
+                f"no reader is named '{kind}': choose one of {', '.join(READERS)}"
+            )
         kind, folder = (kind, folder) if separator and kind in READERS else ("physic", rest)
         if not Path(folder).is_dir():
             raise InputError(f"there is no folder {folder} with results of '{kind}'")
         name = name or Path(folder).resolve().name
         if any(method.name == name for method in methods):
-            raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
+            raise click.UsageError(
+                f"two results are named '{name}': give names, as --results NAME={rest}"
+            )
         methods.append(Method(name, kind, Path(folder)))
     return methods

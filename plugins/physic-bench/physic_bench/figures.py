@@ -1,7 +1,7 @@
 """Figures of a benchmark with 95 % intervals, and paired differences between methods.
 
-A column is a function of sums over records, so that a bootstrap draw is a weight for each group of records: of films,
-moments or worlds, whose people are not independent.
+A column is a function of sums over records, so that a bootstrap draw is a weight for each group of
+records: of films, moments or worlds, whose people are not independent.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import ContactCounts, ValueWithInterval, draw_counts, percentile_interval, precision_recall_f1
+from physic_core.metrics import (
+    ContactCounts,
+    ValueWithInterval,
+    draw_counts,
+    percentile_interval,
+    precision_recall_f1,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,24 +59,39 @@ class Column:
         return value if low == "-" else f"{value} [{low}, {high}]"
 
 
-def mean_column(key: str, label: str, definition: str, digits: int = 1, better: str = "low") -> Column:
+def mean_column(
+    key: str, label: str, definition: str, digits: int = 1, better: str = "low"
+) -> Column:
     """Return the mean of an entry over the records that have it."""
     return Column(key, label, definition, partial(_one, key=key), _mean, digits, better)
 
 
 def ratio_column(
-    key: str, label: str, definition: str, over: Sequence[str], under: Sequence[str], better: str = "high"
+    key: str,
+    label: str,
+    definition: str,
+    over: Sequence[str],
+    under: Sequence[str],
+    better: str = "high",
 ) -> Column:
     """Return the ratio of the sums of some entries to the sums of others."""
-    return Column(key, label, definition, partial(_ratio_sums, over=over, under=under), _mean, 3, better)
+    return Column(
+        key, label, definition, partial(_ratio_sums, over=over, under=under), _mean, 3, better
+    )
 
 
 def _one(record: Record, key: str) -> Sequence[float] | None:
     value = record.get(key)
-    return None if not isinstance(value, (int, float)) or not np.isfinite(value) else (float(value), 1.0)
+    return (
+        None
+        if not isinstance(value, (int, float)) or not np.isfinite(value)
+        else (float(value), 1.0)
+    )
 
 
-def _ratio_sums(record: Record, over: Sequence[str], under: Sequence[str]) -> Sequence[float] | None:
+def _ratio_sums(
+    record: Record, over: Sequence[str], under: Sequence[str]
+) -> Sequence[float] | None:
     if under[0] not in record:
         return None
     return sum(record[name] for name in over), sum(record[name] for name in under)
@@ -89,17 +110,23 @@ def _mean(sums: Array) -> Array:
 CONTACT_FIGURES = {
     "precision": ("contact precision", "mean precision of contact over people"),
     "recall": ("contact recall", "mean recall of contact over people"),
-    "f1_of_means": ("contact F1", "harmonic mean of mean precision and mean recall, as the paper prints it"),
+    "f1_of_means": (
+        "contact F1",
+        "harmonic mean of mean precision and mean recall, as the paper prints it",
+    ),
     "f1_mean": ("contact F1, mean", "mean over people of their F1, as DECO prints it"),
     "f1_pooled": ("contact F1, pooled", "F1 of the vertices of all people"),
 }
 
 
-def contact_columns(counts: Callable[[Record], Mapping[str, int] | None], suffix: str = "") -> tuple[Column, ...]:
+def contact_columns(
+    counts: Callable[[Record], Mapping[str, int] | None], suffix: str = ""
+) -> tuple[Column, ...]:
     """Return all averages of precision, recall and F1.
 
     Args:
-        counts: of a record: its "hits", "false_alarms" and "misses", or None. Who is not "found" scores 0.
+        counts: of a record: its "hits", "false_alarms" and "misses", or None. Who is not "found"
+            scores 0.
         suffix: of keys and labels, such as "@2 cm".
     """
     return tuple(
@@ -116,7 +143,9 @@ def contact_columns(counts: Callable[[Record], Mapping[str, int] | None], suffix
     )
 
 
-def _contact_sums(record: Record, counts: Callable[[Record], Mapping[str, int] | None]) -> Sequence[float] | None:
+def _contact_sums(
+    record: Record, counts: Callable[[Record], Mapping[str, int] | None]
+) -> Sequence[float] | None:
     found = counts(record)
     if found is None:
         return None
@@ -131,7 +160,9 @@ def _contact_value(sums: Array, figure: str) -> Array:
         return ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
     total = precision + recall
     harmonic = np.where(total > 0, ratio(2 * precision * recall, total), 0.0 * total)
-    return {"precision": precision, "recall": recall, "f1_mean": f1, "f1_of_means": harmonic}[figure]
+    return {"precision": precision, "recall": recall, "f1_mean": f1, "f1_of_means": harmonic}[
+        figure
+    ]
 
 
 def figure(records: Sequence[Record], column: Column) -> ValueWithInterval:
@@ -139,12 +170,20 @@ def figure(records: Sequence[Record], column: Column) -> ValueWithInterval:
     sums, count, groups = _group_sums(records, column, _groups(records))
     if not count:
         return ValueWithInterval(np.nan)
-    return _with_interval(sums.sum(0), column.value(draw_counts(len(sums)) @ sums), column.value, count, groups)
+    return _with_interval(
+        sums.sum(0), column.value(draw_counts(len(sums)) @ sums), column.value, count, groups
+    )
 
 
-def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> ValueWithInterval:
-    """Return second minus first over the people, by "id", for whom both methods have a value, with the same draws."""
-    known = [{r["id"] for r in records if column.sums(r) is not None} for records in (first, second)]
+def difference(
+    first: Sequence[Record], second: Sequence[Record], column: Column
+) -> ValueWithInterval:
+    """Return second minus first over the people, by "id", for whom both methods have a value, with
+    the same draws.
+    """
+    known = [
+        {r["id"] for r in records if column.sums(r) is not None} for records in (first, second)
+    ]
     kept = [[r for r in records if r["id"] in known[0] & known[1]] for records in (first, second)]
     if not kept[0]:
         return ValueWithInterval(np.nan)
@@ -161,12 +200,20 @@ def difference(first: Sequence[Record], second: Sequence[Record], column: Column
 
 def _groups(records: Sequence[Record]) -> dict[str, int]:
     """Return the row of each group, in the order in which they occur."""
-    return {name: row for row, name in enumerate(dict.fromkeys(str(record["group"]) for record in records))}
+    return {
+        name: row
+        for row, name in enumerate(dict.fromkeys(str(record["group"]) for record in records))
+    }
 
 
-def _group_sums(records: Sequence[Record], column: Column, groups: Mapping[str, int]) -> tuple[Array, int, int]:
-    """Return the sums (G, k) of the groups, the number of records with a value, and that of their groups."""
-    rows, values = [], []
+def _group_sums(
+    records: Sequence[Record], column: Column, groups: Mapping[str, int]
+) -> tuple[Array, int, int]:
+    """Return the sums (G, k) of the groups, the number of records with a value, and that of their
+    groups.
+    """
+    rows = []
+    values = []
     for record in records:
         sums = column.sums(record)
         if sums is not None:

@@ -1,4 +1,6 @@
-"""The 12 limb joints that bodies and all data sets share: names, root, bone lengths, and who is upright."""
+"""The 12 limb joints that bodies and all data sets share: names, root, bone lengths, and who is
+upright.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LIMB_JOINTS = tuple(
-    f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
+    f"{side}_{name}"
+    for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in SIDES
 )
-"""The twelve joints that are compared. Necks, heads and spines are defined otherwise by every data set."""
+"""The twelve joints that are compared.
+
+Necks, heads and spines are defined otherwise by every data set.
+"""
 
 BODY_ROWS = [JOINT_INDEX[name] for name in LIMB_JOINTS]
 """Their rows in the 55 joints of every body model here."""
@@ -37,7 +44,9 @@ BONES: dict[str, tuple[tuple[int, int], ...]] = {
         ("shank", "knee", "ankle"),
     )
 }
-"""Bones between joints of nearly one definition in all data sets; the widths of hips and shoulders are not."""
+"""Bones between joints of nearly one definition in all data sets; the widths of hips and shoulders
+are not.
+"""
 
 
 def full_names(named: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
@@ -48,23 +57,30 @@ def full_names(named: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float
 
 def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
     """(12, size) of named points, NaN where one is missing; "l_knee" is "left_knee"."""
-    points, missing = full_names(named), [float("nan")] * size
+    points = full_names(named)
+    missing = [float("nan")] * size
     return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
 
 
 def root(joints: Array, known: NDArray[np.bool_] | None = None) -> Array:
-    """(3,) the middle of the hips, of the known ones alone: the pelvis itself is placed differently by data sets."""
+    """(3,) the middle of the hips, of the known ones alone: the pelvis itself is placed differently
+    by data sets.
+    """
     hips = [row for row in HIPS if known is None or known[row]]
     middle: Array = joints[hips].mean(0) if hips else np.full(3, np.nan)
     return middle
 
 
 def bone_lengths(joints: Array) -> dict[str, Any]:
-    """Length of each kind of bone of (12, 3) joints, the mean of both sides; NaN where neither is known."""
+    """Length of each kind of bone of (12, 3) joints, the mean of both sides; NaN where neither is
+    known.
+    """
     lengths = {}
     for name, pairs in BONES.items():
         sides = np.array([np.linalg.norm(joints[a] - joints[b]) for a, b in pairs])
-        lengths[name] = float(np.mean(sides[np.isfinite(sides)])) if np.isfinite(sides).any() else float("nan")
+        lengths[name] = (
+            float(np.mean(sides[np.isfinite(sides)])) if np.isfinite(sides).any() else float("nan")
+        )
     return lengths
 
 
@@ -75,9 +91,15 @@ def is_upright(joints: Array, up: Array | None) -> bool | None:
         joints: (12, 3) m; NaN where unknown.
         up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
     """
-    hips, knees, ankles = (joints[[ROW[f"{side}_{name}"] for side in SIDES]] for name in ("hip", "knee", "ankle"))
+    hips, knees, ankles = (
+        joints[[ROW[f"{side}_{name}"] for side in SIDES]] for name in ("hip", "knee", "ankle")
+    )
     shoulders = joints[SHOULDERS]
-    neck = shoulders[np.isfinite(shoulders).all(-1)].mean(0) if np.isfinite(shoulders).all(-1).any() else shoulders[0]
+    neck = (
+        shoulders[np.isfinite(shoulders).all(-1)].mean(0)
+        if np.isfinite(shoulders).all(-1).any()
+        else shoulders[0]
+    )
     if legs_in_line(hips, knees, ankles, neck=neck, up=up).any():
         return True
     return False if np.isfinite([*hips, *knees, *ankles, neck]).all() else None

@@ -43,9 +43,14 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
 
 
 def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
-    """Return what is measured of a result, in px of the frame's picture; people without a body are not in it."""
-    width, height = frame.camera.width, frame.camera.height
-    people = [person for p in result.people if (person := _person(p, result, (width, height))) is not None]
+    """Return what is measured of a result, in px of the frame's picture; people without a body are
+    not in it.
+    """
+    width = frame.camera.width
+    height = frame.camera.height
+    people = [
+        person for p in result.people if (person := _person(p, result, (width, height))) is not None
+    ]
     floor = result.scene.floor
     return Prediction(
         tuple(people),
@@ -60,8 +65,11 @@ def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> Be
     if not (np.isfinite(person.vertices).all() and np.isfinite(person.joints).all()):
         return None
     factor = np.array(size) / [result.intrinsics.width, result.intrinsics.height]
-    skeleton = result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
-    names, keypoints = list(skeleton.names), np.full((len(LIMB_JOINTS), 2), np.nan)
+    skeleton = (
+        result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
+    )
+    names = list(skeleton.names)
+    keypoints = np.full((len(LIMB_JOINTS), 2), np.nan)
     for row, name in enumerate(LIMB_JOINTS):
         if name in names and person.keypoint_confidence[names.index(name)] >= MIN_CONFIDENCE:
             keypoints[row] = (person.keypoints[names.index(name)] + 0.5) * factor - 0.5
@@ -85,8 +93,9 @@ def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> Be
 def read_plain(folder: Path, frame: Frame) -> Prediction | None:
     """Read FRAME.npz; None if there is none.
 
-    It has, of P people, ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with ``joint_names`` (J), or
-    both. Optional: ``K`` (3, 3), ``contact`` (P, V), ``floor`` (4,), ``keypoints`` (P, 12, 2). P may be 0.
+    It has, of P people, ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with
+    ``joint_names`` (J), or both. Optional: ``K`` (3, 3), ``contact`` (P, V), ``floor`` (4,),
+    ``keypoints`` (P, 12, 2). P may be 0.
 
     Raises:
         DamagedFrameError: it is damaged.
@@ -98,13 +107,19 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
     with reading(path):
         main = next((name for name in ("vertices", "joints") if name in arrays), None)
         if main is None:
-            raise DamagedFrameError(f"there are no vertices and no joints: it has {', '.join(sorted(arrays))}")
-        per_person = [name for name in ("vertices", "joints", "contact", "keypoints") if name in arrays]
+            raise DamagedFrameError(
+                f"there are no vertices and no joints: it has {', '.join(sorted(arrays))}"
+            )
+        per_person = [
+            name for name in ("vertices", "joints", "contact", "keypoints") if name in arrays
+        ]
         if len({len(arrays[name]) for name in per_person}) > 1:
             raise DamagedFrameError(f"the first axes of {', '.join(per_person)} must be the people")
         people = tuple(_plain_person(arrays, row) for row in range(len(arrays[main])))
         K = numbers(arrays["K"], (3, 3), "K") if "K" in arrays else None
-        return Prediction(people, K, numbers(arrays["floor"], (4,), "floor") if "floor" in arrays else None)
+        return Prediction(
+            people, K, numbers(arrays["floor"], (4,), "floor") if "floor" in arrays else None
+        )
 
 
 def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
@@ -118,22 +133,32 @@ def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
         joints = np.asarray(arrays["joints"][row], np.float64)
         names = tuple(map(str, np.ravel(arrays["joint_names"])))
         if joints.shape != (len(names), 3) or not np.isfinite(joints).any():
-            raise DamagedFrameError(f"joints must be (P, {len(names)}, 3), as joint_names has, and not all NaN")
+            raise DamagedFrameError(
+                f"joints must be (P, {len(names)}, 3), as joint_names has, and not all NaN"
+            )
         person = replace(person, joints=joints, joint_names=names)
     if "contact" in arrays:
         contact = numbers(arrays["contact"][row], (-1,), "contact") >= 0.5
         person = replace(person, contact=contact, contact_topology=_topology(arrays, len(contact)))
     if "keypoints" in arrays:
-        person = replace(person, keypoints=np.asarray(arrays["keypoints"][row], np.float64).reshape(12, 2))
+        person = replace(
+            person, keypoints=np.asarray(arrays["keypoints"][row], np.float64).reshape(12, 2)
+        )
     return person
 
 
 def _topology(arrays: Mapping[str, Any], count: int) -> str:
-    return str(arrays["topology"]) if "topology" in arrays else TOPOLOGY_OF_COUNT.get(count, f"{count} vertices")
+    return (
+        str(arrays["topology"])
+        if "topology" in arrays
+        else TOPOLOGY_OF_COUNT.get(count, f"{count} vertices")
+    )
 
 
 def _names(frame: Frame) -> Iterator[str]:
-    """Yield the names that other tools give to a frame: its id, with and without folders, and its picture's."""
+    """Yield the names that other tools give to a frame: its id, with and without folders, and its
+    picture's.
+    """
     yield from (frame.id, frame.id.replace("/", "_"), frame.id.replace("/", "__"))
     if frame.picture is not None:
         yield frame.picture.path.stem
@@ -141,7 +166,10 @@ def _names(frame: Frame) -> Iterator[str]:
         yield frame.id.rpartition("/")[2]
 
 
-READERS: Mapping[str, Callable[[Path, Frame], Prediction | None]] = {"physic": read_physic, "plain": read_plain}
+READERS: Mapping[str, Callable[[Path, Frame], Prediction | None]] = {
+    "physic": read_physic,
+    "plain": read_plain,
+}
 LAYOUTS = {
     "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
     "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class DamagedFrameError(InputError):
-    """Raised if a file is missing, damaged, or has another content than its format states. It costs one frame."""
+    """Raised if a file is missing, damaged, or has another content than its format states.
+
+    It costs one frame.
+    """
 
 
 @contextmanager
@@ -41,7 +44,9 @@ def reading(path: Path) -> Iterator[None]:
             raise DamagedFrameError(f"{path}: {error}") from error
         raise
     except Exception as error:  # libraries that read files have many
-        raise DamagedFrameError(f"{path} cannot be read: {type(error).__name__}: {error}") from error
+        raise DamagedFrameError(
+            f"{path} cannot be read: {type(error).__name__}: {error}"
+        ) from error
 
 
 def numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
@@ -56,7 +61,9 @@ def numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
     try:
         return found.astype(np.float64).reshape(shape)
     except ValueError as error:
-        raise DamagedFrameError(f"'{what}' must have the shape {shape}, got {found.shape}") from error
+        raise DamagedFrameError(
+            f"'{what}' must have the shape {shape}, got {found.shape}"
+        ) from error
 
 
 def rotation(values: Any, what: str) -> Array:
@@ -95,7 +102,8 @@ def read_npz(path: Path) -> dict[str, Any]:
 
 
 def read_pickled(path: Path) -> dict[str, Any]:
-    """Return the numbers and arrays of a pickle, Python 2's too; anything that could run code is refused by its name.
+    """Return the numbers and arrays of a pickle, Python 2's too; anything that could run code is
+    refused by its name.
 
     Raises:
         DamagedFrameError: it cannot be read.
@@ -104,7 +112,10 @@ def read_pickled(path: Path) -> dict[str, Any]:
 
     with reading(path):
         found = read_pickle(path)
-        return {name: as_array(value) if isinstance(value, PickledObject) else value for name, value in found.items()}
+        return {
+            name: as_array(value) if isinstance(value, PickledObject) else value
+            for name, value in found.items()
+        }
 
 
 def read_mesh(path: Path) -> Any:
@@ -151,18 +162,23 @@ def open_picture(path: Path) -> Iterator[Image]:
 
 
 def picture_file(frame: Frame, folder: Path) -> Path:
-    """Return the path of a frame's picture as its camera saw it; it is written to ``folder`` if the file differs.
+    """Return the path of a frame's picture as its camera saw it; it is written to ``folder`` if the
+    file differs.
 
     Raises:
         InputError: the frame has no picture, the file is damaged, or its size is not the camera's.
     """
     if frame.picture is None:
-        raise InputError(f"the frame {frame.id} has no picture: only results of methods can be evaluated on it")
-    picture, camera = frame.picture, frame.camera
+        raise InputError(
+            f"the frame {frame.id} has no picture: only results of methods can be evaluated on it"
+        )
+    picture = frame.picture
+    camera = frame.camera
     pixels = _pixels(picture)
     if pixels.shape[:2] != (camera.height, camera.width):
         raise InputError(
-            f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is calibrated for "
+            f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is "
+            f"calibrated for "
             f"{camera.width} x {camera.height} px"
         )
     if not picture.mirrored and picture.crop is None:

@@ -1,4 +1,6 @@
-"""Evaluate methods on a data set: reconstruct its pictures, score every frame, and say what the figures depend on."""
+"""Evaluate methods on a data set: reconstruct its pictures, score every frame, and say what the
+figures depend on.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,16 @@ if TYPE_CHECKING:
 
 TIMEOUT_S = 1200.0
 MAX_DISTANCE_M = 200.0
-"""No person is annotated farther from the camera. Millimetres and world coordinates of a map are."""
+"""No person is annotated farther from the camera.
+
+Millimetres and world coordinates of a map are.
+"""
 
 MIN_OVERLAP = 0.3
-"""Median overlap of the boxes of results and annotated people. Another frame or unit gives less than .1."""
+"""Median overlap of the boxes of results and annotated people.
+
+Another frame or unit gives less than .1.
+"""
 
 NAMED = 5
 """Frames without a result that the notes name."""
@@ -118,12 +126,18 @@ def reconstruct_frames(
         except InputError as error:
             failed[frame.id] = str(error)
             continue
-        K, lens = frame.camera.K, list(frame.camera.distortion)
-        camera = {"intrinsics": K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), **({"distortion": lens} if any(lens) else {})}
+        K = frame.camera.K
+        lens = list(frame.camera.distortion)
+        camera = {
+            "intrinsics": K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(),
+            **({"distortion": lens} if any(lens) else {}),
+        }
         items.append(PhotoItem(frame.id, str(path.resolve()), camera if with_camera else {}))
     plan = plan_batch(items, job)
     report(f"{len(items)} pictures: {len(plan.todo)} to reconstruct, {plan.done} done before")
-    executor = partial(run_locally, settings=WorkerSettings(workers, TIMEOUT_S, check_writable(out / "logs")))
+    executor = partial(
+        run_locally, settings=WorkerSettings(workers, TIMEOUT_S, check_writable(out / "logs"))
+    )
 
     def on_row(row: Mapping[str, Any]) -> None:
         reason = f": {row['error']}: {row['message']}" if row["error"] else ""
@@ -132,7 +146,11 @@ def reconstruct_frames(
     run_batch(plan.todo, job, executor, out / "journal.jsonl", on_row)
     last = read_journals(out, ("state", "error", "message")).last
     rows = {item.id: last[item.id] for item in items if item.id in last}
-    return failed | {i: f"{row['error']}: {row['message']}" for i, row in rows.items() if row["state"] == "failed"}
+    return failed | {
+        i: f"{row['error']}: {row['message']}"
+        for i, row in rows.items()
+        if row["state"] == "failed"
+    }
 
 
 def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFiles) -> Evaluation:
@@ -144,11 +162,13 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
         files: body models, by which contact is carried between meshes.
 
     Raises:
-        InputError: a method has no result of any frame, its results do not fall on the annotated people, or no frame
-            has a truth that can be read.
+        InputError: a method has no result of any frame, its results do not fall on the annotated
+            people, or no frame has a truth that can be read.
     """
     if found.completed is not None:
-        found = found.completed({frame.id: methods[0].result(frame)[0] for frame in found.frames}, methods[0].name)
+        found = found.completed(
+            {frame.id: methods[0].result(frame)[0] for frame in found.frames}, methods[0].name
+        )
     records: dict[str, list[Record]] = {method.name: [] for method in methods}
     overlaps: dict[str, list[float]] = {method.name: [] for method in methods}
     left_out = dict(found.left_out)
@@ -170,7 +190,9 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
             if prediction is not None:
                 overlaps[method.name] += _overlaps(frame, truth, prediction)
     if not any(records.values()):
-        raise InputError(f"no frame can be evaluated: {next(iter(left_out.values()), 'no person is annotated')}")
+        raise InputError(
+            f"no frame can be evaluated: {next(iter(left_out.values()), 'no person is annotated')}"
+        )
     notes = list(found.notes)
     for method in methods:
         _require_results(method, records[method.name], overlaps[method.name])
@@ -193,7 +215,9 @@ def checked_truth(frame: Frame) -> Truth:
         if points is not None and np.isfinite(points).any():
             distance = float(np.nanmedian(np.linalg.norm(points, axis=-1)))
             if distance > MAX_DISTANCE_M:
-                raise DamagedFrameError(f"an annotated person is {distance:.0f} m away: lengths must be metres")
+                raise DamagedFrameError(
+                    f"an annotated person is {distance:.0f} m away: lengths must be metres"
+                )
     return truth
 
 
@@ -204,7 +228,9 @@ def _overlaps(frame: Frame, truth: Truth, prediction: Prediction) -> list[float]
     own = [box for person in prediction.people if (box := body_box(person, K)) is not None]
     if not true or not prediction.people:
         return []
-    best: list[float] = box_iou(np.array(true), np.array(own).reshape(-1, 4)).max(1, initial=0.0).tolist()
+    best: list[float] = (
+        box_iou(np.array(true), np.array(own).reshape(-1, 4)).max(1, initial=0.0).tolist()
+    )
     return best
 
 
@@ -212,14 +238,17 @@ def _require_results(method: Method, records: Sequence[Record], overlaps: Sequen
     """Refuse a folder without a result of any frame, and results in another frame of reference."""
     if not any(record["has_result"] for record in records):
         raise InputError(
-            f"{method.folder} has no result of {method.name} for any of {len({r['frame'] for r in records})} frames; "
+            f"{method.folder} has no result of {method.name} for any of "
+            f"{len({r['frame'] for r in records})} frames; "
             f"{records[0]['frame']}: {records[0]['reason']}. The reader '{method.reader}' expects "
             f"{LAYOUTS[method.reader]}"
         )
     if overlaps and median(overlaps) < MIN_OVERLAP:
         raise InputError(
-            f"the results of {method.name} do not project onto the annotated people: median overlap of the boxes "
-            f"{median(overlaps):.2f}. They must be of these pictures, in metres, in OpenCV's camera frame (x right, y "
+            f"the results of {method.name} do not project onto the annotated people: median "
+            f"overlap of the boxes "
+            f"{median(overlaps):.2f}. They must be of these pictures, in metres, in OpenCV's "
+            f"camera frame (x right, y "
             "down, z forward)"
         )
 
@@ -233,7 +262,9 @@ def _add_spread(records: Sequence[Record]) -> None:
     for own in places.values():
         if len(own) > 1:
             points = np.array([record["hips_world_m"] for record in own])
-            own[0]["spread_mm"] = 1000 * math.sqrt(float(np.square(points - points.mean(0)).sum(-1).mean()))
+            own[0]["spread_mm"] = 1000 * math.sqrt(
+                float(np.square(points - points.mean(0)).sum(-1).mean())
+            )
 
 
 def _notes(name: str, records: Sequence[Record]) -> list[str]:
@@ -241,17 +272,26 @@ def _notes(name: str, records: Sequence[Record]) -> list[str]:
     notes = []
     if joints := sorted({r["joints"] for r in records if "joints" in r}):
         notes.append(f"{name}: joints compared: {', '.join(joints)}")
-    for way in sorted({str(r[key]) for r in records for key in ("carried", "contact_carried") if key in r}):
+    for way in sorted(
+        {str(r[key]) for r in records for key in ("carried", "contact_carried") if key in r}
+    ):
         notes.append(f"{name}: approximation: {way} carried over the T-poses")
-    notes += [f"{name}: not measured: {text}" for text in sorted({t for r in records for t in r["unmeasured"]})]
+    notes += [
+        f"{name}: not measured: {text}"
+        for text in sorted({t for r in records for t in r["unmeasured"]})
+    ]
     lost = {r["frame"]: r["reason"] for r in records if not r["has_result"]}
     if lost:
         named = ", ".join(f"{frame} ({reason})" for frame, reason in [*lost.items()][:NAMED])
         more = f", and {len(lost) - NAMED} more in results.json" if len(lost) > NAMED else ""
         notes.append(
-            f"{name}: {len(lost)} of {len({r['frame'] for r in records})} frames without a result: {named}{more}"
+            f"{name}: {len(lost)} of {len({r['frame'] for r in records})} frames without a "
+            f"result: {named}{more}"
         )
     missed = sum(not r["found"] for r in records)
     if missed:
-        notes.append(f"{name}: {missed} of {len(records)} people without a body; contact counts them as missed")
+        notes.append(
+            f"{name}: {missed} of {len(records)} people without a body; contact counts them as "
+            f"missed"
+        )
     return notes

@@ -1,7 +1,8 @@
 """Signed distance of points to the mesh of a scanned scene.
 
-The distance is that to the nearest point of a triangle. A point is inside where it lies behind that triangle. A scan is
-open: far behind a wall, or beside an edge of the scan, "inside" means nothing, so that it ends at a reach.
+The distance is that to the nearest point of a triangle. A point is inside where it lies behind that
+triangle. A scan is open: far behind a wall, or beside an edge of the scan, "inside" means nothing,
+so that it ends at a reach.
 """
 
 from __future__ import annotations
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MIN_EDGE_M, MAX_EDGE_M, MEDIAN_EDGES = 0.02, 0.1, 3.0
-"""Edges longer than three times the median are split, within these limits: a triangle is found by its centre, and few
-long ones would make the search long everywhere."""
+MIN_EDGE_M = 0.02
+MAX_EDGE_M = 0.1
+MEDIAN_EDGES = 3.0
+"""Edges longer than three times the median are split, within these limits: a triangle is found by
+its centre, and few long ones would make the search long everywhere.
+"""
 
 _CHUNK = 500
 """Points whose triangles are in memory at a time."""
@@ -60,7 +64,9 @@ class SceneIndex:
         from trimesh.remesh import subdivide_to_size
 
         if not len(surface.faces):
-            raise InputError("the mesh of the scene has no triangles: signed distances need a mesh, not points")
+            raise InputError(
+                "the mesh of the scene has no triangles: signed distances need a mesh, not points"
+            )
         corners = np.asarray(surface.vertices, np.float64)[surface.faces]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1)
         longest = float(np.clip(MEDIAN_EDGES * np.median(edges), MIN_EDGE_M, MAX_EDGE_M))
@@ -69,18 +75,23 @@ class SceneIndex:
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(across, axis=-1, keepdims=True)
         kept = area[:, 0] > 0
-        corners, normals = corners[kept], across[kept] / area[kept]
+        corners = corners[kept]
+        normals = across[kept] / area[kept]
         centres = corners.mean(1)
         radius = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
         return cls(corners, normals, radius, KDTree(centres))
 
     def signed_distance(self, points: Array, reach: float = PROXIMITY_RADIUS_M) -> Array:
-        """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf beyond ``reach``."""
+        """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf
+        beyond ``reach``.
+        """
         answer = np.full(len(points), np.inf)
         known = np.flatnonzero(np.isfinite(points).all(-1))
         nearest = self.tree.query(points[known], distance_upper_bound=reach + self.radius)[0]
-        known, nearest = known[np.isfinite(nearest)], nearest[np.isfinite(nearest)]
-        # The nearest triangle is no farther than the nearest centre, and its own centre a radius beyond at most.
+        known = known[np.isfinite(nearest)]
+        nearest = nearest[np.isfinite(nearest)]
+        # The nearest triangle is no farther than the nearest centre, and its own centre a radius
+        # beyond at most.
         listed = self.tree.query_ball_point(points[known], np.minimum(nearest, reach) + self.radius)
         for start in range(0, len(known), _CHUNK):
             rows = listed[start : start + _CHUNK]
@@ -90,15 +101,21 @@ class SceneIndex:
             answer[part] = self._nearest(points[part], point, triangle)
         return np.where(np.abs(answer) <= reach, answer, np.inf)
 
-    def _nearest(self, points: Array, point: NDArray[np.int64], triangle: NDArray[np.int64]) -> Array:
-        """Return the signed distance (N,) of points to the nearest of their triangles, of pairs (P,) of both."""
+    def _nearest(
+        self, points: Array, point: NDArray[np.int64], triangle: NDArray[np.int64]
+    ) -> Array:
+        """Return the signed distance (N,) of points to the nearest of their triangles, of pairs
+        (P,) of both.
+        """
         corners = self.corners[triangle]
         on = (closest_barycentric(corners, points[point])[..., None] * corners).sum(-2)
         way = points[point] - on
-        distance, height = np.linalg.norm(way, axis=-1), (way * self.normals[triangle]).sum(-1)
+        distance = np.linalg.norm(way, axis=-1)
+        height = (way * self.normals[triangle]).sum(-1)
         least = np.full(len(points), np.inf)
         np.minimum.at(least, point, distance)
-        # At an edge, the triangle that the point lies most in front of or behind decides which side it is on.
+        # At an edge, the triangle that the point lies most in front of or behind decides which side
+        # it is on.
         tied = np.flatnonzero(distance <= least[point] + _TIE)
         tied = tied[np.lexsort((np.abs(height[tied]), point[tied]))]
         least[point[tied]] = np.copysign(distance, np.where(height < 0, -1.0, 1.0))[tied]
@@ -112,5 +129,7 @@ def contact_by_rule(distance: Array, threshold_m: float) -> NDArray[np.bool_]:
         distance: (...,) m, signed, negative inside.
         threshold_m: 0.02 in the released code of PhySIC, 0.05 in POSA.
     """
-    found: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | ((distance < 0) & (distance >= -PROXIMITY_RADIUS_M))
+    found: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | (
+        (distance < 0) & (distance >= -PROXIMITY_RADIUS_M)
+    )
     return found

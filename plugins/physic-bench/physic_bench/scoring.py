@@ -1,4 +1,6 @@
-"""A prediction against the truth of its frame: one record for each annotated person, and the columns of the table."""
+"""A prediction against the truth of its frame: one record for each annotated person, and the
+columns of the table.
+"""
 
 from __future__ import annotations
 
@@ -42,13 +44,17 @@ BODY_NAMES = JOINT_NAMES[:22]
 """Pelvis to wrists: joints that SMPL, SMPL+H and SMPL-X have."""
 
 CONTACT_CM = (2, 4, 5)
-"""Distances of the rule that makes contact of a true body and a scanned scene, where it is not annotated."""
+"""Distances of the rule that makes contact of a true body and a scanned scene, where it is not
+annotated.
+"""
 
 MIN_IOU = 0.25
 """Overlap of the boxes of a prediction and an annotated person, from which it can be theirs."""
 
 COLUMNS: tuple[Column, ...] = (
-    mean_column("found", "people found", "share of the annotated people who have a body", 3, "high"),
+    mean_column(
+        "found", "people found", "share of the annotated people who have a body", 3, "high"
+    ),
     mean_column("me_mpjpe", "MPJPE, mm", "mean distance of the joints, nothing aligned"),
     mean_column("ca_mpjpe", "CA-MPJPE, mm", "the same after the middle of the hips was aligned"),
     mean_column("pa_mpjpe", "PA-MPJPE, mm", "the same after the best similarity"),
@@ -58,26 +64,55 @@ COLUMNS: tuple[Column, ...] = (
     mean_column("pa_pve", "PA-MPVPE, mm", "the same after the best similarity"),
     mean_column("depth_ratio", "depth ratio", "depth of the hips over the true one", 3, ""),
     mean_column("focal_ratio", "focal ratio", "assumed focal length over the true one", 3, ""),
-    mean_column("penetration_mm", "penetration, mm", "mean depth of the vertices inside the true scene; 0 without"),
-    mean_column("penetration_max_mm", "deepest, mm", "depth of the deepest vertex inside the true scene"),
-    mean_column("floating_mm", "floating, mm", "mean gap, 150 at most, of truly touching vertices from the true scene"),
     mean_column(
-        "geodesic_fp_cm", "geodesic FP, cm", "mean distance on the skin from predicted contact to true contact"
+        "penetration_mm",
+        "penetration, mm",
+        "mean depth of the vertices inside the true scene; 0 without",
     ),
     mean_column(
-        "geodesic_fn_cm", "geodesic FN, cm", "mean distance on the skin from true contact to predicted contact"
+        "penetration_max_mm", "deepest, mm", "depth of the deepest vertex inside the true scene"
+    ),
+    mean_column(
+        "floating_mm",
+        "floating, mm",
+        "mean gap, 150 at most, of truly touching vertices from the true scene",
+    ),
+    mean_column(
+        "geodesic_fp_cm",
+        "geodesic FP, cm",
+        "mean distance on the skin from predicted contact to true contact",
+    ),
+    mean_column(
+        "geodesic_fn_cm",
+        "geodesic FN, cm",
+        "mean distance on the skin from true contact to predicted contact",
     ),
     mean_column("floor_angle_deg", "floor, deg", "angle between the floor's normal and up"),
-    mean_column("camera_height_ratio", "camera height ratio", "height over the floor over the true one", 3, ""),
-    mean_column("spread_mm", "view spread, mm", "root mean squared distance of one pelvis, seen by several cameras"),
+    mean_column(
+        "camera_height_ratio",
+        "camera height ratio",
+        "height over the floor over the true one",
+        3,
+        "",
+    ),
+    mean_column(
+        "spread_mm",
+        "view spread, mm",
+        "root mean squared distance of one pelvis, seen by several cameras",
+    ),
 )
-"""Columns without those of contact, which exist once for each contact truth. Names are those of Human3R's evaluation in
-camera space: ``me_`` is metric, ``ca_`` and ``pa_`` are aligned. Pelvis means the middle of both hips."""
+"""Columns without those of contact, which exist once for each contact truth.
+
+Names are those of Human3R's evaluation in camera space: ``me_`` is metric, ``ca_`` and ``pa_`` are
+aligned. Pelvis means the middle of both hips.
+"""
 
 
 def columns_for(contact_truths: Sequence[str]) -> tuple[Column, ...]:
     """Return all columns, with those of each contact truth ("2 cm", "annotated")."""
-    contact = [contact_columns(partial(_counts_of, rule=rule), f"@{rule}") for rule in contact_truths]
+    contact = [
+        contact_columns(partial(_counts_of, rule=rule), f"@{rule}") for rule in contact_truths
+    ]
     return (*COLUMNS, *(column for own in contact for column in own))
 
 
@@ -111,7 +146,10 @@ def score_frame(
             "has_result": prediction is not None,
             "found": row in matched,
             "reason": "" if row in matched else reason or "no person at this place",
-            "contact": {name: _counts(np.zeros_like(contact), contact) for name, (contact, _) in contacts.items()},
+            "contact": {
+                name: _counts(np.zeros_like(contact), contact)
+                for name, (contact, _) in contacts.items()
+            },
             "unmeasured": [],
         }
         if prediction is not None:
@@ -130,19 +168,23 @@ def score_frame(
 
 
 def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[int, int]:
-    """Return annotated person -> predicted person, one to one, by the overlap of their boxes in the picture.
+    """Return annotated person -> predicted person, one to one, by the overlap of their boxes in the
+    picture.
 
     People of a method are projected by the camera that it assumed.
     """
     K = frame.camera.K if prediction.K is None else prediction.K
     boxes = [
-        [body_box(person, k) for person in some] for some, k in ((prediction.people, K), (truth.people, frame.camera.K))
+        [body_box(person, k) for person in some]
+        for some, k in ((prediction.people, K), (truth.people, frame.camera.K))
     ]
     predicted, true = ([np.zeros(4) if box is None else box for box in some] for some in boxes)
     return match_by_boxes(predicted, true, MIN_IOU).predicted_of
 
 
-def pose_errors(found: BenchPerson, person: BenchPerson, files: BodyFiles, unmeasured: list[str]) -> Record:
+def pose_errors(
+    found: BenchPerson, person: BenchPerson, files: BodyFiles, unmeasured: list[str]
+) -> Record:
     """Return the errors of joints and vertices, mm."""
     record: Record = {}
     hips = None
@@ -171,27 +213,41 @@ def pose_errors(found: BenchPerson, person: BenchPerson, files: BodyFiles, unmea
         return record
     if found.topology != person.topology:
         record["carried"] = f"the true mesh from {person.topology} to {found.topology}"
-    record |= {"me_pve": float(mpvpe_mm(found.vertices, mesh)), "pa_pve": float(pa_mpjpe_mm(found.vertices, mesh))}
+    record |= {
+        "me_pve": float(mpvpe_mm(found.vertices, mesh)),
+        "pa_pve": float(pa_mpjpe_mm(found.vertices, mesh)),
+    }
     if hips is not None:
         record["ca_pve"] = float(mpvpe_mm(found.vertices - hips[0], mesh - hips[1]))
     return record
 
 
 def common_joints(found: BenchPerson, person: BenchPerson) -> tuple[str, ...]:
-    """Return the joints to compare: 22 of the body if both have them, else those of the 12 limb joints that both have.
+    """Return the joints to compare: 22 of the body if both have them, else those of the 12 limb
+    joints that both have.
 
-    Joints of the result that are not finite count as not estimated. Necks, heads and spines of measured joints are
-    defined otherwise than those of body models.
+    Joints of the result that are not finite count as not estimated. Necks, heads and spines of
+    measured joints are defined otherwise than those of body models.
     """
     if found.joints is None or person.joints is None:
         return ()
-    names = {name for name, joint in zip(found.joint_names, found.joints, strict=True) if np.isfinite(joint).all()}
+    names = {
+        name
+        for name, joint in zip(found.joint_names, found.joints, strict=True)
+        if np.isfinite(joint).all()
+    }
     both = names & set(person.joint_names)
-    return BODY_NAMES if set(BODY_NAMES) <= both else tuple(name for name in LIMB_JOINTS if name in both)
+    return (
+        BODY_NAMES
+        if set(BODY_NAMES) <= both
+        else tuple(name for name in LIMB_JOINTS if name in both)
+    )
 
 
 def true_contacts(frame: Frame, truth: Truth, person: BenchPerson) -> dict[str, tuple[Bools, str]]:
-    """Return contact truth by its name ("annotated", "2 cm"): (V,) bool and the mesh that it is on."""
+    """Return contact truth by its name ("annotated", "2 cm"): (V,) bool and the mesh that it is
+    on.
+    """
     if person.contact is not None:
         return {"annotated": (person.contact, person.contact_topology)}
     if truth.scene is None or person.vertices is None:
@@ -200,8 +256,11 @@ def true_contacts(frame: Frame, truth: Truth, person: BenchPerson) -> dict[str, 
     return {f"{cm} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in CONTACT_CM}
 
 
-def contact_errors(found: BenchPerson, contacts: Contacts, files: BodyFiles, unmeasured: list[str]) -> Record:
-    """Return the counts of right and wrong contact vertices for each contact truth, and geodesic errors of the first.
+def contact_errors(
+    found: BenchPerson, contacts: Contacts, files: BodyFiles, unmeasured: list[str]
+) -> Record:
+    """Return the counts of right and wrong contact vertices for each contact truth, and geodesic
+    errors of the first.
 
     Predicted contact is carried to the mesh of the truth.
     """
@@ -212,13 +271,18 @@ def contact_errors(found: BenchPerson, contacts: Contacts, files: BodyFiles, unm
     if predicted is None:
         unmeasured.append(_no_way("contact", found.contact_topology, target))
         return {"contact": {}}
-    record: Record = {"contact": {name: _counts(predicted, contact) for name, (contact, _) in contacts.items()}}
+    record: Record = {
+        "contact": {name: _counts(predicted, contact) for name, (contact, _) in contacts.items()}
+    }
     if found.contact_topology != target:
         record["contact_carried"] = f"predicted contact from {found.contact_topology} to {target}"
     graph = _graph_of(files, target)
     if graph is not None:
         error = geodesic_error(graph, predicted, main)
-        record |= {"geodesic_fp_cm": float(error.false_positive_cm), "geodesic_fn_cm": float(error.false_negative_cm)}
+        record |= {
+            "geodesic_fp_cm": float(error.false_positive_cm),
+            "geodesic_fn_cm": float(error.false_negative_cm),
+        }
     return record
 
 
@@ -226,13 +290,18 @@ def _counts(predicted: Bools, truth: Bools) -> dict[str, int]:
     return {name: int(value) for name, value in vars(contact_counts(predicted, truth)).items()}
 
 
-def _physics(frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts, files: BodyFiles) -> Record:
+def _physics(
+    frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts, files: BodyFiles
+) -> Record:
     """Return penetration and floating of the predicted body in the true scene, mm."""
     if truth.scene is None or found.vertices is None:
         return {}
     distance = _index_of(truth.scene).signed_distance(frame.camera.in_world(found.vertices))
     deep = penetration(distance)
-    record = {"penetration_mm": 1000 * float(deep.mean_depth), "penetration_max_mm": 1000 * float(deep.max_depth)}
+    record = {
+        "penetration_mm": 1000 * float(deep.mean_depth),
+        "penetration_max_mm": 1000 * float(deep.max_depth),
+    }
     if contacts:
         contact, topology = next(iter(contacts.values()))
         carried = files.carry_contact(contact, topology, found.topology)
@@ -244,7 +313,8 @@ def _physics(frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts,
 def _floor_errors(truth: Truth, prediction: Prediction) -> Record:
     if truth.up is None or prediction.floor is None:
         return {}
-    normal, up = prediction.floor[:3], truth.up
+    normal = prediction.floor[:3]
+    up = truth.up
     angle = np.arctan2(np.linalg.norm(np.cross(normal, up)), normal @ up)
     return {
         "floor_angle_deg": float(np.degrees(angle)),
@@ -253,13 +323,18 @@ def _floor_errors(truth: Truth, prediction: Prediction) -> Record:
 
 
 def _rows(person: BenchPerson, wanted: Sequence[str]) -> Array:
-    return np.asarray(person.joints, np.float64)[[person.joint_names.index(name) for name in wanted]]
+    return np.asarray(person.joints, np.float64)[
+        [person.joint_names.index(name) for name in wanted]
+    ]
 
 
 def _no_way(what: str, source: str, target: str) -> str:
     files = sorted({f"--{name} FILE" for name in (source, target) if name in ("smpl", "smplx")})
     need = " and ".join(files) or "a body model file of both, which are not known"
-    return f"{what} are on the mesh '{source}' and the truth on '{target}': carrying them over needs {need}"
+    return (
+        f"{what} are on the mesh '{source}' and the truth on '{target}': carrying them over "
+        f"needs {need}"
+    )
 
 
 @lru_cache(maxsize=2)
@@ -274,6 +349,8 @@ def _graph_of(files: BodyFiles, topology: str) -> csr_array | None:
 
 
 def body_box(person: BenchPerson, K: Array) -> Array | None:
-    """Return the box (4,) px around a projected body, or around its joints; None if most of it is unknown."""
+    """Return the box (4,) px around a projected body, or around its joints; None if most of it is
+    unknown.
+    """
     points = person.joints if person.vertices is None else person.vertices
     return None if points is None else box_of_points(project(np.asarray(points, np.float64), K))

@@ -1,4 +1,6 @@
-"""The one table of results: a row for each figure, a column for each method, and the differences from one of them."""
+"""The one table of results: a row for each figure, a column for each method, and the differences
+from one of them.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,12 @@ class Tables:
     differences: Mapping[str, Mapping[str, ValueWithInterval]]
 
     @staticmethod
-    def of(records: Mapping[str, Sequence[Record]], columns: Sequence[Column], first: str = "") -> Tables:
-        """Compute all figures from the records of each method; ``first`` is by default the first."""
+    def of(
+        records: Mapping[str, Sequence[Record]], columns: Sequence[Column], first: str = ""
+    ) -> Tables:
+        """Compute all figures from the records of each method; ``first`` is by default the
+        first.
+        """
         first = first or next(iter(records))
         figures = {name: {c.key: figure(own, c) for c in columns} for name, own in records.items()}
         kept = tuple(c for c in columns if any(own[c.key].count for own in figures.values()))
@@ -60,7 +66,9 @@ class Tables:
             parts.append(draw(self._rows(self.differences, signed=True)))
         return "\n\n".join(parts) + "\n"
 
-    def _rows(self, shown: Mapping[str, Mapping[str, ValueWithInterval]], *, signed: bool) -> list[list[str]]:
+    def _rows(
+        self, shown: Mapping[str, Mapping[str, ValueWithInterval]], *, signed: bool
+    ) -> list[list[str]]:
         rows = [["", *shown, "of"]]
         for column in self.columns:
             own = [figures[column.key] for figures in shown.values()]
@@ -76,7 +84,11 @@ def check_results(folder: Path) -> None:
 
 
 def write_results(
-    tables: Tables | None, folder: Path, header: str, notes: Sequence[str], document: Mapping[str, Any]
+    tables: Tables | None,
+    folder: Path,
+    header: str,
+    notes: Sequence[str],
+    document: Mapping[str, Any],
 ) -> list[Path]:
     """Write table.txt, table.md and results.json, completely or not at all, and return their paths.
 
@@ -94,16 +106,21 @@ def write_results(
     found: dict[str, Any] = {"note": MARK, "header": header, "notes": list(notes), **document}
     if tables is not None:
         found["columns"] = [
-            {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better} for c in tables.columns
+            {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better}
+            for c in tables.columns
         ]
         for name in ("figures", "differences"):
             by_method = getattr(tables, name)
-            found[name] = {m: {key: asdict(f) for key, f in own.items()} for m, own in by_method.items()}
+            found[name] = {
+                m: {key: asdict(f) for key, f in own.items()} for m, own in by_method.items()
+            }
     text, markdown = ("", "") if tables is None else (tables.text(), tables.text(markdown=True))
     lines = [*notes, MARK]
     texts = (
         f"{header}\n\n{text}\n" + "\n".join(lines) + "\n",
-        f"{header}\n\n{markdown}\n" + "\n".join(f"- {' '.join(line.splitlines())}" for line in lines) + "\n",
+        f"{header}\n\n{markdown}\n"
+        + "\n".join(f"- {' '.join(line.splitlines())}" for line in lines)
+        + "\n",
         json.dumps(to_json(found, digits=9), indent=1) + "\n",
     )
     with atomic_write(folder) as temporary:

@@ -17,18 +17,26 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LIMIT = 0.02
-"""Error of a joint that still agrees, as a share of the picture's width: 38 px of 1920, or 10 cm at 4 m."""
+"""Error of a joint that still agrees, as a share of the picture's width: 38 px of 1920, or 10 cm at
+4 m.
+"""
 
-MIN_JOINTS, MIN_VIEWS = 5, 3
+MIN_JOINTS = 5
+MIN_VIEWS = 3
 """Fewer joints of somebody, or fewer views, prove nothing: any two rays nearly meet somewhere."""
 
-SEEN_JOINTS, AGREEING_SHARE = 4, 0.7
-"""A further view belongs to a person where it sees this many of the joints, and this share of them agrees."""
+SEEN_JOINTS = 4
+AGREEING_SHARE = 0.7
+"""A further view belongs to a person where it sees this many of the joints, and this share of them
+agrees.
+"""
 
 
 @dataclass(frozen=True)
 class Triangulated:
-    """One person: (12, 3) m in the world, NaN where views disagree, and which detection is theirs in each view."""
+    """One person: (12, 3) m in the world, NaN where views disagree, and which detection is theirs
+    in each view.
+    """
 
     joints: Array
     members: dict[int, int]
@@ -36,14 +44,17 @@ class Triangulated:
 
 
 def triangulate(cameras: Sequence[Camera], points: Array) -> Array:
-    """(J, 3) m from (V, J, 2) px by the direct linear transform; NaN for a joint that fewer than two views know."""
+    """(J, 3) m from (V, J, 2) px by the direct linear transform; NaN for a joint that fewer than
+    two views know.
+    """
     joints = np.full((points.shape[1], 3), np.nan)
     for j in range(points.shape[1]):
         rows = []
         for camera, point in zip(cameras, points[:, j], strict=True):
             if np.isfinite(point).all():
                 P = camera.K @ np.column_stack([camera.R, camera.t])
-                P, xy = P / camera.width, point / camera.width
+                P = P / camera.width
+                xy = point / camera.width
                 rows += [xy[0] * P[2] * camera.width - P[0], xy[1] * P[2] * camera.width - P[1]]
         if len(rows) >= 4:
             solution = np.linalg.svd(np.array(rows))[2][-1]
@@ -55,14 +66,19 @@ def triangulate(cameras: Sequence[Camera], points: Array) -> Array:
 def errors(cameras: Sequence[Camera], points: Array, joints: Array) -> Array:
     """(V, J) distance of projected joints from the points, as a share of the picture's width."""
     return np.stack(
-        [np.linalg.norm(c.project(joints) - p, axis=-1) / c.width for c, p in zip(cameras, points, strict=True)]
+        [
+            np.linalg.norm(c.project(joints) - p, axis=-1) / c.width
+            for c, p in zip(cameras, points, strict=True)
+        ]
     )
 
 
 def robust_joints(cameras: Sequence[Camera], points: Array) -> tuple[Array, Array]:
-    """(J, 3) joints of the largest agreeing set of views of each, and (J,) median errors; NaN where too few agree.
+    """(J, 3) joints of the largest agreeing set of views of each, and (J,) median errors; NaN where
+    too few agree.
 
-    Three views have to agree. Two are enough where no other sees the joint, if they agree within half the limit.
+    Three views have to agree. Two are enough where no other sees the joint, if they agree within
+    half the limit.
     """
     agreed = np.zeros((len(cameras), points.shape[1]), bool)
     quality = np.zeros(points.shape[1])
@@ -72,11 +88,15 @@ def robust_joints(cameras: Sequence[Camera], points: Array) -> tuple[Array, Arra
         better = agreement.sum(0) > quality
         quality[better] = agreement.sum(0)[better]
         agreed[:, better] = agreement[:, better] > 0
-    count, seen = agreed.sum(0), np.isfinite(points).all(-1).sum(0)
+    count = agreed.sum(0)
+    seen = np.isfinite(points).all(-1).sum(0)
     kept = np.where((agreed & (count >= 2))[..., None], points, np.nan)
     joints = triangulate(cameras, kept)
     error = np.array(
-        [np.median(e[np.isfinite(e)]) if np.isfinite(e).any() else np.nan for e in errors(cameras, kept, joints).T]
+        [
+            np.median(e[np.isfinite(e)]) if np.isfinite(e).any() else np.nan
+            for e in errors(cameras, kept, joints).T
+        ]
     )
     with np.errstate(invalid="ignore"):
         enough = (count >= MIN_VIEWS) | ((count == 2) & (seen == 2) & (error < LIMIT / 2))
@@ -91,8 +111,9 @@ def _agreement(error: Array) -> Array:
 def match_views(cameras: Sequence[Camera], views: Sequence[Sequence[Array]]) -> list[Triangulated]:
     """People that several views agree about, most views first.
 
-    Each pair of detections in two views is a hypothesis; in every other view the detection that agrees with most of its
-    joints belongs to it. The hypothesis with the most agreeing joints is accepted, its detections leave, and so on.
+    Each pair of detections in two views is a hypothesis; in every other view the detection that
+    agrees with most of its joints belongs to it. The hypothesis with the most agreeing joints is
+    accepted, its detections leave, and so on.
 
     Args:
         cameras: of V views.
@@ -105,12 +126,16 @@ def match_views(cameras: Sequence[Camera], views: Sequence[Sequence[Array]]) -> 
         for a, b in combinations(range(len(cameras)), 2):
             for i in free[a]:
                 for j in free[b]:
-                    best = max(best, _hypothesis(cameras, views, free, {a: i, b: j}), key=lambda h: h[0])
+                    best = max(
+                        best, _hypothesis(cameras, views, free, {a: i, b: j}), key=lambda h: h[0]
+                    )
         members = best[1]
         if len(members) < MIN_VIEWS:
             return people
         used = sorted(members)
-        joints, error = robust_joints([cameras[v] for v in used], np.stack([views[v][members[v]] for v in used]))
+        joints, error = robust_joints(
+            [cameras[v] for v in used], np.stack([views[v][members[v]] for v in used])
+        )
         for v in used:
             free[v].discard(members[v])
         if np.isfinite(joints).all(-1).sum() >= MIN_JOINTS:
@@ -118,9 +143,14 @@ def match_views(cameras: Sequence[Camera], views: Sequence[Sequence[Array]]) -> 
 
 
 def _hypothesis(
-    cameras: Sequence[Camera], views: Sequence[Sequence[Array]], free: Sequence[set[int]], pair: dict[int, int]
+    cameras: Sequence[Camera],
+    views: Sequence[Sequence[Array]],
+    free: Sequence[set[int]],
+    pair: dict[int, int],
 ) -> tuple[float, dict[int, int]]:
-    """How well detections of all views agree with the joints of a pair, and which they are; 0 of fewer than three."""
+    """How well detections of all views agree with the joints of a pair, and which they are; 0 of
+    fewer than three.
+    """
     used = [cameras[v] for v in pair]
     points = np.stack([views[v][i] for v, i in pair.items()])
     joints = triangulate(used, points)
@@ -128,7 +158,8 @@ def _hypothesis(
     if (own > 0).sum() < max(MIN_JOINTS, AGREEING_SHARE * np.isfinite(joints).all(-1).sum()):
         return 0.0, {}
     joints = np.where((own > 0)[:, None], joints, np.nan)
-    members, total = dict(pair), float(own.sum())
+    members = dict(pair)
+    total = float(own.sum())
     for v in range(len(cameras)):
         if v in pair:
             continue

@@ -9,5 +9,7 @@ from .miniatures import Files, write_models
 
 @pytest.fixture(scope="session")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """Files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is larger than neutral."""
+    """Files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is larger
+    than neutral.
+    """
     return write_models(tmp_path_factory.mktemp("models"))

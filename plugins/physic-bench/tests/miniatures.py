@@ -1,4 +1,6 @@
-"""A person of a world as truth, model files made from the embedded body, and miniatures of results."""
+"""A person of a world as truth, model files made from the embedded body, and miniatures of
+results.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,13 @@ STANDING = {"global_orient": [np.pi, 0, 0], "transl": [0.1, 0.35, 3.5]}
 
 
 def other_body() -> ModuleType:
-    """The module of the core's tests that makes bodies of SMPL-X's and SMPL's kind from the embedded one."""
+    """The module of the core's tests that makes bodies of SMPL-X's and SMPL's kind from the
+    embedded one.
+    """
     if "other_body" not in sys.modules:
-        spec = importlib.util.spec_from_file_location("other_body", ROOT / "tests" / "body" / "other_body.py")
+        spec = importlib.util.spec_from_file_location(
+            "other_body", ROOT / "tests" / "body" / "other_body.py"
+        )
         assert spec is not None
         assert spec.loader is not None
         sys.modules["other_body"] = importlib.util.module_from_spec(spec)
@@ -52,11 +58,14 @@ class Files:
 
 
 def write_models(folder: Path) -> Files:
-    """Write files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is the larger."""
+    """Write files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is
+    the larger.
+    """
     from physic_core.body import load_body
     from physic_testing.body_files import write_published
 
-    made, embedded = other_body(), load_body("embedded")
+    made = other_body()
+    embedded = load_body("embedded")
     for name in ("smplx", "smpl"):
         (folder / name).mkdir(parents=True)
     arrays = made.smplx_file_arrays(made.make(embedded, 10475))
@@ -65,8 +74,12 @@ def write_models(folder: Path) -> Files:
         arrays[f"hands_mean{side}"] = 0.1 * np.ones(45)
         arrays[f"hands_components{side}"] = np.linalg.qr(rng.standard_normal((45, 45)))[0]
     np.savez(folder / "smplx" / "SMPLX_NEUTRAL.npz", **arrays)
-    np.savez(folder / "smplx" / "SMPLX_MALE.npz", **arrays | {"v_template": 1.05 * arrays["v_template"]})
-    write_published(folder / "smpl" / "SMPL_NEUTRAL.pkl", made.smpl_file_arrays(made.make(embedded, 6890)))
+    np.savez(
+        folder / "smplx" / "SMPLX_MALE.npz", **arrays | {"v_template": 1.05 * arrays["v_template"]}
+    )
+    write_published(
+        folder / "smpl" / "SMPL_NEUTRAL.pkl", made.smpl_file_arrays(made.make(embedded, 6890))
+    )
     return Files(BodyFiles(folder / "smplx", folder / "smpl"))
 
 
@@ -77,7 +90,9 @@ def write_measured_photos(folder: Path, count: int = 3) -> Path:
     record = {"width": 640, "height": 480, "K": K.tolist(), "joints": joints}
     for i in range(count):
         Image.new("RGB", SIZE).save(folder / f"p{i}.png")
-    (folder / "truth.json").write_text(json.dumps([{"image": f"p{i}.png", **record} for i in range(count)]))
+    (folder / "truth.json").write_text(
+        json.dumps([{"image": f"p{i}.png", **record} for i in range(count)])
+    )
     return folder
 
 
@@ -96,7 +111,9 @@ def write_plain(folder: Path, name: str, **arrays: Any) -> None:
 def figures(out: Path, method: str) -> dict[str, float]:
     """Column -> value of a method in results.json."""
     document = json.loads((out / "results.json").read_text())
-    return {key: found["value"] for key, found in document["figures"][method].items() if found["count"]}
+    return {
+        key: found["value"] for key, found in document["figures"][method].items() if found["count"]
+    }
 
 
 def python2_pickle(path: Path, values: dict[str, Any]) -> None:
@@ -111,7 +128,11 @@ def python2_pickle(path: Path, values: dict[str, Any]) -> None:
             self.write(pickle.BINSTRING + struct.pack("<i", len(data)) + data)
             self.memoize(value)
 
-        dispatch: ClassVar[dict[Any, Any]] = {**pickle._Pickler.dispatch, str: save_text, bytes: save_text}  # type: ignore[attr-defined]
+        dispatch: ClassVar[dict[Any, Any]] = {
+            **pickle._Pickler.dispatch,
+            str: save_text,
+            bytes: save_text,
+        }  # type: ignore[attr-defined]
 
     stream = io.BytesIO()
     Python2(stream, protocol=2).dump(values)
@@ -146,13 +167,17 @@ def moved_by(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def moved_parameters(files: Files, matrix: np.ndarray, parameters: dict[str, Any], gender: str) -> dict[str, Any]:
+def moved_parameters(
+    files: Files, matrix: np.ndarray, parameters: dict[str, Any], gender: str
+) -> dict[str, Any]:
     """Parameters of the same body after a rigid transform."""
     import roma
     import torch
 
     pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender).joints[0]
-    orient = roma.rotvec_to_rotmat(torch.tensor(np.array(parameters["global_orient"], np.float64))).numpy()
+    orient = roma.rotvec_to_rotmat(
+        torch.tensor(np.array(parameters["global_orient"], np.float64))
+    ).numpy()
     turned = roma.rotmat_to_rotvec(torch.from_numpy(matrix[:3, :3] @ orient)).numpy()
     transl = matrix[:3, :3] @ (np.array(parameters["transl"]) + pelvis) + matrix[:3, 3] - pelvis
     return {**parameters, "global_orient": turned, "transl": transl}

@@ -1,4 +1,6 @@
-"""PROX quantitative in small: four frames of a standing person, in the tree and formats of the set."""
+"""PROX quantitative in small: four frames of a standing person, in the tree and formats of the
+set.
+"""
 
 from __future__ import annotations
 
@@ -58,14 +60,23 @@ def write_prox(root: Path, files: Files, mesh_frame: str = "vicon") -> Miniature
     made = Miniature(root, {}, {}, {}, files.standing().faces)
     for part in ("calibration", "cam2world", "scenes"):
         (root / part).mkdir(parents=True, exist_ok=True)
-    calibration = {"camera_mtx": K.tolist(), "k": [[0.02, -0.03, 0.001, 0.0005, 0.01]], "f": [1, 1], "c": [1, 1]}
+    calibration = {
+        "camera_mtx": K.tolist(),
+        "k": [[0.02, -0.03, 0.001, 0.0005, 0.01]],
+        "f": [1, 1],
+        "c": [1, 1],
+    }
     (root / "calibration" / "Color.json").write_text(json.dumps(calibration))
     (root / "cam2world" / "vicon.json").write_text(json.dumps(TO_SCENE.tolist()))
     (root / "vicon2scene.json").write_text(json.dumps(TO_SCENE_FROM_VICON.tolist()))
     floor_of().export(root / "scenes" / "vicon.ply")
     recording = "vicon_03301_01"
     for name, pose in POSES.items():
-        parameters: dict[str, Any] = {**STANDING, **pose, "betas": np.array([0.5, -0.3, *[0.0] * 8])}
+        parameters: dict[str, Any] = {
+            **STANDING,
+            **pose,
+            "betas": np.array([0.5, -0.3, *[0.0] * 8]),
+        }
         parameters = _on_floor(files, parameters)
         body = files.bodies.smplx_body(parameters, "male")
         key = f"{recording}/{name}"
@@ -82,7 +93,8 @@ def write_prox(root: Path, files: Files, mesh_frame: str = "vicon") -> Miniature
         trimesh.Trimesh(moved_by(to_file, body.vertices), body.faces, process=False).export(mesh)
         own = moved_parameters(files, to_file, parameters, "male")
         python2_pickle(
-            folder / "results" / name / "000.pkl", {k: np.array(v, np.float32)[None] for k, v in own.items()}
+            folder / "results" / name / "000.pkl",
+            {k: np.array(v, np.float32)[None] for k, v in own.items()},
         )
         _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg")
         _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", body.joints)

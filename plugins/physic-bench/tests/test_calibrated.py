@@ -27,15 +27,24 @@ def root(tmp_path: Path) -> Path:
     folder = write_measured_photos(tmp_path / "mine")
     records = json.loads((folder / "truth.json").read_text())
     for i, record in enumerate(records):
-        record["joints"] = {name.replace("left_", "l_"): place for name, place in record["joints"].items()}
-        record |= {"up": [0, -1, 0], "floor_point": [0, 1.0, 3], "sequence": f"s{i % 2}", "action": "standing"}
+        record["joints"] = {
+            name.replace("left_", "l_"): place for name, place in record["joints"].items()
+        }
+        record |= {
+            "up": [0, -1, 0],
+            "floor_point": [0, 1.0, 3],
+            "sequence": f"s{i % 2}",
+            "action": "standing",
+        }
     (folder / "truth.json").write_text(json.dumps(records))
     return folder
 
 
 def results(tmp_path: Path, joints: np.ndarray, name: str = "theirs", **more: object) -> str:
     for i in range(3):
-        write_plain(tmp_path / name, f"p{i}", joints=joints[None], joint_names=np.array(LIMB_JOINTS), **more)
+        write_plain(
+            tmp_path / name, f"p{i}", joints=joints[None], joint_names=np.array(LIMB_JOINTS), **more
+        )
     return f"{name}=plain:{tmp_path / name}"
 
 
@@ -46,7 +55,9 @@ def evaluated(root: Path, out: Path, *arguments: str) -> dict[str, float]:
 
 
 def test_a_shift_of_5_cm_has_an_error_of_5_cm(root: Path, tmp_path: Path):
-    found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, moved(TRUE, 0.03, 0, 0.04)))
+    found = evaluated(
+        root, tmp_path / "out", "--results", results(tmp_path, moved(TRUE, 0.03, 0, 0.04))
+    )
     assert found == {
         "found": 1.0,
         "me_mpjpe": pytest.approx(50),
@@ -68,11 +79,15 @@ def test_floor_and_height_of_the_camera(root: Path, tmp_path: Path):
     tilt = np.radians(2)
     floor = np.array([np.sin(tilt), -np.cos(tilt), 0, 1.1])
     found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, TRUE, floor=floor))
-    assert (found["floor_angle_deg"], found["camera_height_ratio"]) == (pytest.approx(2), pytest.approx(1.1))
+    assert (found["floor_angle_deg"], found["camera_height_ratio"]) == (
+        pytest.approx(2),
+        pytest.approx(1.1),
+    )
 
 
 def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_path: Path):
-    one, two = results(tmp_path, moved(TRUE, 0.02, 0, 0), "one"), results(tmp_path, moved(TRUE, 0.05, 0, 0), "two")
+    one = results(tmp_path, moved(TRUE, 0.02, 0, 0), "one")
+    two = results(tmp_path, moved(TRUE, 0.05, 0, 0), "two")
     (tmp_path / "two" / "p2.npz").unlink()
     out = tmp_path / "out"
     done = run("calibrated", str(root), "-o", str(out), "--results", one, "--results", two)
@@ -93,7 +108,14 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_pat
     "move", [lambda p: p * [1, -1, -1], lambda p: moved(p, 9, 0, 0)], ids=["y up", "other picture"]
 )
 def test_results_in_another_frame_of_reference_are_refused(root: Path, tmp_path: Path, move):
-    done = run("calibrated", str(root), "-o", str(tmp_path / "out"), "--results", results(tmp_path, move(TRUE)))
+    done = run(
+        "calibrated",
+        str(root),
+        "-o",
+        str(tmp_path / "out"),
+        "--results",
+        results(tmp_path, move(TRUE)),
+    )
     assert done.exit_code != 0
     assert "do not project onto the annotated people" in done.output
 
@@ -125,7 +147,12 @@ def views(tmp_path: Path) -> Path:
         right = np.array([forward[1], -forward[0], 0])
         R = np.stack([right, [0, 0, -1], forward])
         t = -R @ np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.5])
-        cameras[name] = {"width": 640, "height": 480, "K": (K * [[0.8], [0.8], [1]]).tolist(), "dist": [0] * 5}
+        cameras[name] = {
+            "width": 640,
+            "height": 480,
+            "K": (K * [[0.8], [0.8], [1]]).tolist(),
+            "dist": [0] * 5,
+        }
         cameras[name] |= {"R": R.tolist(), "t_m": t.tolist()}
         Image.new("RGB", SIZE, (90, 90, 90)).save(folder / f"{name}_0.png")
     (folder / "cameras.json").write_text(json.dumps({"cameras": cameras, "up": [0, 0, 1]}))
@@ -143,10 +170,19 @@ def written_views(views: Path, tmp_path: Path, shift: dict[str, np.ndarray]) -> 
     document = json.loads((views / "cameras.json").read_text())
     for name in VIEWS:
         camera, _ = calibrated(document["cameras"][name])
-        joints = np.stack([camera.in_camera(person + shift.get(name, np.zeros(3))) for person in people_of_views()])
+        joints = np.stack(
+            [
+                camera.in_camera(person + shift.get(name, np.zeros(3)))
+                for person in people_of_views()
+            ]
+        )
         keypoints = np.stack([camera.project(person) for person in people_of_views()])
         write_plain(
-            tmp_path / "theirs", f"{name}_0", joints=joints, joint_names=np.array(LIMB_JOINTS), keypoints=keypoints
+            tmp_path / "theirs",
+            f"{name}_0",
+            joints=joints,
+            joint_names=np.array(LIMB_JOINTS),
+            keypoints=keypoints,
         )
     return f"theirs=plain:{tmp_path / 'theirs'}"
 

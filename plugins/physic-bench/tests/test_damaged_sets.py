@@ -20,7 +20,15 @@ __all__ = ["rich"]
 
 def test_an_empty_folder_is_refused_before_anything_is_computed(files: Files, tmp_path: Path):
     (tmp_path / "set" / "bodies" / "test").mkdir(parents=True)
-    done = run("rich", str(tmp_path / "set"), "-o", str(tmp_path / "out"), "--preset", "mock", *files.arguments())
+    done = run(
+        "rich",
+        str(tmp_path / "set"),
+        "-o",
+        str(tmp_path / "out"),
+        "--preset",
+        "mock",
+        *files.arguments(),
+    )
     assert done.exit_code != 0
     assert "`physic evaluate rich --help`" in done.output
     assert not (tmp_path / "out").exists()
@@ -38,7 +46,9 @@ def test_an_empty_folder_is_refused_before_anything_is_computed(files: Files, tm
         ("-0.01 0.02 0 0 0", "-0.01"),
     ],
 )
-def test_a_damaged_calibration_leaves_out_its_camera(rich: Path, files: Files, tmp_path: Path, old: str, new: str):
+def test_a_damaged_calibration_leaves_out_its_camera(
+    rich: Path, files: Files, tmp_path: Path, old: str, new: str
+):
     root = Path(shutil.copytree(rich, tmp_path / "the set"))
     file = root / "scan_calibration/LectureHall_lunge/calibration/003.xml"
     assert old in file.read_text()

@@ -35,7 +35,8 @@ def test_values_are_averaged_and_records_without_one_left_out():
 def test_the_averages_of_contact_by_hand():
     people = records([counts(8, 2, 2), counts(1, 0, 9)], [counts(0, 5, 5)], key="contact")
     found = {key: figure(people, column).value for key, column in CONTACT.items()}
-    precision, recall = (0.8 + 1 + 0) / 3, (0.8 + 0.1 + 0) / 3
+    precision = (0.8 + 1 + 0) / 3
+    recall = (0.8 + 0.1 + 0) / 3
     assert found == pytest.approx(
         {
             "precision": precision,
@@ -49,7 +50,9 @@ def test_the_averages_of_contact_by_hand():
 
 def test_a_person_without_a_body_scores_0():
     (missed,) = records([counts(0, 0, 9)], key="contact")
-    found = {key: figure([missed | {"found": False}], column).value for key, column in CONTACT.items()}
+    found = {
+        key: figure([missed | {"found": False}], column).value for key, column in CONTACT.items()
+    }
     assert set(found.values()) == {0}
 
 
@@ -57,7 +60,13 @@ def test_a_person_without_a_body_scores_0():
 def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
     found = figure(records(*[[v] for v in values]), ERROR)
     slack = 1e-9 * max(values)
-    assert min(values) - slack <= found.low <= found.value + slack <= found.high + 2 * slack <= max(values) + 3 * slack
+    assert (
+        min(values) - slack
+        <= found.low
+        <= found.value + slack
+        <= found.high + 2 * slack
+        <= max(values) + 3 * slack
+    )
 
 
 def test_people_of_one_group_are_drawn_together():
@@ -68,6 +77,7 @@ def test_people_of_one_group_are_drawn_together():
 
 def test_methods_are_compared_on_the_same_people_and_draws():
     values = np.random.default_rng(0).uniform(50, 500, 30)
-    first, second = records(*[[v] for v in values]), records(*[[v - 5] for v in values[:20]])
+    first = records(*[[v] for v in values])
+    second = records(*[[v - 5] for v in values[:20]])
     change = difference(first, second, ERROR)
     assert (change.value, change.low, change.high, change.count) == pytest.approx((-5, -5, -5, 20))

@@ -1,4 +1,6 @@
-"""Wrong folders, missing frames and damaged results: each is named, counted or refused, and nothing is skipped."""
+"""Wrong folders, missing frames and damaged results: each is named, counted or refused, and nothing
+is skipped.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def root(tmp_path: Path) -> Path:
 
 def results(root: Path, name: str, frames: tuple[int, ...] = (0, 1, 2), shift: float = 0.0) -> str:
     for i in frames:
-        write_plain(root.parent / name, f"p{i}", joints=TRUE[None] + [shift, 0, 0], joint_names=NAMES)
+        write_plain(
+            root.parent / name, f"p{i}", joints=TRUE[None] + [shift, 0, 0], joint_names=NAMES
+        )
     return f"{name}=plain:{root.parent / name}"
 
 
@@ -59,7 +63,14 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
     (root / "p0.png").rename(root / f"{name}.png")
     truth = (root / "truth.json").read_text()
     (root / "truth.json").write_text(truth.replace('"p0.png"', json.dumps(f"{name}.png")))
-    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one", (1, 2)))
+    done = run(
+        "calibrated",
+        str(root),
+        "-o",
+        str(root.parent / "out"),
+        "--results",
+        results(root, "one", (1, 2)),
+    )
     assert r"p\x1b]0;OWNED\x07 (no result)" in done.output
     assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
 
@@ -76,7 +87,9 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
         (lambda a: a.update(vertices=np.array([[{}]])), "Python objects"),
     ],
 )
-def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str, Any]], None], reason: str):
+def test_a_damaged_result_costs_its_frame(
+    root: Path, change: Callable[[dict[str, Any]], None], reason: str
+):
     theirs = results(root, "theirs")
     arrays: dict[str, Any] = {"joints": TRUE[None], "joint_names": NAMES}
     change(arrays)
@@ -93,7 +106,8 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
     [("table.txt", True), ("results.json", False)],
 )
 def test_a_file_of_the_user_is_never_replaced(root: Path, name: str, is_link: bool):
-    path, victim = root.parent / "out" / name, root.parent / "victim"
+    path = root.parent / "out" / name
+    victim = root.parent / "victim"
     path.parent.mkdir(parents=True)
     victim.write_text("mine")
     path.symlink_to(victim) if is_link else path.write_text("mine")
@@ -110,8 +124,12 @@ def test_files_of_an_earlier_evaluation_are_replaced(root: Path):
 def test_options_that_change_figures_stand_over_the_tables(root: Path):
     theirs = results(root, "theirs")
     assert call(root, theirs).startswith("calibrated, 3 frames\n\n")
-    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", theirs, "--limit", "2")
+    done = run(
+        "calibrated", str(root), "-o", str(root.parent / "out"), "--results", theirs, "--limit", "2"
+    )
     assert "calibrated, 2 frames, with --limit 2\n" in done.output
     (root.parent / "list.txt").write_text("p0\ngone\n")
     more = ("--results", theirs, "--frames", str(root.parent / "list.txt"))
-    assert "frames that there are not: gone" in run("calibrated", str(root), "-o", "out", *more).output
+    assert (
+        "frames that there are not: gone" in run("calibrated", str(root), "-o", "out", *more).output
+    )

@@ -29,20 +29,44 @@ def written(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Miniature
 def mini(written: Miniature, tmp_path: Path) -> Miniature:
     """A copy that a test may damage."""
     shutil.copytree(written.root, tmp_path / "quantitative")
-    return Miniature(tmp_path / "quantitative", written.vertices, written.joints, written.height, written.faces)
+    return Miniature(
+        tmp_path / "quantitative", written.vertices, written.joints, written.height, written.faces
+    )
 
 
 def results(tmp_path: Path, mini: Miniature, move=lambda v: v, contact=None) -> str:
-    """Results with the true bodies, moved; contact is that within 2 cm of the floor unless given."""
+    """Results with the true bodies, moved; contact is that within 2 cm of the floor unless
+    given.
+    """
     for name, vertices in mini.vertices.items():
         touches = mini.height[name] <= 0.02 if contact is None else contact(name)
-        arrays = {"joints": move(mini.joints[name])[None, :22], "joint_names": np.array(JOINT_NAMES[:22])}
-        write_plain(tmp_path / "theirs", name, vertices=move(vertices)[None], contact=touches[None], **arrays)
+        arrays = {
+            "joints": move(mini.joints[name])[None, :22],
+            "joint_names": np.array(JOINT_NAMES[:22]),
+        }
+        write_plain(
+            tmp_path / "theirs",
+            name,
+            vertices=move(vertices)[None],
+            contact=touches[None],
+            **arrays,
+        )
     return f"theirs=plain:{tmp_path / 'theirs'}"
 
 
-def evaluated(mini: Miniature, files: Files, tmp_path: Path, theirs: str, *more: str) -> dict[str, float]:
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments(), *more)
+def evaluated(
+    mini: Miniature, files: Files, tmp_path: Path, theirs: str, *more: str
+) -> dict[str, float]:
+    done = run(
+        "prox",
+        str(mini.root),
+        "-o",
+        str(tmp_path / "out"),
+        "--results",
+        theirs,
+        *files.arguments(),
+        *more,
+    )
     assert done.exit_code == 0, done.output
     return figures(tmp_path / "out", "theirs")
 
@@ -51,7 +75,13 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
     found = evaluated(mini, files, tmp_path, results(tmp_path, mini))
     for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
         assert found[key] == pytest.approx(0, abs=0.01), key
-    for key in ("precision@2 cm", "recall@2 cm", "f1_of_means@2 cm", "f1_mean@2 cm", "f1_pooled@2 cm"):
+    for key in (
+        "precision@2 cm",
+        "recall@2 cm",
+        "f1_of_means@2 cm",
+        "f1_mean@2 cm",
+        "f1_pooled@2 cm",
+    ):
         assert found[key] == 1
     assert found["penetration_mm"] == 0
     recall = np.mean([(h <= 0.02).sum() / (h <= 0.05).sum() for h in mini.height.values()])
@@ -63,24 +93,34 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
     assert "joints compared: 22 (posed SMPL-X)" in text
 
 
-def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini: Miniature, files: Files, tmp_path: Path):
+def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(
+    mini: Miniature, files: Files, tmp_path: Path
+):
     down = -0.05 * TO_SCENE[2, :3]
     found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down))
-    assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx((50, 50, 50), abs=0.01)
+    assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx(
+        (50, 50, 50), abs=0.01
+    )
     assert (found["ca_mpjpe"], found["pa_pve"]) == pytest.approx((0, 0), abs=0.01)
     deep = [0.05 - h[h < 0.05] for h in mini.height.values()]
-    assert found["penetration_mm"] == pytest.approx(1000 * np.mean([d.mean() for d in deep]), abs=0.01)
+    assert found["penetration_mm"] == pytest.approx(
+        1000 * np.mean([d.mean() for d in deep]), abs=0.01
+    )
     assert found["penetration_max_mm"] == pytest.approx(40, abs=0.01)
     assert found["floating_mm"] == 0
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])
-def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files: Files, tmp_path: Path, frame: str):
+def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(
+    files: Files, tmp_path: Path, frame: str
+):
     mini = write_prox(tmp_path / "quantitative", files, frame)
     found = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto")
     assert found.notes[0].startswith(f"meshes are in the frame '{frame}'")
     name = found.frames[0].id
-    np.testing.assert_allclose(found.frames[0].truth().people[0].vertices, mini.vertices[name], atol=1e-5)
+    np.testing.assert_allclose(
+        found.frames[0].truth().people[0].vertices, mini.vertices[name], atol=1e-5
+    )
 
 
 def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_path: Path):
@@ -88,7 +128,9 @@ def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_pat
     matrix = np.array(json.loads(file.read_text()))
     matrix[:3, :3] = matrix[:3, :3].T
     file.write_text(json.dumps(matrix.tolist()))
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", results(tmp_path, mini))
+    done = run(
+        "prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", results(tmp_path, mini)
+    )
     assert done.exit_code != 0
     assert "it cannot be decided in which frame the meshes" in done.output
 
@@ -96,7 +138,8 @@ def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_pat
 def test_pictures_are_mirrored_before_use(mini: Miniature, files: Files, tmp_path: Path):
     frame = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto").frames[0]
     with Image.open(picture_file(frame, tmp_path / "pictures")) as picture:
-        left, right = picture.getpixel((10, 10)), picture.getpixel((470, 10))
+        left = picture.getpixel((10, 10))
+        right = picture.getpixel((470, 10))
     assert left[0] > 240
     assert right[0] < 15
     assert frame.camera is not None
@@ -106,7 +149,16 @@ def test_pictures_are_mirrored_before_use(mini: Miniature, files: Files, tmp_pat
 def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files, tmp_path: Path):
     neutral = files.bodies.smplx / "SMPLX_NEUTRAL.npz"  # type: ignore[operator]
     theirs = results(tmp_path, mini)
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, "--smplx", str(neutral))
+    done = run(
+        "prox",
+        str(mini.root),
+        "-o",
+        str(tmp_path / "out"),
+        "--results",
+        theirs,
+        "--smplx",
+        str(neutral),
+    )
     assert done.exit_code != 0
     assert "posed by SMPLX_NEUTRAL.npz, is" in done.output
 
@@ -118,26 +170,39 @@ def test_frames_are_chosen_by_a_list_or_a_limit(mini: Miniature, files: Files, t
     assert len(DATA_SET.frames(mini.root, Choice(limit=2), files.bodies, "auto").frames) == 2
 
 
-def test_damaged_meshes_are_left_out_with_their_reason(mini: Miniature, files: Files, tmp_path: Path):
+def test_damaged_meshes_are_left_out_with_their_reason(
+    mini: Miniature, files: Files, tmp_path: Path
+):
     names = sorted(mini.vertices)
-    meshes = [mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply" for n in names]
+    meshes = [
+        mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply"
+        for n in names
+    ]
     meshes[0].write_bytes(meshes[0].read_bytes()[:5000])
-    trimesh.Trimesh(np.random.default_rng(0).random((6890, 3)), [[0, 1, 2]], process=False).export(meshes[1])
+    trimesh.Trimesh(np.random.default_rng(0).random((6890, 3)), [[0, 1, 2]], process=False).export(
+        meshes[1]
+    )
     in_millimetres = trimesh.load(meshes[2], process=False)
     in_millimetres.vertices *= 1000
     in_millimetres.export(meshes[2])
     theirs = results(tmp_path, mini)
     evaluated(mini, files, tmp_path, theirs)
     left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
-    assert all(left_out[name].startswith(str(mesh)) for name, mesh in zip(names[:3], meshes, strict=False))
+    assert all(
+        left_out[name].startswith(str(mesh)) for name, mesh in zip(names[:3], meshes, strict=False)
+    )
     assert "got 6890" in left_out[names[1]]
 
 
-def test_a_damaged_scan_is_an_error_and_gives_no_table(mini: Miniature, files: Files, tmp_path: Path):
+def test_a_damaged_scan_is_an_error_and_gives_no_table(
+    mini: Miniature, files: Files, tmp_path: Path
+):
     scan = mini.root / "scenes" / "vicon.ply"
     scan.write_bytes(scan.read_bytes()[: scan.stat().st_size // 2])
     theirs = results(tmp_path, mini)
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments())
+    done = run(
+        "prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments()
+    )
     assert done.exit_code == 3
     assert f"Error: no frame can be evaluated: {scan} cannot be" in done.output
     assert not (tmp_path / "out" / "table.txt").exists()

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 import torch
 
-from physic_bench.reading import DamagedFrameError, open_picture, read_json, read_mesh, read_npz, read_pickled
+from physic_bench.reading import (
+    DamagedFrameError,
+    open_picture,
+    read_json,
+    read_mesh,
+    read_npz,
+    read_pickled,
+)
 
 from .miniatures import Files
 
@@ -28,7 +35,8 @@ def test_torch_tensors_and_cut_off_pickles_are_refused(content: bytes, reason: s
 
 
 @pytest.mark.parametrize(
-    "read", [read_npz, read_pickled, read_json, read_mesh, lambda path: open_picture(path).__enter__()]
+    "read",
+    [read_npz, read_pickled, read_json, read_mesh, lambda path: open_picture(path).__enter__()],
 )
 @pytest.mark.parametrize("content", [None, b"", b"\x00\xff[{"], ids=["missing", "empty", "garbage"])
 def test_a_file_that_cannot_be_read_is_named(read, content: bytes | None, tmp_path: Path):
@@ -40,7 +48,9 @@ def test_a_file_that_cannot_be_read_is_named(read, content: bytes | None, tmp_pa
 
 
 @pytest.mark.parametrize(
-    "change", [{"betas": np.full(10, np.nan)}, {"body_pose": np.zeros(62)}, {"transl": "far"}], ids=str
+    "change",
+    [{"betas": np.full(10, np.nan)}, {"body_pose": np.zeros(62)}, {"transl": "far"}],
+    ids=str,
 )
 def test_parameters_that_are_no_body_are_refused(change: dict, files: Files):
     with pytest.raises(DamagedFrameError, match=next(iter(change))):

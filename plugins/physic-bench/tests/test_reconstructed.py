@@ -1,4 +1,6 @@
-"""``physic evaluate calibrated --config``: pictures go through the batch, and a killed call is continued."""
+"""``physic evaluate calibrated --config``: pictures go through the batch, and a killed call is
+continued.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,11 @@ from physic_testing.worlds import build_world
 from .miniatures import figures, run
 
 
-def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    world, out = build_world("stand", 0, (160, 120)), tmp_path / "out"
+def test_a_killed_call_reconstructs_what_is_missing_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    world = build_world("stand", 0, (160, 120))
+    out = tmp_path / "out"
     monkeypatch.chdir(tmp_path)
     Path("mine").mkdir()
     rows = [JOINT_INDEX[name] for name in LIMB_JOINTS]
@@ -28,9 +33,20 @@ def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path: Path, monkey
     for name in ("a", "b"):
         Image.fromarray(world.image).save(f"mine/{name}.png")
     camera = {"width": 160, "height": 120, "K": world.intrinsics.matrix.tolist()}
-    Path("mine/truth.json").write_text(json.dumps([{"image": f"{n}.png", "joints": joints, **camera} for n in "ab"]))
+    Path("mine/truth.json").write_text(
+        json.dumps([{"image": f"{n}.png", "joints": joints, **camera} for n in "ab"])
+    )
     Path("quick.toml").write_text('extends = "mock"\n')
-    arguments = ("calibrated", "mine", "-o", "out", "--config", "quick.toml", "--set", "engine.joint.optimiser.steps=2")
+    arguments = (
+        "calibrated",
+        "mine",
+        "-o",
+        "out",
+        "--config",
+        "quick.toml",
+        "--set",
+        "engine.joint.optimiser.steps=2",
+    )
     assert "--preset cannot be combined with --config" in run(*arguments, "--preset", "mock").output
     done = run(*arguments)
     assert done.exit_code == 0, done.output

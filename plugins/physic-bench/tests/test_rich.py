@@ -29,11 +29,19 @@ def root(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Path:
     contacts = folder / "human_scene_contact" / "test" / SEQUENCE / "00042"
     contacts.mkdir(parents=True)
     for row, subject in enumerate(("009", "021")):
-        parameters = STANDING | {"transl": [1.1 * row - 0.4, 0.35, 3.6], "left_hand_pose": 0.2 * np.ones(12)}
-        python2_pickle(bodies / f"{subject}.pkl", {k: np.array(v, np.float32)[None] for k, v in parameters.items()})
+        parameters = STANDING | {
+            "transl": [1.1 * row - 0.4, 0.35, 3.6],
+            "left_hand_pose": 0.2 * np.ones(12),
+        }
+        python2_pickle(
+            bodies / f"{subject}.pkl",
+            {k: np.array(v, np.float32)[None] for k, v in parameters.items()},
+        )
         labels = np.zeros(6890, np.int64)
         labels[: 100 + row] = 1
-        python2_pickle(contacts / f"{subject}.pkl", {"contact": labels, "s2m_dist_id": np.zeros((4, 3))})
+        python2_pickle(
+            contacts / f"{subject}.pkl", {"contact": labels, "s2m_dist_id": np.zeros((4, 3))}
+        )
         colours = np.tile(np.array([200, 200, 200, 255], np.uint8), (10475, 1))
         colours[:50] = 0, 255, 0, 255
         body = files.bodies.smplx_body(parameters, "male")
@@ -50,10 +58,14 @@ def root(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Path:
             f"<opencv_storage><CameraMatrix><data>{numbers}</data></CameraMatrix><Intrinsics><data>{intrinsics}</data>"
             "</Intrinsics><Distortion><data>-0.01 0.02 0 0 0</data></Distortion></opencv_storage>"
         )
-        picture = folder / "images" / "test" / SEQUENCE / f"cam_{view:02d}" / f"00042_{view:02d}.png"
+        picture = (
+            folder / "images" / "test" / SEQUENCE / f"cam_{view:02d}" / f"00042_{view:02d}.png"
+        )
         picture.parent.mkdir(parents=True)
         Image.new("RGB", (640, 480)).save(picture)
-    trimesh.creation.box((8, 0.1, 8)).apply_translation([0, 1.5, 3]).export(scan / "scan_camcoord.ply")
+    trimesh.creation.box((8, 0.1, 8)).apply_translation([0, 1.5, 3]).export(
+        scan / "scan_camcoord.ply"
+    )
     (folder / "resource").mkdir()
     (folder / "resource" / "gender.json").write_text(json.dumps({"9": "male", "21": "neutral"}))
     return folder
@@ -63,10 +75,14 @@ def true_people(root: Path, files: Files, view: int) -> tuple[np.ndarray, np.nda
     """Vertices (2, 10475, 3) and joints (2, 22, 3) in a camera."""
     both = []
     for row, gender in enumerate(("male", "neutral")):
-        parameters = STANDING | {"transl": [1.1 * row - 0.4, 0.35, 3.6], "left_hand_pose": 0.2 * np.ones(12)}
+        parameters = STANDING | {
+            "transl": [1.1 * row - 0.4, 0.35, 3.6],
+            "left_hand_pose": 0.2 * np.ones(12),
+        }
         body = files.bodies.smplx_body(parameters, gender)
         both.append((body.vertices, body.joints[:22]))
-    R, t = VIEWS[view][:3, :3], VIEWS[view][:3, 3]
+    R = VIEWS[view][:3, :3]
+    t = VIEWS[view][:3, 3]
     return tuple(np.stack(part) @ R.T + t for part in zip(*both, strict=True))  # type: ignore[return-value]
 
 
@@ -76,7 +92,8 @@ def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_p
     behind = np.array([0, 0, 0.05])
     for view in VIEWS:
         vertices, joints = true_people(root, files, view)
-        vertices, joints = vertices[::-1] + behind, joints[::-1] + behind
+        vertices = vertices[::-1] + behind
+        joints = joints[::-1] + behind
         name = f"{SEQUENCE}/00042/{view}"
         contact = np.stack([files.bodies.carry_contact(truth, "smpl", "smplx")] * 2)
         arrays = {"joints": joints, "joint_names": np.array(JOINT_NAMES[:22]), "contact": contact}
@@ -89,7 +106,10 @@ def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_p
     assert (found["me_mpjpe"], found["me_pve"]) == pytest.approx((50, 50), abs=0.01)
     assert found["recall@annotated"] > 0.7  # carried to 10475 vertices and back
     assert found["precision@annotated"] > 0.7
-    assert "contact from smplx to smpl carried over the T-poses" in (tmp_path / "out" / "table.txt").read_text()
+    assert (
+        "contact from smplx to smpl carried over the T-poses"
+        in (tmp_path / "out" / "table.txt").read_text()
+    )
     # Both views put the hips 5 cm behind, each along its own axis.
     assert found["spread_mm"] == pytest.approx(50 * np.sin(np.radians(35 / 2)), abs=0.1)
 
@@ -103,4 +123,6 @@ def test_contact_of_the_coloured_mesh_and_the_camera(root: Path, files: Files, t
     truth = frames[1].truth()
     assert [int(person.contact.sum()) for person in truth.people] == [50, 50]  # type: ignore[union-attr]
     assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)  # type: ignore[union-attr]
-    np.testing.assert_allclose(truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4)
+    np.testing.assert_allclose(
+        truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4
+    )

@@ -1,4 +1,6 @@
-"""Default backends: small networks that are part of the package, and a body fit. No account, download or GPU is needed.
+"""Default backends: small networks that are part of the package, and a body fit.
+
+No account, download or GPU is needed.
 
 onnxruntime runs the networks.
 """

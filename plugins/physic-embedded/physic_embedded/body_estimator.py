@@ -1,4 +1,6 @@
-"""Estimate bodies by fitting the embedded body model to 2D keypoints, masks and, if given, 3D landmarks."""
+"""Estimate bodies by fitting the embedded body model to 2D keypoints, masks and, if given, 3D
+landmarks.
+"""
 
 from __future__ import annotations
 
@@ -23,28 +25,39 @@ if TYPE_CHECKING:
 
 _MAX_APPARENT_BEND = 0.7  # radians by which a knee of an upright person may seem bent
 _BEND_SHARE = 0.35  # share of it that counts as real
-_ACCEPTED_RISE = 50.0  # of the fit's squared residuals, which uprightness may cost before it is halved
+# of the fit's squared residuals, which uprightness may cost before it is halved
+_ACCEPTED_RISE = 50.0
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 _MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
-_ROTATION_SIGMA = {"pelvis": 0.39, "spine": 0.10, "hip": 0.47, "knee": 0.62, "shoulder": 0.70, "elbow": 0.84}
-"""Standard deviations, radians, of rotations fitted to world landmarks; other joints have no known truth.
+_ROTATION_SIGMA = {
+    "pelvis": 0.39,
+    "spine": 0.10,
+    "hip": 0.47,
+    "knee": 0.62,
+    "shoulder": 0.70,
+    "elbow": 0.84,
+}
+"""Standard deviations, radians, of rotations fitted to world landmarks; other joints have no known
+truth.
 
-Measured against true joints: the pelvis on four photos of mpi_inf_3dhp, the others on 15 frames of parkour, of
-the films for fits. There the errors about two of three axes are 8 degrees for the spine, which has three joints, 22 for
-hips, 29 for knees, 33 for shoulders and 39 for elbows.
+Measured against true joints: the pelvis on four photos of mpi_inf_3dhp, the others on 15 frames of
+parkour, of the films for fits. There the errors about two of three axes are 8 degrees for the
+spine, which has three joints, 22 for hips, 29 for knees, 33 for shoulders and 39 for elbows.
 """
 
 
 class EmbeddedBodies(BodyEstimator):
-    """Body estimator that fits the embedded body model to 2D keypoints and 3D landmarks of all people at once.
+    """Body estimator that fits the embedded body model to 2D keypoints and 3D landmarks of all
+    people at once.
 
-    With world landmarks the fit starts from them in closed form. Without, it starts from standing and sitting people
-    who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses. Finally, the
-    outlines of bodies and masks are drawn together.
+    With world landmarks the fit starts from them in closed form. Without, it starts from standing
+    and sitting people who face four ways, keeps the best, and leans on the pose prior: depths of
+    limbs are then guesses. Finally, the outlines of bodies and masks are drawn together.
 
-    The errors of keypoints and landmarks are those that the detector states. Without them, BlazePose's errors are used,
-    and the floor corrects landmarks that lean towards the camera and feet at different depths.
+    The errors of keypoints and landmarks are those that the detector states. Without them,
+    BlazePose's errors are used, and the floor corrects landmarks that lean towards the camera and
+    feet at different depths.
     """
 
     written_for = 1
@@ -59,7 +72,8 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.body import load_body
 
         if self._model is None:
-            # Newton's method differentiates gradients by differences, for which float32 is too coarse.
+            # Newton's method differentiates gradients by differences, for which float32 is too
+            # coarse.
             self._model = load_body("embedded").to(dtype=torch.float64)
 
     def close(self) -> None:
@@ -76,12 +90,13 @@ class EmbeddedBodies(BodyEstimator):
     ) -> Bodies:
         """Fit one body to each of N people, in metres in the camera frame.
 
-        The fingers are at rest. ``observed`` marks the visible joints. ``rotation_sigma`` follows from the errors that
-        the detector states of points and depths. Without them it is the same for all people, and None without 3D
-        landmarks.
+        The fingers are at rest. ``observed`` marks the visible joints. ``rotation_sigma`` follows
+        from the errors that the detector states of points and depths. Without them it is the same
+        for all people, and None without 3D landmarks.
 
         Raises:
-            BackendError: the body is not loaded, or the skeleton of the keypoints has no hips on the body.
+            BackendError: the body is not loaded, or the skeleton of the keypoints has no hips on
+                the body.
         """
         import torch
 
@@ -105,16 +120,24 @@ class EmbeddedBodies(BodyEstimator):
         observed = observed_joints(keypoints, intrinsics.height, intrinsics.width, finger_share=0)
         if not len(people):
             rotations, betas, transl = self._model.zero_pose(0)
-            return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", observed)
+            return Bodies(
+                parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
+            )
         observations = observe_people(keypoints, people, intrinsics)
         with torch.enable_grad(), limited_threads():
-            fit = (_fit_with_world_landmarks if observations.world is not None else fit_without_world_landmarks)(
-                self._model, observations, camera, keypoints.joint_set, settings
-            )
+            fit = (
+                _fit_with_world_landmarks
+                if observations.world is not None
+                else fit_without_world_landmarks
+            )(self._model, observations, camera, keypoints.joint_set, settings)
             if hints.floor is not None and keypoints.depth_sigma is None:
-                fit = self._on_floor(fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal)
+                fit = self._on_floor(
+                    fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal
+                )
             fit = fit_outlines(
-                self._model, fit, outline_pairs(self._model, fit, observations, people, camera, hints.original)
+                self._model,
+                fit,
+                outline_pairs(self._model, fit, observations, people, camera, hints.original),
             )
         rotation_sigma = None
         if keypoints.depth_sigma is not None:
@@ -141,8 +164,8 @@ class EmbeddedBodies(BodyEstimator):
     ) -> FittedBodies:
         """Repeat the fit with a known floor: feet level, and standing people upright.
 
-        The landmarks are turned back by the lean before the fit. Turning the finished body instead would not do: its
-        keypoints move, and the next optimisation turns it back.
+        The landmarks are turned back by the lean before the fit. Turning the finished body instead
+        would not do: its keypoints move, and the next optimisation turns it back.
         """
         from physic_core.body.posture import standing_legs
         from physic_embedded.body_fit.fit import fit_bodies
@@ -173,12 +196,15 @@ class EmbeddedBodies(BodyEstimator):
             costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
             if not costly.any():
                 break
-            turn, upright = np.where(costly, turn / 2, turn), upright & ~costly
+            turn = np.where(costly, turn / 2, turn)
+            upright = upright & ~costly
         return again
 
 
 def _rotation_sigma() -> FloatArray:
-    """Return the standard deviations (22,) of the rotations of pelvis and body joints, radians; NaN where unknown."""
+    """Return the standard deviations (22,) of the rotations of pelvis and body joints, radians; NaN
+    where unknown.
+    """
     from physic_core.body.joints import JOINT_NAMES
 
     names = (name.rpartition("_")[2].rstrip("123") for name in JOINT_NAMES[:22])
@@ -186,7 +212,11 @@ def _rotation_sigma() -> FloatArray:
 
 
 def _fit_with_world_landmarks(
-    model: BodyModel, observations: BodyObservations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+    model: BodyModel,
+    observations: BodyObservations,
+    camera: FloatArray,
+    skeleton: Skeleton,
+    settings: FitSettings,
 ) -> FittedBodies:
     """Fit bodies to keypoints and 3D landmarks, starting from the pose of the landmarks."""
     from physic_embedded.body_fit.fit import fit_bodies
@@ -194,7 +224,9 @@ def _fit_with_world_landmarks(
     from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
 
     assert observations.world is not None
-    roots, poses, places = [], [], []
+    roots = []
+    poses = []
+    places = []
     for i, landmarks in enumerate(observations.world):
         turned = landmarks @ observations.turn[i].T
         root, pose = pose_from_landmarks(turned, skeleton)
@@ -202,15 +234,23 @@ def _fit_with_world_landmarks(
         poses.append(pose)
         places.append(initial_translation(turned, observations, i, camera))
     return fit_bodies(
-        model, observations, camera, skeleton, InitialPose(np.array(roots), np.array(poses), np.array(places)), settings
+        model,
+        observations,
+        camera,
+        skeleton,
+        InitialPose(np.array(roots), np.array(poses), np.array(places)),
+        settings,
     )
 
 
-def _restart(fit: FittedBodies, observations: BodyObservations, turn: FloatArray, upright: BoolArray) -> InitialPose:
-    """Return initial poses from a finished fit: people rotated about the x axis of their view, with straighter legs
-    where upright.
+def _restart(
+    fit: FittedBodies, observations: BodyObservations, turn: FloatArray, upright: BoolArray
+) -> InitialPose:
+    """Return initial poses from a finished fit: people rotated about the x axis of their view, with
+    straighter legs where upright.
 
-    3D landmarks bend knees towards the camera as they lean bodies towards it, and the picture shows neither.
+    3D landmarks bend knees towards the camera as they lean bodies towards it, and the picture shows
+    neither.
     """
     from scipy.spatial.transform import Rotation
 
@@ -219,9 +259,16 @@ def _restart(fit: FittedBodies, observations: BodyObservations, turn: FloatArray
     from physic_embedded.body_fit.problem import InitialPose
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()
-    root = observations.turn @ about_x @ observations.turn.transpose(0, 2, 1) @ fit.rotations[:, 0].double().numpy()
+    root = (
+        observations.turn
+        @ about_x
+        @ observations.turn.transpose(0, 2, 1)
+        @ fit.rotations[:, 0].double().numpy()
+    )
     pose = rotmat_to_rotvec(fit.rotations[:, 1:22].double().numpy())
     for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
         bend = pose[:, knee, 0]
-        pose[:, knee, 0] = np.where(upright & (np.abs(bend) < _MAX_APPARENT_BEND), _BEND_SHARE * bend, bend)
+        pose[:, knee, 0] = np.where(
+            upright & (np.abs(bend) < _MAX_APPARENT_BEND), _BEND_SHARE * bend, bend
+        )
     return InitialPose(root, pose, fit.transl.double().numpy())

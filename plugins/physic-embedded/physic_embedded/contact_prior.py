@@ -36,24 +36,32 @@ _VISIBLE_JOINTS: dict[str, tuple[str, ...]] = {
 }
 _SITTING_SETS = ("thighs", "gluteus", "back")
 _SITTING_HIP_DEG = 140.0  # people sit when the mean angle between trunk and thighs is below this
-_LYING_TRUNK_DEG = 60.0  # people lie when the trunk is tilted from the image's vertical by more than this
+# people lie when the trunk is tilted from the image's vertical by more than this
+_LYING_TRUNK_DEG = 60.0
 
 
 class StaticContactOptions(Options):
     """Settings of the static contact prior."""
 
     soles: float = Field(1.0, ge=0, le=1, description="probability of soles")
-    feet: float = Field(0.5, ge=0, le=1, description="probability of the rest of the lower half of the feet")
+    feet: float = Field(
+        0.5, ge=0, le=1, description="probability of the rest of the lower half of the feet"
+    )
     hands: float = Field(0.5, ge=0, le=1, description="probability of palms and fingers")
-    held: float = Field(0.9, ge=0, le=1, description="probability of hands at a straight edge, such as a bar's")
-    seat: float = Field(0.5, ge=0, le=1, description="probability of undersides of the thighs and of the seat")
+    held: float = Field(
+        0.9, ge=0, le=1, description="probability of hands at a straight edge, such as a bar's"
+    )
+    seat: float = Field(
+        0.5, ge=0, le=1, description="probability of undersides of the thighs and of the seat"
+    )
     back: float = Field(0.5, ge=0, le=1, description="probability of the back")
 
 
 class StaticContact(ContactPrior):
     """Contact prior of fixed body parts: feet, thighs, buttocks, back and hands (PROX).
 
-    Body parts without observed joints get probability 0, except hands at a straight edge in the picture.
+    Body parts without observed joints get probability 0, except hands at a straight edge in the
+    picture.
     """
 
     written_for = 1
@@ -88,12 +96,18 @@ class StaticContact(ContactPrior):
         joints = self._joints(bodies)
         count = len(joints)
         observed = bodies.observed
-        observed = np.ones((count, joints.shape[1]), bool) if observed is None else np.asarray(observed)
+        observed = (
+            np.ones((count, joints.shape[1]), bool) if observed is None else np.asarray(observed)
+        )
         options = self.options
         seated = is_sitting(joints) | _is_lying(joints)
         worth = {"thighs": options.seat, "gluteus": options.seat, "back": options.back}
         for side in ("left", "right"):
-            worth |= {f"{side}_foot": options.feet, f"{side}_sole": options.soles, f"{side}_hand": options.hands}
+            worth |= {
+                f"{side}_foot": options.feet,
+                f"{side}_sole": options.soles,
+                f"{side}_hand": options.hands,
+            }
         probability = np.zeros((count, self._model.num_vertices), np.float32)
         for name, value in worth.items():
             seen = observed[:, [JOINT_INDEX[joint] for joint in _VISIBLE_JOINTS[name]]].any(1)
@@ -125,18 +139,21 @@ class StaticContact(ContactPrior):
             if bodies.joints is None:
                 raise BackendError(
                     "the static contact prior needs bodies of the embedded model or joints, got "
-                    f"{bodies.body_model!r} bodies without joints: use it in the pipeline, or choose no contact prior"
+                    f"{bodies.body_model!r} bodies without joints: use it in the pipeline, or "
+                    f"choose no contact prior"
                 )
             return bodies.joints.astype(np.float64)
         p = bodies.parameters
         with torch.no_grad():
-            betas, transl = tensor(p.betas), tensor(p.transl)
+            betas = tensor(p.betas)
+            transl = tensor(p.transl)
             out = self._model(rotations_from_parameters(p), betas, transl, joints_only=True)
         return out.joints.double().numpy()
 
 
 def is_sitting(joints: FloatArray) -> NDArray[np.bool_]:
-    """Return which people sit, squat or lunge: the mean angle between thighs and trunk is below 140 degrees.
+    """Return which people sit, squat or lunge: the mean angle between thighs and trunk is below 140
+    degrees.
 
     Args:
         joints: (N, 55, 3), any frame.
@@ -152,7 +169,9 @@ def is_sitting(joints: FloatArray) -> NDArray[np.bool_]:
 
 
 def _is_lying(joints: FloatArray) -> NDArray[np.bool_]:
-    """Return which people lie: the trunk is tilted from the image's vertical by more than 60 degrees."""
+    """Return which people lie: the trunk is tilted from the image's vertical by more than 60
+    degrees.
+    """
     from physic_core.body import JOINT_INDEX as INDEX
 
     trunk = joints[:, INDEX["neck"]] - joints[:, INDEX["pelvis"]]

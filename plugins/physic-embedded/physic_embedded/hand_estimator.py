@@ -23,28 +23,37 @@ if TYPE_CHECKING:
 SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 _LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
-_LARGEST_GAP = 0.08  # between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04
+# between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04
+_LARGEST_GAP = 0.08
 
 
 class EmbeddedHandsOptions(Options):
     """Settings of :class:`EmbeddedHands`."""
 
     least_size_px: float = Field(
-        default=32, ge=0, le=100_000, description="Least size of a fitted hand, px; below 30 px fingers are a guess."
+        default=32,
+        ge=0,
+        le=100_000,
+        description="Least size of a fitted hand, px; below 30 px fingers are a guess.",
     )
     body: str = Field(
-        default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."
+        default="embedded",
+        description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz.",
     )
     threads: int = Field(
-        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+        default=2,
+        ge=0,
+        le=256,
+        description="Threads of an operator; 0: one for each core of the process.",
     )
 
 
 class EmbeddedHands(PackagedBackend, HandEstimator):
-    """Hand estimator: detects MediaPipe hand landmarks near the wrist keypoints, and fits finger rotations to them.
+    """Hand estimator: detects MediaPipe hand landmarks near the wrist keypoints, and fits finger
+    rotations to them.
 
-    The wrist determines the side of the hand. A hand that looks like one of the other side belongs to another person
-    and is not used.
+    The wrist determines the side of the hand. A hand that looks like one of the other side belongs
+    to another person and is not used.
     """
 
     written_for = 1
@@ -68,14 +77,23 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
         self._rest = {}
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """Return the finger rotations of N people; confidence is 0 for a hand without reliable landmarks."""
+        """Return the finger rotations of N people; confidence is 0 for a hand without reliable
+        landmarks.
+        """
         rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
         confidence = np.zeros((len(people), 2), np.float32)
-        detector, landmarker = self.network["palm_detection_full"], self.network["hand_landmark_full"]
+        detector = self.network["palm_detection_full"]
+        landmarker = self.network["hand_landmark_full"]
         picture = ImagePyramid.from_image(image)
         row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-        has_arms = all(f"{side}_{joint}" in row for joint in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)
-        for i, (points, seen) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
+        has_arms = all(
+            f"{side}_{joint}" in row
+            for joint in ("shoulder", "elbow", "wrist", "hip")
+            for side in SIDES
+        )
+        for i, (points, seen) in enumerate(
+            zip(keypoints.points, keypoints.confidence, strict=True)
+        ):
             for s, side in enumerate(SIDES if has_arms else ()):
                 place = _search_square(points, seen, row, side)
                 if place is None:
@@ -83,7 +101,9 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
                 around, angle = place
                 if around.side < self.options.least_size_px:
                     continue
-                look = find_hand(detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side)
+                look = find_hand(
+                    detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side
+                )
                 if look is None or not self._is_reliable(look, side):
                     continue
                 rotvecs[i, s] = fit_fingers(look.world, self._rest[side]).rotvecs
@@ -95,18 +115,28 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
         options = self.options
         right_side = (look.right > 0.5) == (side == "right")
         steady = look.mirror_gap < _LARGEST_GAP
-        return right_side and steady and look.size >= options.least_size_px and look.presence >= _LEAST_PRESENCE
+        return (
+            right_side
+            and steady
+            and look.size >= options.least_size_px
+            and look.presence >= _LEAST_PRESENCE
+        )
 
 
 def _search_square(
     points: FloatArray, seen: FloatArray, row: dict[str, int], side: str
 ) -> tuple[RotatedSquare, float] | None:
-    """Return the square in which to search for a hand and the forearm's angle; None if the wrist is not visible."""
-    elbow, wrist = row[f"{side}_elbow"], row[f"{side}_wrist"]
+    """Return the square in which to search for a hand and the forearm's angle; None if the wrist is
+    not visible.
+    """
+    elbow = row[f"{side}_elbow"]
+    wrist = row[f"{side}_wrist"]
     if seen[wrist] < 0.3:
         return None
     knuckles = [row[f"{side}_{name}"] for name in KNUCKLES if f"{side}_{name}" in row]
-    fingers = points[knuckles].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
+    fingers = (
+        points[knuckles].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
+    )
     left_shoulder, right_shoulder, left_hip, right_hip = (
         points[row[name]] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
     )
@@ -122,6 +152,8 @@ def _rest_hands(body: str) -> dict[str, RestHand]:
     output = model(*model.zero_pose())
     down = np.array([0.0, -1.0, 0.0])
     return {
-        side: RestHand.from_landmarks(model.landmarks(output, f"openpose_hand21_{side}")[0].double().numpy(), down)
+        side: RestHand.from_landmarks(
+            model.landmarks(output, f"openpose_hand21_{side}")[0].double().numpy(), down
+        )
         for side in SIDES
     }

@@ -1,4 +1,6 @@
-"""Find hands that may hold something: a straight edge, such as that of a bar or a table, leads to the hand."""
+"""Find hands that may hold something: a straight edge, such as that of a bar or a table, leads to
+the hand.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ _PATCH = 0.3  # half side of the pixels around a hand that are searched
 _MIN_LENGTH = 0.08  # of an edge
 _MAX_GAP = 0.01  # in an edge
 _MAX_ASIDE = 0.05  # from the hand to the line through the edge
-_MAX_AWAY = 0.2  # from the hand to the nearer end of the edge; hands and sleeves hide the edge itself
+# from the hand to the nearer end of the edge; hands and sleeves hide the edge itself
+_MAX_AWAY = 0.2
 _MAX_UNEVEN = 0.25  # between the heights of both hands; beyond, the lower one carries
 _MIN_CONFIDENCE = 0.3  # of a wrist
 _GROWTH_PX = 2  # of the people's masks: the outline of an arm is an edge too
@@ -32,8 +35,9 @@ _MIN_PX = 8  # of a patch
 def hands_at_edges(image: NDArray[np.uint8], people: People) -> BoolArray:
     """Return which hands of N people are at a straight edge: (N, 2) bool, left and right.
 
-    All are False for people without keypoints of wrists. Two hands at about the same height hold the same bar: an edge
-    at one of them counts for both. If one hand is far above the other, only the lower one counts.
+    All are False for people without keypoints of wrists. Two hands at about the same height hold
+    the same bar: an edge at one of them counts for both. If one hand is far above the other, only
+    the lower one counts.
     """
     found = np.zeros((len(people), 2), bool)
     keypoints = people.keypoints
@@ -76,15 +80,26 @@ def is_at_edge(gray: NDArray[np.uint8], covered: BoolArray, hand: FloatArray, si
     height, width = gray.shape
     if not np.isfinite(hand).all():
         return False
-    (x0, y0), (x1, y1) = np.round(hand - _PATCH * size).astype(int), np.round(hand + _PATCH * size).astype(int)
-    x0, y0, x1, y1 = max(0, x0), max(0, y0), min(width, x1), min(height, y1)
+    (x0, y0), (x1, y1) = (
+        np.round(hand - _PATCH * size).astype(int),
+        np.round(hand + _PATCH * size).astype(int),
+    )
+    x0 = max(0, x0)
+    y0 = max(0, y0)
+    x1 = min(width, x1)
+    y1 = min(height, y1)
     if x1 - x0 < _MIN_PX or y1 - y0 < _MIN_PX:
         return False
     edges = cv2.Canny(gray[y0:y1, x0:x1], *_CANNY)
     edges[covered[y0:y1, x0:x1]] = 0
     length = max(_MIN_PX, _MIN_LENGTH * size)
     lines = cv2.HoughLinesP(
-        edges, 1, np.pi / 180, round(0.7 * length), minLineLength=length, maxLineGap=max(2.0, _MAX_GAP * size)
+        edges,
+        1,
+        np.pi / 180,
+        round(0.7 * length),
+        minLineLength=length,
+        maxLineGap=max(2.0, _MAX_GAP * size),
     )
     if lines is None:
         return False
@@ -98,6 +113,8 @@ def is_at_edge(gray: NDArray[np.uint8], covered: BoolArray, hand: FloatArray, si
 
 
 def _hand(points: FloatArray, row: dict[str, int], side: str) -> FloatArray:
-    """Return the middle of a hand (2,) px: of the knuckles if the skeleton has them, else the wrist."""
+    """Return the middle of a hand (2,) px: of the knuckles if the skeleton has them, else the
+    wrist.
+    """
     knuckles = [row[f"{side}_{name}"] for name in ("index1", "pinky1") if f"{side}_{name}" in row]
     return np.asarray(points[knuckles or [row[f"{side}_wrist"]]].mean(0), np.float64)

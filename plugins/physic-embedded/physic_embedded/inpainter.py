@@ -27,20 +27,27 @@ class MiGanOptions(Options):
         default=0.004,
         ge=0,
         le=0.1,
-        description="Share of the long side by which the hole that the network sees is wider than the one it fills: "
-        "at the edge its fill takes on the colours of what is removed. 0 gives the network's own soft edge.",
+        description="Share of the long side by which the hole that the network sees is wider than "
+        "the one it fills: "
+        "at the edge its fill takes on the colours of what is removed. 0 gives the network's own "
+        "soft edge.",
     )
     threads: int = Field(
-        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+        default=2,
+        ge=0,
+        le=256,
+        description="Threads of an operator; 0: one for each core of the process.",
     )
 
 
 class MiGan(PackagedBackend, Inpainter):
-    """MI-GAN inpainter for 512 px, trained on Places2. It runs on a crop around the hole, for any photo size.
+    """MI-GAN inpainter for 512 px, trained on Places2.
 
-    The fill is sharp for holes up to about 512 px across and gets blurred above that. With little known around the
-    hole, the fill is invented. A hole much larger than the person may be filled with an invented figure, so dilate
-    little: 0.4 to 1.2 % of the photo's long side.
+    It runs on a crop around the hole, for any photo size.
+
+    The fill is sharp for holes up to about 512 px across and gets blurred above that. With little
+    known around the hole, the fill is invented. A hole much larger than the person may be filled
+    with an invented figure, so dilate little: 0.4 to 1.2 % of the photo's long side.
     """
 
     written_for = 1
@@ -51,7 +58,8 @@ class MiGan(PackagedBackend, Inpainter):
     networks = ("migan_512_places2",)
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
+        identical.
 
         Raises:
             BackendError: the mask has another size, or covers the whole image.
@@ -59,36 +67,51 @@ class MiGan(PackagedBackend, Inpainter):
         return inpaint_masked(image, mask, self.options.rim, self._fill)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Fill the hole (H, W) in an image (H, W, 3), with soft edges: pixels near it change too."""
+        """Fill the hole (H, W) in an image (H, W, 3), with soft edges: pixels near it change
+        too.
+        """
         import cv2
 
-        filled, part = image.copy(), _crop(hole)
-        shown, known = image[part].astype(np.float32), np.where(hole[part], 0, 255).astype(np.uint8)
+        filled = image.copy()
+        part = _crop(hole)
+        shown = image[part].astype(np.float32)
+        known = np.where(hole[part], 0, 255).astype(np.uint8)
         size = (_NETWORK_SIZE, _NETWORK_SIZE)
         small = np.rint(cv2.resize(shown, size, interpolation=cv2.INTER_LINEAR))
         small_known = cv2.resize(known, size, interpolation=cv2.INTER_NEAREST).astype(np.float32)
-        inputs = {"image": np.ascontiguousarray(small.transpose(2, 0, 1)[None]), "known": small_known[None, None]}
+        inputs = {
+            "image": np.ascontiguousarray(small.transpose(2, 0, 1)[None]),
+            "known": small_known[None, None],
+        }
         (made,) = self.network["migan_512_places2"].run(["filled"], inputs)
         planes = np.ascontiguousarray(made[0].transpose(1, 2, 0))
         large = cv2.resize(planes, known.shape[::-1], interpolation=cv2.INTER_LINEAR)
         soft = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.float32) / 255
-        share = cv2.sepFilter2D(soft, -1, _EDGE, _EDGE, borderType=cv2.BORDER_REFLECT_101)[..., None]
+        share = cv2.sepFilter2D(soft, -1, _EDGE, _EDGE, borderType=cv2.BORDER_REFLECT_101)[
+            ..., None
+        ]
         large += (shown - large) * share
         filled[part] = np.clip(large, 0, 255)
         return filled
 
 
 def _crop(hole: BoolArray) -> tuple[slice, slice]:
-    """Return rows and columns of the part that the network sees: a square round the hole, as far as the photo goes."""
+    """Return rows and columns of the part that the network sees: a square round the hole, as far as
+    the photo goes.
+    """
     bounds = [np.flatnonzero(hole.any(axis=axis))[[0, -1]] for axis in (1, 0)]
     side = max(_NETWORK_SIZE, 2 * _MARGIN + max(int(last - first) for first, last in bounds))
     parts = []
     for (first, last), length in zip(bounds, hole.shape, strict=True):
-        centre, half = (int(first) + int(last)) // 2, (side + 1) // 2
-        start, stop = centre - half, centre + half
+        centre = (int(first) + int(last)) // 2
+        half = (side + 1) // 2
+        start = centre - half
+        stop = centre + half
         if start < 0:
-            start, stop = 0, min(side, length)
+            start = 0
+            stop = min(side, length)
         elif stop > length:
-            start, stop = max(length - side, 0), length
+            start = max(length - side, 0)
+            stop = length
         parts.append(slice(start, stop))
     return parts[0], parts[1]

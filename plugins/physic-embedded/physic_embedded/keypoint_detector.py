@@ -34,18 +34,23 @@ class EmbeddedKeypointsOptions(Options):
     """Settings of :class:`EmbeddedKeypoints`."""
 
     reuse: bool = Field(
-        default=True, description="Take joints that the segmenter already found, where they are of this skeleton."
+        default=True,
+        description="Take joints that the segmenter already found, where they are of this "
+        "skeleton.",
     )
     threads: int = Field(
-        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+        default=2,
+        ge=0,
+        le=256,
+        description="Threads of an operator; 0: one for each core of the process.",
     )
 
 
 class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
     """Keypoint detector with BlazePose heavy: skeleton "blazepose33" with world landmarks.
 
-    People of the embedded segmenter carry these joints already. For people of another segmenter, the pose that lies
-    best on the person's mask is looked for in the neighbourhood of the box.
+    People of the embedded segmenter carry these joints already. For people of another segmenter,
+    the pose that lies best on the person's mask is looked for in the neighbourhood of the box.
     """
 
     written_for = 1
@@ -63,7 +68,9 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         return {}
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Return 33 joints of each of N people; confidence is 0 for a person without a detected pose."""
+        """Return 33 joints of each of N people; confidence is 0 for a person without a detected
+        pose.
+        """
         seen = people.keypoints
         if (
             self.options.reuse
@@ -75,7 +82,10 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         if not self.network:
             self._network = super().build(self.device)
         picture = ImagePyramid.from_image(image)
-        looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
+        looks = [
+            self._look(picture, mask, box)
+            for mask, box in zip(people.masks, people.boxes, strict=True)
+        ]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
         lost = np.array([fit < MIN_MASK_FIT for _, fit in looks], bool)
         found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
@@ -94,7 +104,8 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         left, top = np.maximum(np.floor(center - side), 0).astype(int)
         right, bottom = np.ceil(center + side).astype(int) + 1
         near = picture.levels[0][top:bottom, left:right]
-        detector, pyramid = self.network["pose_detection"], ImagePyramid.from_image(near)
+        detector = self.network["pose_detection"]
+        pyramid = ImagePyramid.from_image(near)
         for d in detect_people(detector, pyramid, _LOWEST_SCORE, _LOWEST_SCORE, ())[:3]:
             hip, end = d.keypoints[:2] + np.array([left, top])
             starts.append((person_square(hip, end), 2))
@@ -107,14 +118,18 @@ def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keyp
     """Convert poses to keypoints; confidence is 0 outside the image."""
     return Keypoints(
         points=np.array([p.points for p in poses], np.float32).reshape(-1, 33, 2),
-        confidence=np.array([p.confidence(width, height) for p in poses], np.float32).reshape(-1, 33),
+        confidence=np.array([p.confidence(width, height) for p in poses], np.float32).reshape(
+            -1, 33
+        ),
         skeleton=BLAZEPOSE_SKELETON,
         world=np.array([p.world for p in poses], np.float32).reshape(-1, 33, 3),
     )
 
 
 def _fit(pose: Pose, mask: BoolArray) -> float:
-    """Return how well a pose fits a mask (H, W): presence times overlap of the pose's own mask with it."""
+    """Return how well a pose fits a mask (H, W): presence times overlap of the pose's own mask with
+    it.
+    """
     ys, xs = np.nonzero(mask)
     if not len(xs):
         return pose.score

@@ -1,4 +1,6 @@
-"""Estimate a relative point map from Depth Anything V2, a focal length and the disparity at infinity."""
+"""Estimate a relative point map from Depth Anything V2, a focal length and the disparity at
+infinity.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-_DEPTH, _LINES = "depth_anything_v2_vits", "mlsd_large_512"
-_MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_DEPTH = "depth_anything_v2_vits"
+_LINES = "mlsd_large_512"
+# ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_MIN_GAP = 0.002
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger than its signal
 
@@ -46,37 +50,57 @@ _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their fee
 class EmbeddedPointmapOptions(Options):
     """Settings of the embedded relative point map.
 
-    The default focal length lies between those of phones and of other cameras. Main cameras of phones are stated as 24
-    to 28 mm in 35 mm terms, by the diagonal: .69 to .81 of the long side of a 4:3 photo. Kit zooms start at 24 to 28 mm
-    and are mostly used at 35 to 50 mm, .97 to 1.39 of the long side of a 3:2 photo.
+    The default focal length lies between those of phones and of other cameras. Main cameras of
+    phones are stated as 24 to 28 mm in 35 mm terms, by the diagonal: .69 to .81 of the long side of
+    a 4:3 photo. Kit zooms start at 24 to 28 mm and are mostly used at 35 to 50 mm, .97 to 1.39 of
+    the long side of a 3:2 photo.
     """
 
     short_side: int = Field(
-        518, ge=70, le=4096, description="px of the short side that the network sees; 518 as trained"
+        518,
+        ge=70,
+        le=4096,
+        description="px of the short side that the network sees; 518 as trained",
     )
     photo_short_side: int = Field(
-        406, ge=70, le=4096, description="the same for the photo with its people, for whom coarse depth is enough"
+        406,
+        ge=70,
+        le=4096,
+        description="the same for the photo with its people, for whom coarse depth is enough",
     )
     max_tokens: int = Field(
-        3600, ge=64, le=100_000, description="cap on 14 px patches, which limits the time of long panoramas"
+        3600,
+        ge=64,
+        le=100_000,
+        description="cap on 14 px patches, which limits the time of long panoramas",
     )
     default_focal: float = Field(
-        0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
+        0.85,
+        gt=0.2,
+        lt=5.0,
+        description="focal length in long sides where neither file, user nor edges give one",
     )
-    focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
+    focal_from_edges: bool = Field(
+        True, description="look for a focal length in the straight edges of the photo"
+    )
     products: Products = Field(
         "float32",
-        description="arithmetic of the depth network's matrix products; auto is int8 on the CPU and float32 elsewhere. "
-        "int8 takes two thirds of the time, but one level of one pixel can then move the scene by centimetres",
+        description="arithmetic of the depth network's matrix products; auto is int8 on the CPU "
+        "and float32 elsewhere. "
+        "int8 takes two thirds of the time, but one level of one pixel can then move the scene by "
+        "centimetres",
     )
-    threads: int = Field(2, ge=0, le=256, description="threads of the network; 0: one for each core of the process")
+    threads: int = Field(
+        2, ge=0, le=256, description="threads of the network; 0: one for each core of the process"
+    )
 
 
 class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     """Relative point map by Depth Anything V2.
 
-    The first call, for the inpainted photo, finds the focal length and the disparity at infinity. A call with
-    ``hints.scene`` takes both from it: the same camera, and the disparity that agrees with it outside the people.
+    The first call, for the inpainted photo, finds the focal length and the disparity at infinity. A
+    call with ``hints.scene`` takes both from it: the same camera, and the disparity that agrees
+    with it outside the people.
     """
 
     written_for = 1
@@ -96,7 +120,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
         """Return points whose inverse depth is known up to scale and shift, with median depth 1.
 
-        Points farther than the network resolves, and points between a near and a far surface, are not valid.
+        Points farther than the network resolves, and points between a near and a far surface, are
+        not valid.
 
         Raises:
             BackendError: the networks are not loaded.
@@ -115,12 +140,16 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         warnings: list[str] = []
         if found is None:
             if hints.scene is not None:
-                notes.append("the photo's depth could not be matched to the scene's outside the people")
+                notes.append(
+                    "the photo's depth could not be matched to the scene's outside the people"
+                )
             estimate = self._disparity_at_infinity(raw, camera, gravity, hints)
-            infinity, disparity_sigma = estimate.disparity, estimate.disparity_sigma
+            infinity = estimate.disparity
+            disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
-                f"the depth of the background may be off by a factor of {factor:.2g}: {estimate.rule}"
+                f"the depth of the background may be off by a factor of {factor:.2g}: "
+                f"{estimate.rule}"
             )
         else:
             infinity = found.infinity
@@ -128,11 +157,14 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         too_far = (raw - infinity < _MIN_RELIABLE_GAP * span) | (raw < _SKY_DISPARITY * span)
         lost = flying_pixels(gap) | too_far
         if lost.all():
-            raise BackendError("the depth network saw no structure in the photo: no pixel has a reliable depth")
+            raise BackendError(
+                "the depth network saw no structure in the photo: no pixel has a reliable depth"
+            )
         unit = float(np.median(gap[~lost])) if found is None else 1 / found.scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
         valid = resize_map(lost.astype(np.float32), height, width) < 0.5
-        columns, rows = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+        columns = np.arange(width, dtype=np.float32)
+        rows = np.arange(height, dtype=np.float32)
         points = np.empty((height, width, 3), np.float32)
         points[..., 0] = depth * ((columns - camera.cx) / camera.fx)[None, :]
         points[..., 1] = depth * ((rows - camera.cy) / camera.fy)[:, None]
@@ -149,14 +181,19 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             warnings=tuple(warnings),
         )
 
-    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, Gravity | None, list[str]]:
+    def _camera(
+        self, image: NDArray[np.uint8], hints: Hints
+    ) -> tuple[Intrinsics, Gravity | None, list[str]]:
         """Return the known, edge-based or default camera, gravity by edges, and notes."""
         height, width = image.shape[:2]
-        camera, notes = known_camera(hints, image), []
+        camera = known_camera(hints, image)
+        notes = []
         segments = None
         if self.options.focal_from_edges and hints.scene is None:
             # Inpainted pixels have lines of their own, which a hole one pixel wider changes.
-            segments = detect_line_segments(self.network[_LINES], image if hints.photo is None else hints.photo)
+            segments = detect_line_segments(
+                self.network[_LINES], image if hints.photo is None else hints.photo
+            )
             if hints.hole is not None:
                 segments = segments_outside_mask(segments, hints.hole)
         if camera is None:
@@ -164,7 +201,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             notes = [note]
         if segments is None:
             return camera, None, notes
-        gravity = gravity_from_segments(segments, width, height, camera.fx, focal_sigma=camera.focal_sigma or 0.0)
+        gravity = gravity_from_segments(
+            segments, width, height, camera.fx, focal_sigma=camera.focal_sigma or 0.0
+        )
         return camera, gravity, notes
 
     def _estimated_camera(
@@ -172,15 +211,20 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     ) -> tuple[Intrinsics, str]:
         """Return the camera by the default and the segments, and a note."""
         default = self.options.default_focal
-        focal, sigma = default * max(width, height), DEFAULT_FOCAL_SIGMA
+        focal = default * max(width, height)
+        sigma = DEFAULT_FOCAL_SIGMA
         source = f"default ({default:g} x the long side)"
-        found = None if segments is None else focal_of_segments(segments, width, height, focal, sigma)
+        found = (
+            None if segments is None else focal_of_segments(segments, width, height, focal, sigma)
+        )
         if found is not None:
             focal, sigma = found
             source += " and vanishing points"
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
-        return replace(camera, focal_sigma=sigma), f"the focal length is a {source}: it may be off by {sigma:.0%}"
+        return replace(
+            camera, focal_sigma=sigma
+        ), f"the focal length is a {source}: it may be off by {sigma:.0%}"
 
     def _disparity_at_infinity(
         self, raw: FloatArray, camera: Intrinsics, gravity: Gravity | None, hints: Hints
@@ -189,8 +233,16 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         rows, columns = raw.shape
         focal = camera.fx * columns / camera.width
         surfaces = None if hints.people is None else hints.people.surfaces
-        ground = None if surfaces is None else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
-        walls = None if surfaces is None else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
+        ground = (
+            None
+            if surfaces is None
+            else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
+        )
+        walls = (
+            None
+            if surfaces is None
+            else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
+        )
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
         return disparity_at_infinity(
             raw,
@@ -204,7 +256,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
 
 @dataclass(frozen=True)
 class _SceneMatch:
-    """Affine map from disparity to the scene's inverse depth: ``scale * (disparity - infinity)``."""
+    """Affine map from disparity to the scene's inverse depth: ``scale * (disparity -
+    infinity)``.
+    """
 
     infinity: float
     scale: float
@@ -222,18 +276,24 @@ def _shrink_labels(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[
     """Resize a mask to network resolution by its nearest pixels."""
     import cv2
 
-    return np.asarray(cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST_EXACT) > 0)
+    return np.asarray(
+        cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST_EXACT)
+        > 0
+    )
 
 
 def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
-    """Fit the affine map from disparity to the scene's inverse depth outside the people, by reweighted least
-    squares."""
+    """Fit the affine map from disparity to the scene's inverse depth outside the people, by
+    reweighted least squares.
+    """
     import cv2
 
     assert hints.scene is not None
     rows, columns = raw.shape
     z = np.where(hints.scene.valid, hints.scene.points[..., 2], np.inf)
-    target = cv2.resize((1 / z).astype(np.float32), (columns, rows), interpolation=cv2.INTER_NEAREST)
+    target = cv2.resize(
+        (1 / z).astype(np.float32), (columns, rows), interpolation=cv2.INTER_NEAREST
+    )
     usable = target > 0
     if hints.people is not None and len(hints.people):
         anybody = np.asarray(hints.people.masks.any(0))
@@ -241,11 +301,14 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
         usable &= ~_shrink_mask(wider, rows, columns)
     if usable.mean() < 0.05:
         return None
-    x, y = raw[usable].astype(np.float64), target[usable].astype(np.float64)
+    x = raw[usable].astype(np.float64)
+    y = target[usable].astype(np.float64)
     weight = np.ones_like(x)
-    slope, shift = 0.0, 0.0
+    slope = 0.0
+    shift = 0.0
     for _ in range(10):
-        mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
+        mean_x = np.average(x, weights=weight)
+        mean_y = np.average(y, weights=weight)
         spread = np.average((x - mean_x) ** 2, weights=weight)
         if spread <= 0:
             return None

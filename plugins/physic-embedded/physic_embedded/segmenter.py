@@ -1,4 +1,6 @@
-"""Segment people, floor and surfaces: YOLOX and BlazePose detect people, MobileSAM segments them, DeepLab labels."""
+"""Segment people, floor and surfaces: YOLOX and BlazePose detect people, MobileSAM segments them,
+DeepLab labels.
+"""
 
 from __future__ import annotations
 
@@ -46,35 +48,52 @@ class EmbeddedSegmenterOptions(Options):
         default=0.4,
         ge=0,
         le=1,
-        description="Lowest score of a person's box by YOLOX; 0.1 less if a pose fits the box well.",
+        description="Lowest score of a person's box by YOLOX; 0.1 less if a pose fits the box "
+        "well.",
     )
     tile_fractions: tuple[Annotated[float, Field(ge=0.05, le=1)], ...] = Field(
         default=(0.6, 0.4),
         max_length=8,
-        description="Sides of the tiles that are searched beside the whole photo, over its long side; "
+        description="Sides of the tiles that are searched beside the whole photo, over its long "
+        "side; "
         "add 0.18 to find more of a crowd, slowly; leave empty for one person in the middle.",
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
-    min_height_px: float = Field(
-        default=40, ge=0, le=100_000, description="Least height of a mask, px; lower people are skipped."
+    max_people: int = Field(
+        default=20, ge=1, le=1000, description="Largest number of people, best first."
     )
-    floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
-    surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
+    min_height_px: float = Field(
+        default=40,
+        ge=0,
+        le=100_000,
+        description="Least height of a mask, px; lower people are skipped.",
+    )
+    floor: bool = Field(
+        default=True, description="Look for the floor beside the feet, and among the surfaces."
+    )
+    surfaces: bool = Field(
+        default=True, description="Label floor, walls, seats and other surfaces."
+    )
     products: Products = Field(
         default="float32",
-        description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU and float32 elsewhere. "
-        "With int8, one level of one pixel can move the edge of a mask, and by it the focal length.",
+        description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU "
+        "and float32 elsewhere. "
+        "With int8, one level of one pixel can move the edge of a mask, and by it the focal "
+        "length.",
     )
     threads: int = Field(
-        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+        default=2,
+        ge=0,
+        le=256,
+        description="Threads of an operator; 0: one for each core of the process.",
     )
 
 
 class EmbeddedSegmenter(PackagedBackend, Segmenter):
-    """Segmenter: the single-person BlazePose detects people, MobileSAM predicts the masks of people and floor.
+    """Segmenter: the single-person BlazePose detects people, MobileSAM predicts the masks of people
+    and floor.
 
-    Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks) and the surfaces that DeepLabv3
-    labels (``People.surfaces``).
+    Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks) and the
+    surfaces that DeepLabv3 labels (``People.surfaces``).
     """
 
     written_for = 1
@@ -92,7 +111,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         Raises:
             NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
         """
-        networks, options = self.network, self.options
+        networks = self.network
+        options = self.options
         found, unposed, left_out = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
@@ -107,17 +127,27 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         if not found and not unposed and prompt is None:
             empty_mask = np.zeros(image.shape[:2], bool)
             surfaces = self._surfaces(image, empty_mask)
-            floor = _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
+            floor = (
+                _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
+            )
             empty = self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
             return replace(empty, notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
             scenery = Scenery(
-                image, networks["pose_landmark_heavy"], networks["mobilesam_decoder"], embedding, found, masks
+                image,
+                networks["pose_landmark_heavy"],
+                networks["mobilesam_decoder"],
+                embedding,
+                found,
+                masks,
             )
-            found, unposed = choose_poses(scenery, prompt), []
-            masks = _with_given_masks(self._masks(embedding, [person.pose for person in found]), prompt)
+            found = choose_poses(scenery, prompt)
+            unposed = []
+            masks = _with_given_masks(
+                self._masks(embedding, [person.pose for person in found]), prompt
+            )
         else:
             found, masks, low = self._leave_out_low(found, masks)
             unposed += low
@@ -127,12 +157,21 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         reported, unposed_mask = segment_unposed(decoder, embedding, unposed, people, surfaces)
         floor = None
         if options.floor:
-            poses, people = [person.pose for person in found], people | unposed_mask
-            floor = floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
+            poses = [person.pose for person in found]
+            people = people | unposed_mask
+            floor = (
+                floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
+            )
             floor = _with_labelled_floor(floor, surfaces, people)
         result = self._people(found, masks, floor, surfaces, image)
         heads = count_heads(unposed, [person.pose for person in found], masks)
-        return replace(result, heads=heads, unposed=reported, unposed_mask=unposed_mask, notes=_left_out_note(left_out))
+        return replace(
+            result,
+            heads=heads,
+            unposed=reported,
+            unposed_mask=unposed_mask,
+            notes=_left_out_note(left_out),
+        )
 
     def _surfaces(self, image: UInt8Array, people: BoolArray) -> SurfaceLabels | None:
         """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""
@@ -143,24 +182,34 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     def _masks(self, embedding: ImageEmbedding, poses: list[Pose]) -> BoolArray:
         """Return the masks (N, H, W) of people with poses."""
         decoder = self.network["mobilesam_decoder"]
-        alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
+        alone = [
+            person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses
+        ]
         return resolve_overlaps(alone, embedding)
 
     def _leave_out_low(
         self, found: list[DetectedPose], masks: BoolArray
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedBox]]:
-        """Omit people whose mask is lower than ``min_height_px``, and return them as boxes without a pose."""
+        """Omit people whose mask is lower than ``min_height_px``, and return them as boxes without
+        a pose.
+        """
         least = max(self.options.min_height_px, 1.0)
         edges = boxes_from_masks(masks)
         tall = edges[:, 3] - edges[:, 1] >= least
         low = [
             UnposedBox(
-                mask_box(person.pose) if person.box is None else person.box, person.score, f"lower than {least:g} px"
+                mask_box(person.pose) if person.box is None else person.box,
+                person.score,
+                f"lower than {least:g} px",
             )
             for person, is_tall in zip(found, tall, strict=True)
             if not is_tall
         ]
-        return [person for person, is_tall in zip(found, tall, strict=True) if is_tall], masks[tall], low
+        return (
+            [person for person, is_tall in zip(found, tall, strict=True) if is_tall],
+            masks[tall],
+            low,
+        )
 
     def _people(
         self,
@@ -176,7 +225,9 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             boxes=boxes_from_masks(masks).astype(np.float32),
             scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=doubt_cut_heads(keypoints_from_poses([person.pose for person in found], *image.shape[:2]), masks),
+            keypoints=doubt_cut_heads(
+                keypoints_from_poses([person.pose for person in found], *image.shape[:2]), masks
+            ),
             surfaces=surfaces,
         )
 
@@ -188,12 +239,15 @@ def _left_out_note(names: list[str]) -> tuple[str, ...]:
     return (f"left out what looks like a person, and more like another thing: {', '.join(names)}",)
 
 
-def _with_labelled_floor(floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray) -> BoolArray:
+def _with_labelled_floor(
+    floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray
+) -> BoolArray:
     return floor if surfaces is None else add_labelled_floor(floor, surfaces, people)
 
 
 def _with_given_masks(masks: BoolArray, prompt: PeoplePrompt) -> BoolArray:
-    """Replace the masks (N, H, W) of the last people by the given ones, which take pixels of the others.
+    """Replace the masks (N, H, W) of the last people by the given ones, which take pixels of the
+    others.
 
     Raises:
         NoPersonError: no pixel of a person is left.
@@ -204,6 +258,7 @@ def _with_given_masks(masks: BoolArray, prompt: PeoplePrompt) -> BoolArray:
     for i, mask in enumerate(masks):
         if not mask.any():
             raise NoPersonError(
-                f"the other people hide every pixel of the person at {prompt.describe(i)}: leave it out, or give masks"
+                f"the other people hide every pixel of the person at {prompt.describe(i)}: leave "
+                f"it out, or give masks"
             )
     return masks

@@ -1,4 +1,6 @@
-"""The photo that several tests show to the networks, and the people whom the segmenter finds in it."""
+"""The photo that several tests show to the networks, and the people whom the segmenter finds in
+it.
+"""
 
 from __future__ import annotations
 

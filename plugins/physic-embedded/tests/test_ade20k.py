@@ -1,4 +1,6 @@
-"""DeepLabv3 on ADE20K: surfaces lie where the network has its logits, and people are not a surface of their own."""
+"""DeepLabv3 on ADE20K: surfaces lie where the network has its logits, and people are not a surface
+of their own.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ from physic_core.types import SURFACE_NAMES
 from physic_embedded.networks.ade20k import PADDING_VALUE, label_surfaces
 from physic_embedded.networks.sessions import open_packaged_session
 
-FLOOR, WALL, PERSON, SEAT = (SURFACE_NAMES.index(name) for name in ("floor", "wall", "person", "seat"))
+FLOOR, WALL, PERSON, SEAT = (
+    SURFACE_NAMES.index(name) for name in ("floor", "wall", "person", "seat")
+)
 
 
 class Network:
-    """Class 4 (floor) where the input is red, class 1 (wall) elsewhere, with a given margin of the logits."""
+    """Class 4 (floor) where the input is red, class 1 (wall) elsewhere, with a given margin of the
+    logits.
+    """
 
     def __init__(self, margin: float = 8.0) -> None:
         self.margin = margin
@@ -47,7 +53,9 @@ def test_a_surface_lies_at_the_pixels_of_its_logits() -> None:
 
 
 def test_pixels_of_people_are_people_and_grey_to_the_network() -> None:
-    image, people, network = photo(512, 512), np.zeros((512, 512), bool), Network()
+    image = photo(512, 512)
+    people = np.zeros((512, 512), bool)
+    network = Network()
     people[200:300, 100:200] = True
     labels = label_surfaces(network, image, people).labels  # type: ignore[arg-type]
     assert (labels[people] == PERSON).all()
@@ -63,7 +71,9 @@ def test_an_improbable_surface_is_unknown() -> None:
 
 
 def test_the_court_of_the_example_is_floor_or_ground(image: NDArray[np.uint8]) -> None:
-    surfaces = label_surfaces(open_packaged_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool))
+    surfaces = label_surfaces(
+        open_packaged_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool)
+    )
     court = surfaces.mask("floor", "ground")
     assert court[-10:].mean() > 0.8
     assert court[: len(court) // 4].mean() < 0.05

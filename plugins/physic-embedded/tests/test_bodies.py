@@ -35,7 +35,8 @@ FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 0.4)
 MODEL = load_body("embedded")
 ZERO = torch.zeros(1, MODEL.num_betas)
 SLOPE = (MODEL.stature(torch.eye(MODEL.num_betas)) - MODEL.stature(-torch.eye(MODEL.num_betas))) / 2
-ADULT = adult_shape(float(MODEL.stature(ZERO)), SLOPE)  # a photo shows no other stature than that of the prior
+# a photo shows no other stature than that of the prior
+ADULT = adult_shape(float(MODEL.stature(ZERO)), SLOPE)
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,9 @@ WALKS = pose(
     right_shoulder=(0, 40, 60),
     right_elbow=(0, 60, 0),
 )
-SITS = pose(left_hip=(-85, 5, 5), right_hip=(-80, 0, -8), left_knee=(80, 0, 0), right_knee=(90, 0, 0))
+SITS = pose(
+    left_hip=(-85, 5, 5), right_hip=(-80, 0, -8), left_knee=(80, 0, 0), right_knee=(90, 0, 0)
+)
 
 
 def truth(
@@ -96,7 +99,8 @@ def truth(
     if noise_px:
         seen = seen + np.random.default_rng(0).normal(0, noise_px, seen.shape)
     world = np.empty_like(points)
-    c, s = np.cos(np.radians(lean_deg)), np.sin(np.radians(lean_deg))
+    c = np.cos(np.radians(lean_deg))
+    s = np.sin(np.radians(lean_deg))
     lean = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])  # positive tips the head towards the camera
     for i in range(count):
         ray = (middle[i] @ CAMERA.matrix.T)[0]
@@ -144,9 +148,12 @@ def stating(seen: Truth, depth_sigma: float | np.ndarray = 0.07) -> Truth:
     return replace(seen, keypoints=replace(seen.keypoints, **errors))
 
 
-def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(backend: EmbeddedBodies) -> None:
+def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(
+    backend: EmbeddedBodies,
+) -> None:
     seen = stating(truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23"))
-    alone, on_floor = fit(backend, seen), fit(backend, seen, FLOOR)
+    alone = fit(backend, seen)
+    on_floor = fit(backend, seen, FLOOR)
     miss = miss_mm(posed(alone)[0], seen.joints)
     print(f"{np.round(miss, 1)} mm")
     assert miss.max() < 20
@@ -156,20 +163,28 @@ def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(backend: 
 def test_joints_without_a_3d_landmark_follow_the_picture(backend: EmbeddedBodies) -> None:
     seen = truth([WALKS], [(0.2, 0.3, 4.0)])
     assert seen.keypoints.world is not None
-    rows = [skeleton_named(BLAZEPOSE_SKELETON).names.index(name) for name in ("left_wrist", "right_ankle", "left_hip")]
+    rows = [
+        skeleton_named(BLAZEPOSE_SKELETON).names.index(name)
+        for name in ("left_wrist", "right_ankle", "left_hip")
+    ]
     world = seen.keypoints.world.copy()
     world[:, rows] = np.nan
     joints, _ = posed(fit(backend, replace(seen, keypoints=replace(seen.keypoints, world=world))))
     wanted = [JOINT_INDEX[name] for name in ("left_wrist", "right_ankle", "left_hip")]
-    pixels, true = (points @ CAMERA.matrix.T for points in (joints[:, wanted], seen.joints[:, wanted]))
+    pixels, true = (
+        points @ CAMERA.matrix.T for points in (joints[:, wanted], seen.joints[:, wanted])
+    )
     assert np.abs(pixels[..., :2] / pixels[..., 2:] - true[..., :2] / true[..., 2:]).max() < 8
     assert miss_mm(joints, seen.joints).mean() < 40
 
 
 def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) -> None:
-    """An ankle that is .3 m too near: the less the detector vouches for it, the less the leg follows."""
+    """An ankle that is .3 m too near: the less the detector vouches for it, the less the leg
+    follows.
+    """
     seen = truth([STANDS], [(0.3, 0.1, 4.2)], skeleton="coco23")
-    world, ankle = seen.keypoints.world.copy(), SKELETONS["coco23"].names.index("left_ankle")
+    world = seen.keypoints.world.copy()
+    ankle = SKELETONS["coco23"].names.index("left_ankle")
     world[:, ankle, 2] -= 0.3
     wrong = replace(seen, keypoints=replace(seen.keypoints, world=world))
     sigma = np.full(world.shape[1], 0.07)
@@ -182,10 +197,16 @@ def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) ->
     assert misses[2] < 40
 
 
-def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole(backend: EmbeddedBodies) -> None:
-    """Exact points and depths of a body whose joints are about 25 mm from those of the embedded one."""
+def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole(
+    backend: EmbeddedBodies,
+) -> None:
+    """Exact points and depths of a body whose joints are about 25 mm from those of the embedded
+    one.
+    """
     seen = truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23")
-    moved = seen.keypoints.world + np.random.default_rng(0).normal(scale=0.016, size=seen.keypoints.world.shape)
+    moved = seen.keypoints.world + np.random.default_rng(0).normal(
+        scale=0.016, size=seen.keypoints.world.shape
+    )
     other = replace(seen, keypoints=replace(seen.keypoints, world=moved))
     joints, _ = posed(fit(backend, stating(other, 0.001)))
     miss = miss_mm(joints - joints[:, :1], seen.joints - seen.joints[:, :1])
@@ -195,11 +216,14 @@ def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole
 
 def test_rotations_are_as_sure_as_the_depths_that_they_follow_from(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS, SITS], PLACES[:2], skeleton="coco23")
-    exact, usual, vague = (fit(backend, stating(seen, sigma)).rotation_sigma for sigma in (0.01, 0.07, 0.3))
+    exact, usual, vague = (
+        fit(backend, stating(seen, sigma)).rotation_sigma for sigma in (0.01, 0.07, 0.3)
+    )
     thighs = [JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]
     assert (exact[:, thighs] < usual[:, thighs]).all()
     assert (usual[:, thighs] < vague[:, thighs]).all()
-    np.testing.assert_allclose(vague[:, 20:], exact[:, 20:], rtol=0.05)  # nothing shows how wrists turn
+    # nothing shows how wrists turn
+    np.testing.assert_allclose(vague[:, 20:], exact[:, 20:], rtol=0.05)
 
 
 @pytest.mark.parametrize(("noise_px", "most_mm"), [(0.0, 15), (2.0, 20)])
@@ -221,30 +245,38 @@ def test_bodies_are_recovered_from_synthetic_landmarks(
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
-def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend: EmbeddedBodies, skeleton: str) -> None:
+def test_keypoints_without_landmarks_give_the_pose_in_the_picture(
+    backend: EmbeddedBodies, skeleton: str
+) -> None:
     seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
     flat = replace(seen, keypoints=replace(seen.keypoints, world=None))
     answer = fit(backend, flat)
     assert answer.rotation_sigma is None  # depths of limbs are guesses
     joints, _ = posed(answer)
     pixels, wanted = (j @ CAMERA.matrix.T for j in (joints, seen.joints))
-    error = np.linalg.norm(pixels[..., :2] / pixels[..., 2:] - wanted[..., :2] / wanted[..., 2:], axis=-1)[:, :22]
+    error = np.linalg.norm(
+        pixels[..., :2] / pixels[..., 2:] - wanted[..., :2] / wanted[..., 2:], axis=-1
+    )[:, :22]
     assert error.mean() < 10
     assert joints[:, 0, 2] == pytest.approx(seen.joints[:, 0, 2], rel=0.15)
     # Who faces the camera is not fitted from behind.
-    left, right = joints[:, JOINT_INDEX["left_shoulder"]], joints[:, JOINT_INDEX["right_shoulder"]]
+    left = joints[:, JOINT_INDEX["left_shoulder"]]
+    right = joints[:, JOINT_INDEX["right_shoulder"]]
     assert (left[:, 0] > right[:, 0]).all()
 
 
 @pytest.mark.parametrize("lean_deg", [10.0, 20.0])
-def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend: EmbeddedBodies, lean_deg: float) -> None:
+def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(
+    backend: EmbeddedBodies, lean_deg: float
+) -> None:
     seen = truth([STANDS, SITS], PLACES[:2], lean_deg=lean_deg)
     leaning, _ = posed(fit(backend, seen))
     upright, _ = posed(fit(backend, seen, FLOOR))
     observations = observe_people(seen.keypoints, seen.people, CAMERA)
     up = np.array([0.0, -1.0, 0.0])
     before, after, true = (
-        np.degrees(lean_towards_camera(j, observations.turn, up)) for j in (leaning, upright, seen.joints)
+        np.degrees(lean_towards_camera(j, observations.turn, up))
+        for j in (leaning, upright, seen.joints)
     )
     assert before[0] > true[0] + 0.6 * lean_deg
     assert after[0] == pytest.approx(true[0], abs=4)
@@ -253,19 +285,28 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend: E
 def trunk_tilt_deg(joints: np.ndarray) -> np.ndarray:
     """Angle of each trunk (N, 55, 3) from the vertical, towards the camera, seen from the side."""
     hips, shoulders = (
-        joints[:, [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")]].mean(1) for name in ("hip", "shoulder")
+        joints[:, [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")]].mean(1)
+        for name in ("hip", "shoulder")
     )
     trunk = shoulders - hips
     return np.degrees(np.arctan2(-trunk[:, 2], -trunk[:, 1]))
 
 
 @pytest.mark.parametrize("lean_deg", [10.0, -15.0])
-def test_trunks_of_sitters_lose_the_lean_of_their_landmarks(backend: EmbeddedBodies, lean_deg: float) -> None:
-    """Nothing says that their necks are over their ankles, but trunks of who sits are as vertical as of who stands."""
+def test_trunks_of_sitters_lose_the_lean_of_their_landmarks(
+    backend: EmbeddedBodies, lean_deg: float
+) -> None:
+    """Nothing says that their necks are over their ankles, but trunks of who sits are as vertical
+    as of who stands.
+    """
     seen = truth([SITS], PLACES[:1], lean_deg=lean_deg)
     before, after, true = (
         trunk_tilt_deg(joints)
-        for joints in (posed(fit(backend, seen))[0], posed(fit(backend, seen, FLOOR))[0], seen.joints)
+        for joints in (
+            posed(fit(backend, seen))[0],
+            posed(fit(backend, seen, FLOOR))[0],
+            seen.joints,
+        )
     )
     assert abs(before[0] - true[0]) > 0.5 * abs(lean_deg)
     assert abs(after[0] - true[0]) < 0.6 * abs(before[0] - true[0])
@@ -279,9 +320,12 @@ def test_a_trunk_that_bends_is_not_pulled_upright(backend: EmbeddedBodies) -> No
     assert after == pytest.approx(before, abs=4)
 
 
-def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(backend: EmbeddedBodies) -> None:
+def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(
+    backend: EmbeddedBodies,
+) -> None:
     seen = truth([STANDS], PLACES[:1])
-    names, world = list(SKELETONS["blazepose33"].names), np.array(seen.keypoints.world)
+    names = list(SKELETONS["blazepose33"].names)
+    world = np.array(seen.keypoints.world)
     for side in ("left", "right"):
         world[:, names.index(f"{side}_knee"), 2] -= 0.12
     bent = replace(seen, keypoints=replace(seen.keypoints, world=world))
@@ -291,13 +335,15 @@ def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(backend:
         knees = pose[[JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]]
         return np.degrees(np.linalg.norm(knees, axis=-1))
 
-    before, after = knees_deg(None), knees_deg(FLOOR)
+    before = knees_deg(None)
+    after = knees_deg(FLOOR)
     assert before.mean() > 18
     assert after.mean() < 14
 
 
 def test_rounding_errors_of_the_input_are_not_amplified(backend: EmbeddedBodies) -> None:
-    # Eighty iterations of L-BFGS alone made millimetres of them, and turned limbs by degrees in float32.
+    # Eighty iterations of L-BFGS alone made millimetres of them, and turned limbs by degrees in
+    # float32.
     seen = truth([STANDS, SITS], PLACES[:2], lean_deg=10.0, noise_px=3.0)
     rng = np.random.default_rng(1)
 
@@ -307,14 +353,19 @@ def test_rounding_errors_of_the_input_are_not_amplified(backend: EmbeddedBodies)
     keypoints = seen.keypoints
     other = replace(keypoints, points=noisy(keypoints.points), world=noisy(keypoints.world))
     one, _ = posed(fit(backend, seen, FLOOR))
-    two, _ = posed(fit(backend, replace(seen, keypoints=other), Plane(noisy(FLOOR.normal), FLOOR.offset)))
-    np.testing.assert_allclose(two, one, rtol=0, atol=2e-6)  # float32 of five metres is half a micrometre
+    two, _ = posed(
+        fit(backend, replace(seen, keypoints=other), Plane(noisy(FLOOR.normal), FLOOR.offset))
+    )
+    # float32 of five metres is half a micrometre
+    np.testing.assert_allclose(two, one, rtol=0, atol=2e-6)
 
 
 def test_feet_that_are_both_seen_come_out_level(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS], PLACES[:1], noise_px=3.0)
     _, vertices = posed(fit(backend, seen, FLOOR))
-    left, right = (vertices[0, MODEL.contact_sets[f"{s}_sole"].numpy(), 1].max() for s in ("left", "right"))
+    left, right = (
+        vertices[0, MODEL.contact_sets[f"{s}_sole"].numpy(), 1].max() for s in ("left", "right")
+    )
     assert abs(left - right) < 0.03
 
 
@@ -325,7 +376,14 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedB
     confidence[0, names.index("left_wrist")] = 0.2
     answer = fit(backend, replace(seen, keypoints=replace(seen.keypoints, confidence=confidence)))
     observed = {name for name, i in JOINT_INDEX.items() if answer.observed[0, i]}
-    assert {"left_ankle", "right_ankle", "left_foot", "right_foot", "left_wrist", "left_index1"}.isdisjoint(observed)
+    assert {
+        "left_ankle",
+        "right_ankle",
+        "left_foot",
+        "right_foot",
+        "left_wrist",
+        "left_index1",
+    }.isdisjoint(observed)
     assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
 
 
@@ -333,7 +391,11 @@ def sitter_without_legs() -> Truth:
     """Somebody who sits, and whose legs the network makes up."""
     seen = truth([SITS], [(-0.2, 0.75, 1.8)])
     names = list(SKELETONS["blazepose33"].names)
-    legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
+    legs = [
+        names.index(f"{s}_{j}")
+        for s in ("left", "right")
+        for j in ("knee", "ankle", "heel", "foot_tip")
+    ]
     confidence = seen.keypoints.confidence.copy()
     confidence[0, legs] = 0.02
     return replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))
@@ -361,17 +423,24 @@ def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: Embedde
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])
-def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend: EmbeddedBodies, skeleton: str) -> None:
+def test_larger_joint_sets_are_fitted_by_their_body_and_feet(
+    backend: EmbeddedBodies, skeleton: str
+) -> None:
     seen = truth([STANDS], PLACES[:1], skeleton="coco23")
     coco = replace(seen.keypoints, world=None)
     names = SKELETONS[skeleton].names
     columns = [names.index(name) for name in SKELETONS["coco23"].names]
-    points, confidence = np.full((1, len(names), 2), -99.0), np.ones((1, len(names)))
+    points = np.full((1, len(names), 2), -99.0)
+    confidence = np.ones((1, len(names)))
     points[:, columns], confidence[:, columns] = coco.points, coco.confidence
     larger = Keypoints(points, confidence, skeleton)
-    first, second = (backend.infer(IMAGE, seen.people, CAMERA, given, Hints()) for given in (coco, larger))
+    first, second = (
+        backend.infer(IMAGE, seen.people, CAMERA, given, Hints()) for given in (coco, larger)
+    )
     # Sums over points in another order are rounded differently.
-    np.testing.assert_allclose(second.parameters.body_pose, first.parameters.body_pose, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        second.parameters.body_pose, first.parameters.body_pose, rtol=0, atol=1e-9
+    )
     np.testing.assert_allclose(second.parameters.transl, first.parameters.transl, rtol=0, atol=1e-9)
     assert miss_mm(posed(first)[0], seen.joints)[0] < 250
 

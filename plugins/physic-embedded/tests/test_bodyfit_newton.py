@@ -11,7 +11,9 @@ from physic_embedded.body_fit.newton import covariance, minimize_newton
 
 @dataclass(frozen=True)
 class Valley:
-    """Rosenbrock's function of pairs of unknowns, its minimum (a, a^2) different for each person."""
+    """Rosenbrock's function of pairs of unknowns, its minimum (a, a^2) different for each
+    person.
+    """
 
     a: Tensor
     asked: list[int]
@@ -53,7 +55,9 @@ def test_a_saddle_is_left_downhill() -> None:
         def loss(self, x: Tensor) -> Tensor:
             return (x[:, 0].square() - 1).square() + x[:, 1].square()
 
-    found = minimize_newton(Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64))
+    found = minimize_newton(
+        Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64)
+    )
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
@@ -77,5 +81,6 @@ def test_no_person_moves_where_the_loss_is_nan() -> None:
 
     start = torch.tensor([[0.5, 0.25]], dtype=torch.float64)
     problem = Broken(torch.ones(1, dtype=torch.float64), [])
-    before, after = problem.loss(start), problem.loss(minimize_newton(problem, start))
+    before = problem.loss(start)
+    after = problem.loss(minimize_newton(problem, start))
     assert after <= before

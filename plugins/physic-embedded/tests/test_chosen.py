@@ -1,4 +1,6 @@
-"""People whom the user chose, people who are covered by others, and boxes of people without a pose."""
+"""People whom the user chose, people who are covered by others, and boxes of people without a
+pose.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-LEFT, RIGHT = (85.0, 200.0), (580.0, 250.0)
+LEFT = (85.0, 200.0)
+RIGHT = (580.0, 250.0)
 """Pixels on the two people of the photo."""
 
 
@@ -45,7 +48,10 @@ def test_people_are_in_the_order_of_points_boxes_and_masks(
     prompt = PeoplePrompt(points=(RIGHT,), boxes=((35.0, 80.0, 160.0, 479.0),))
     found = segmenter.infer(image, prompt)
     assert list(Segmenter.check(found, SegmenterRequest(image, prompt=prompt))) == []
-    assert [bool(found.masks[i, int(y), int(x)]) for i, (x, y) in enumerate((RIGHT, LEFT))] == [True, True]
+    assert [bool(found.masks[i, int(y), int(x)]) for i, (x, y) in enumerate((RIGHT, LEFT))] == [
+        True,
+        True,
+    ]
     assert found.keypoints.points[0, 0, 0] > 320 > found.keypoints.points[1, 0, 0]
     mask = np.zeros(image.shape[:2], bool)
     mask[80:470, 40:155] = True
@@ -82,13 +88,17 @@ def test_the_square_of_an_upper_half_is_centred_on_the_lower_edge_of_the_box() -
     assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
 
 
-def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """MobileSAM's mask is the box itself here."""
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64)), 100, 200, 1024 / 200)
 
     def predict_masks(session, embedding, inside, outside, box):  # type: ignore[no-untyped-def]
         grid = embedding.grid_points()
-        logits = np.where((grid >= box[:2] - 0.5).all(-1) & (grid < box[2:] - 0.5).all(-1), 1.0, -1.0)
+        logits = np.where(
+            (grid >= box[:2] - 0.5).all(-1) & (grid < box[2:] - 0.5).all(-1), 1.0, -1.0
+        )
         return MaskProposals(np.stack([logits] * 4), np.ones(4), logits)
 
     monkeypatch.setattr(unposed, "predict_masks", predict_masks)
@@ -117,13 +127,17 @@ def test_a_stranger_changes_no_joint_of_sure_people(
 ) -> None:
     """A weak box on the ground makes BlazePose search the whole photo."""
     photo = cv2.imread(str(pytestconfig.rootpath / "examples" / "couple.jpg"))
-    image = np.ascontiguousarray(cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1])
+    image = np.ascontiguousarray(
+        cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1]
+    )
     find = people_module.detect_boxes
 
     def detect_with_stranger(*args: Any, **kwargs: Any) -> Any:
         boxes = find(*args, **kwargs)
         stranger = np.array([[700.0, 500.0, 800.0, 620.0]])
-        everybody = Detections(np.concatenate([boxes.people.boxes, stranger]), np.append(boxes.people.scores, 0.35))
+        everybody = Detections(
+            np.concatenate([boxes.people.boxes, stranger]), np.append(boxes.people.scores, 0.35)
+        )
         return boxes._replace(people=everybody)
 
     backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))

@@ -68,7 +68,9 @@ def test_a_standing_person_touches_with_feet_and_hands_alone() -> None:
 
 @pytest.mark.parametrize("pose", ["is_sitting", "lies"])
 def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
-    standing, other = prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
+    standing, other = (
+        prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
+    )
     for name, worth in (("thighs", 0.4), ("gluteus", 0.4), ("back", 0.3)):
         assert (standing[at(name)] == 0).all()
         assert other[at(name)] == pytest.approx(worth)
@@ -76,7 +78,13 @@ def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> 
 
 def test_parts_of_unseen_joints_touch_nothing() -> None:
     observed = np.ones((1, 55), bool)
-    observed[0, [JOINT_INDEX[n] for n in ("left_ankle", "left_foot", "right_wrist", "left_hip", "right_hip")]] = False
+    observed[
+        0,
+        [
+            JOINT_INDEX[n]
+            for n in ("left_ankle", "left_foot", "right_wrist", "left_hip", "right_hip")
+        ],
+    ] = False
     (row,) = prior().infer(IMAGE, people(1), bodies("is_sitting", observed=observed)).probability
     for name in ("left_sole", "left_foot", "right_hand", "gluteus"):
         assert (row[at(name)] == 0).all()
@@ -101,7 +109,10 @@ def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
     found = prior().infer(IMAGE, people(1), other)
     np.testing.assert_array_equal(found.probability, embedded.probability)
     assert (embedded.rest, found.topology) == (None, embedded.topology)
-    assert (found.rest.topology, len(found.rest.vertices)) == (found.topology, found.probability.shape[1])
+    assert (found.rest.topology, len(found.rest.vertices)) == (
+        found.topology,
+        found.probability.shape[1],
+    )
 
 
 def test_bodies_of_another_model_without_joints_are_refused() -> None:

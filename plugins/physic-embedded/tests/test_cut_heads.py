@@ -9,7 +9,8 @@ from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 
-HEIGHT, WIDTH = 400, 600
+HEIGHT = 400
+WIDTH = 600
 UPPER = [*range(13)]  # head and shoulders of blazepose33
 
 
@@ -33,7 +34,8 @@ def turned(seen: Keypoints, masks: np.ndarray, quarters: int) -> tuple[Keypoints
     points = seen.points
     for _ in range(quarters):
         width = masks.shape[2]
-        points, masks = np.stack([points[..., 1], width - 1 - points[..., 0]], axis=-1), np.rot90(masks, axes=(1, 2))
+        points = np.stack([points[..., 1], width - 1 - points[..., 0]], axis=-1)
+        masks = np.rot90(masks, axes=(1, 2))
     return Keypoints(points, seen.confidence, seen.skeleton), masks
 
 

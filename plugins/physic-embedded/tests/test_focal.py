@@ -8,14 +8,17 @@ from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import focal_of_segments
 from physic_embedded.single_view.gravity import gravity_from_segments
 
-WIDTH, HEIGHT = 800, 600
+WIDTH = 800
+HEIGHT = 600
 
 
 def project(points: np.ndarray, focal: float) -> np.ndarray:
     return points[..., :2] / points[..., 2:] * focal + [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
 
 
-def edges_of_a_room(focal: float, turn: np.ndarray, *, count: int, noise: float, clutter: int, seed: int) -> np.ndarray:
+def edges_of_a_room(
+    focal: float, turn: np.ndarray, *, count: int, noise: float, clutter: int, seed: int
+) -> np.ndarray:
     """Segments along three orthogonal directions, the columns of ``turn``, and random ones."""
     rng = np.random.default_rng(seed)
     segments = []
@@ -26,10 +29,15 @@ def edges_of_a_room(focal: float, turn: np.ndarray, *, count: int, noise: float,
         if ends[:, 2].min() < 0.5:
             continue
         seen = project(ends, focal)
-        if (seen >= 0).all() and (seen < [WIDTH, HEIGHT]).all() and np.linalg.norm(seen[1] - seen[0]) > 15:
+        if (
+            (seen >= 0).all()
+            and (seen < [WIDTH, HEIGHT]).all()
+            and np.linalg.norm(seen[1] - seen[0]) > 15
+        ):
             segments.append(seen + rng.normal(0, noise, (2, 2)))
     for _ in range(clutter):
-        middle, angle = rng.uniform([50, 50], [WIDTH - 50, HEIGHT - 50]), rng.uniform(0, np.pi)
+        middle = rng.uniform([50, 50], [WIDTH - 50, HEIGHT - 50])
+        angle = rng.uniform(0, np.pi)
         half = rng.uniform(10, 40) * np.array([np.cos(angle), np.sin(angle)])
         segments.append(np.stack([middle - half, middle + half]))
     return np.array(segments)
@@ -52,8 +60,12 @@ def turn() -> np.ndarray:
 
 
 @pytest.mark.parametrize(("focal", "seed"), [(480.0, 1), (700.0, 2), (1100.0, 3)])
-def test_focal_length_comes_back_from_edges_of_a_room(turn: np.ndarray, focal: float, seed: int) -> None:
-    found, sigma = focal_of(edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed))
+def test_focal_length_comes_back_from_edges_of_a_room(
+    turn: np.ndarray, focal: float, seed: int
+) -> None:
+    found, sigma = focal_of(
+        edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed)
+    )
     assert found == pytest.approx(focal, rel=0.04)
     assert sigma < 0.1
 
@@ -61,17 +73,23 @@ def test_focal_length_comes_back_from_edges_of_a_room(turn: np.ndarray, focal: f
 @pytest.mark.parametrize("long_sides", [0.55, 0.8, 1.4, 1.9])
 def test_clean_edges_give_the_focal_length_within_its_error(long_sides: float) -> None:
     turn = Rotation.from_euler("xyz", [10.0, 35.0, 1.0], degrees=True).as_matrix()
-    found, sigma = focal_of(edges_of_a_room(long_sides * WIDTH, turn, count=90, noise=0.1, clutter=0, seed=1))
+    found, sigma = focal_of(
+        edges_of_a_room(long_sides * WIDTH, turn, count=90, noise=0.1, clutter=0, seed=1)
+    )
     assert abs(np.log(found / (long_sides * WIDTH))) < sigma < 0.1
 
 
-def test_few_edges_of_a_room_among_clutter_move_the_default_by_their_error(turn: np.ndarray) -> None:
+def test_few_edges_of_a_room_among_clutter_move_the_default_by_their_error(
+    turn: np.ndarray,
+) -> None:
     found, sigma = focal_of(edges_of_a_room(480.0, turn, count=40, noise=1.0, clutter=30, seed=1))
     assert 480 < found < 0.85 * WIDTH
     assert 0.1 < sigma < 0.25
 
 
-def test_neither_mirror_nor_order_nor_pieces_of_an_edge_change_the_focal_length(turn: np.ndarray) -> None:
+def test_neither_mirror_nor_order_nor_pieces_of_an_edge_change_the_focal_length(
+    turn: np.ndarray,
+) -> None:
     segments = edges_of_a_room(560.0, turn, count=60, noise=1.0, clutter=20, seed=2)
     found = focal_of(segments)
     assert abs(np.log(found[0] / (0.85 * WIDTH))) > 0.05
@@ -91,7 +109,8 @@ def test_too_few_segments_say_nothing() -> None:
 
 @pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
 def test_upright_edges_give_gravity(pitch: float) -> None:
-    turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()  # down is the second column
+    # down is the second column
+    turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
     gravity = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
     down = turn[:, 1]
@@ -103,7 +122,9 @@ def test_upright_edges_give_gravity(pitch: float) -> None:
 def test_the_mirrored_picture_has_the_mirrored_gravity() -> None:
     turn = Rotation.from_euler("xz", [8.0, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=1.0, clutter=40, seed=7)
-    gravity, other = (gravity_from_segments(s, WIDTH, HEIGHT, 700.0) for s in (segments, mirrored(segments)))
+    gravity, other = (
+        gravity_from_segments(s, WIDTH, HEIGHT, 700.0) for s in (segments, mirrored(segments))
+    )
     assert other.down == pytest.approx(gravity.down * [-1, 1, 1], abs=1e-9)
     assert other.sigma_deg == pytest.approx(gravity.sigma_deg, abs=1e-6)
 
@@ -120,4 +141,7 @@ def test_segments_in_the_made_up_part_are_left_out() -> None:
     hole = np.zeros((100, 100), bool)
     hole[:, 50:] = True
     segments = np.array([[[5, 10], [40, 10]], [[55, 10], [95, 10]], [[40, 20], [52, 20]]], float)
-    assert segments_outside_mask(segments, hole).tolist() == [segments[0].tolist(), segments[2].tolist()]
+    assert segments_outside_mask(segments, hole).tolist() == [
+        segments[0].tolist(),
+        segments[2].tolist(),
+    ]

@@ -16,7 +16,11 @@ from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks import hand_landmarks as module
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
-from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square, predict_hand_landmarks
+from physic_embedded.networks.hand_landmarks import (
+    find_hand,
+    hand_search_square,
+    predict_hand_landmarks,
+)
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_testing import violations
 
@@ -38,16 +42,22 @@ def rest_of(body: BodyModel, side: str) -> RestHand:
     return RestHand.from_landmarks(points, np.array([0.0, -1.0, 0.0]))
 
 
-def posed(body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotation, betas: float = 0.0) -> np.ndarray:
+def posed(
+    body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotation, betas: float = 0.0
+) -> np.ndarray:
     """(21, 3) landmarks of a hand with given finger rotations."""
     rotations, shape, transl = body.zero_pose()
     rotations[0, HAND_JOINTS[side]] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
     rotations[0, 0] = torch.from_numpy(root.as_matrix())
-    return body.landmarks(body(rotations, shape + betas, transl), f"openpose_hand21_{side}")[0].numpy()
+    return body.landmarks(body(rotations, shape + betas, transl), f"openpose_hand21_{side}")[
+        0
+    ].numpy()
 
 
 def curled(rest: RestHand, degrees: float, spread: float = 0.0) -> NDArray[np.float64]:
-    """All fingers but the thumb bent by the same angle in every joint, index and pinky spread apart."""
+    """All fingers but the thumb bent by the same angle in every joint, index and pinky spread
+    apart.
+    """
     out = np.zeros((5, 3, 3))
     out[:4] = np.radians(degrees) * rest.axes[:4, :, 0]
     out[[0, 2], 0] += np.radians(spread) * np.array([[1.0], [-1.0]]) * rest.axes[[0, 2], 0, 1]
@@ -60,7 +70,9 @@ def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("degrees", "spread"), [(0.0, 0.0), (25.0, 8.0), (60.0, 0.0)])
-def test_a_hand_pose_is_recovered_from_its_landmarks(body: BodyModel, side: str, degrees: float, spread: float) -> None:
+def test_a_hand_pose_is_recovered_from_its_landmarks(
+    body: BodyModel, side: str, degrees: float, spread: float
+) -> None:
     rest = rest_of(body, side)
     truth = curled(rest, degrees, spread)
     root = Rotation.from_rotvec([0.4, -1.1, 2.0])
@@ -68,7 +80,9 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(body: BodyModel, side: str,
     seen = 1.3 * posed(body, side, truth, root, betas=0.5)
     fit = fit_fingers(seen, rest)
     turned = angles_between(fit.rotvecs, truth)
-    moved = 1000 * np.linalg.norm(posed(body, side, fit.rotvecs, root) - posed(body, side, truth, root), axis=1)
+    moved = 1000 * np.linalg.norm(
+        posed(body, side, fit.rotvecs, root) - posed(body, side, truth, root), axis=1
+    )
     assert turned.mean() < 4
     assert moved.mean() < 3
     assert np.degrees(fit.error) < 3
@@ -83,7 +97,9 @@ def test_noise_of_three_millimetres_costs_little(body: BodyModel) -> None:
     for _ in range(5):
         seen = posed(body, "left", truth, Rotation.identity()) + rng.normal(0, 0.003, (21, 3))
         found = posed(body, "left", fit_fingers(seen, rest).rotvecs, Rotation.identity())
-        moved.append(np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean())
+        moved.append(
+            np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean()
+        )
     assert np.mean(moved) < 0.005
 
 
@@ -97,7 +113,8 @@ def test_fingers_stay_within_the_range_of_human_joints(body: BodyModel) -> None:
 
 
 def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
-    left, right = rest_of(body, "left"), rest_of(body, "right")
+    left = rest_of(body, "left")
+    right = rest_of(body, "right")
     mirror = np.array([-1.0, 1.0, 1.0])
     np.testing.assert_allclose(left.bones * mirror, right.bones, atol=1e-3)
     # An axis of rotation turns the other way in a mirror.
@@ -105,7 +122,9 @@ def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
 
 
 def test_hands_are_searched_beyond_the_wrist() -> None:
-    around, angle = hand_search_square(np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150)
+    around, angle = hand_search_square(
+        np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150
+    )
     np.testing.assert_allclose(around.center, [132, 100])
     assert around.side == pytest.approx(2.6 * 75)
     assert angle == pytest.approx(np.pi / 2)
@@ -116,10 +135,16 @@ def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image: NDArray[np.u
     square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
     first = predict_hand_landmarks(session, ImagePyramid.from_image(image), square)
     other = RotatedSquare(np.array([image.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
-    second = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(image[:, ::-1])), other)
-    np.testing.assert_allclose(second.points * [-1, 1] + [image.shape[1] - 1, 0], first.points, atol=0.5)
+    second = predict_hand_landmarks(
+        session, ImagePyramid.from_image(np.ascontiguousarray(image[:, ::-1])), other
+    )
+    np.testing.assert_allclose(
+        second.points * [-1, 1] + [image.shape[1] - 1, 0], first.points, atol=0.5
+    )
     np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
-    np.testing.assert_allclose([second.presence, second.right], [first.presence, 1 - first.right], atol=0.05)
+    np.testing.assert_allclose(
+        [second.presence, second.right], [first.presence, 1 - first.right], atol=0.05
+    )
 
 
 def arm(
@@ -140,7 +165,9 @@ def estimator() -> EmbeddedHands:
     return backend
 
 
-@pytest.mark.parametrize("skeleton", [BLAZEPOSE_SKELETON, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))])
+@pytest.mark.parametrize(
+    "skeleton", [BLAZEPOSE_SKELETON, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))]
+)
 def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: Skeleton) -> None:
     image = np.full((200, 300, 3), 128, np.uint8)
     hands = estimator.infer(image, *arm(image, skeleton))
@@ -149,12 +176,16 @@ def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(monkeypatch: pytest.MonkeyPatch, side: str) -> None:
+def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(
+    monkeypatch: pytest.MonkeyPatch, side: str
+) -> None:
     palm = SimpleNamespace(box=np.array([80.0, 80, 112, 112]), keypoints=np.full((7, 2), 96.0))
     palm.keypoints[2] = 96.0, 70.0
-    left, right = np.full((21, 2), 112.0), np.full((21, 2), 112.0)
+    left = np.full((21, 2), 112.0)
+    right = np.full((21, 2), 112.0)
     right[20] = 120.0
-    looks = iter([(left, 0.0), (right, 1.0), (left, 0.5)])  # two palms, then the hand as the pose has it
+    # two palms, then the hand as the pose has it
+    looks = iter([(left, 0.0), (right, 1.0), (left, 0.5)])
 
     def look(*_: object) -> tuple[np.ndarray, np.ndarray, float, float]:
         points, is_right = next(looks)

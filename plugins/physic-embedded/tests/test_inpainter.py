@@ -32,7 +32,8 @@ def test_an_object_in_front_of_a_wall_is_removed(inpainter: MiGan) -> None:
 
 
 def test_a_mask_that_leaves_one_pixel_is_still_filled(inpainter: MiGan) -> None:
-    image, mask = scene(300, 400), np.ones((300, 400), bool)
+    image = scene(300, 400)
+    mask = np.ones((300, 400), bool)
     mask[0, 0] = False
     filled = inpainter.infer(image, mask)
     np.testing.assert_array_equal(filled[0, 0], image[0, 0])

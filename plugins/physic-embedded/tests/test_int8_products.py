@@ -33,21 +33,29 @@ def int8_matrices(network: str) -> dict[str, NDArray[np.int8]]:
     return {node.input[1]: weights[node.input[1]] for node in products}
 
 
-def saturating_product(activations: NDArray[np.uint8], matrix: NDArray[np.int8]) -> NDArray[np.int32]:
-    """Multiply as VPMADDUBSW and VPMADDWD do: pairs of products are added in 16 bits, with saturation."""
+def saturating_product(
+    activations: NDArray[np.uint8], matrix: NDArray[np.int8]
+) -> NDArray[np.int32]:
+    """Multiply as VPMADDUBSW and VPMADDWD do: pairs of products are added in 16 bits, with
+    saturation.
+    """
     products = activations[:, :, None].astype(np.int32) * matrix[None].astype(np.int32)
     pairs = products[:, 0::2] + products[:, 1::2]
     return np.clip(pairs, INT16.min, INT16.max).sum(axis=1)
 
 
-def test_every_matrix_of_the_transformer_is_multiplied_in_int8(matrices: dict[str, NDArray[np.int8]]) -> None:
+def test_every_matrix_of_the_transformer_is_multiplied_in_int8(
+    matrices: dict[str, NDArray[np.int8]],
+) -> None:
     shapes = [matrix.shape for matrix in matrices.values()]
     assert {matrix.dtype for matrix in matrices.values()} == {np.dtype(np.int8)}
     wanted = {(384, 1152), (384, 384), (384, 1536), (1536, 384)}
     assert {shape: shapes.count(shape) for shape in set(shapes)} == dict.fromkeys(wanted, 12)
 
 
-@pytest.mark.parametrize("network", sorted(path.stem for path in WEIGHTS_FOLDER.glob("*_int8.onnx")))
+@pytest.mark.parametrize(
+    "network", sorted(path.stem for path in WEIGHTS_FOLDER.glob("*_int8.onnx"))
+)
 def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network: str) -> None:
     matrices = int8_matrices(network)
     assert len(matrices) >= 40
@@ -61,23 +69,30 @@ def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network
 def test_a_cpu_without_vnni_gives_the_exact_product(matrices: dict[str, NDArray[np.int8]]) -> None:
     rng = np.random.default_rng(0)
     for matrix in list(matrices.values())[::7]:
-        # Activations of 255 beside positive weights and of 0 beside negative ones give the largest sums.
+        # Activations of 255 beside positive weights and of 0 beside negative ones give the largest
+        # sums.
         worst = np.where(matrix[:, :8].T > 0, 255, 0).astype(np.uint8)
-        activations = np.concatenate([worst, 255 - worst, rng.integers(0, 256, (8, len(matrix)), np.uint8)])
+        activations = np.concatenate(
+            [worst, 255 - worst, rng.integers(0, 256, (8, len(matrix)), np.uint8)]
+        )
         exact = activations.astype(np.int32) @ matrix[:, :64].astype(np.int32)
         np.testing.assert_array_equal(saturating_product(activations, matrix[:, :64]), exact)
 
 
 def test_the_emulation_saturates_where_the_scales_do_not_prevent_it() -> None:
-    activations, matrix = np.full((1, 2), 255, np.uint8), np.full((2, 1), 127, np.int8)
+    activations = np.full((1, 2), 255, np.uint8)
+    matrix = np.full((2, 1), 127, np.int8)
     assert saturating_product(activations, matrix).item() == INT16.max
 
 
 def test_masks_in_int8_are_near_those_in_float32() -> None:
     photo = cv2.imread(str(PHOTO))
-    image = np.ascontiguousarray(cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1])
+    image = np.ascontiguousarray(
+        cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1]
+    )
     exact, rounded = (
-        EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1)) for how in ("float32", "int8")
+        EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1))
+        for how in ("float32", "int8")
     )
     people = []
     for segmenter in (exact, rounded):
@@ -102,10 +117,18 @@ def test_disparities_in_int8_are_near_those_in_float32() -> None:
     assert np.percentile(error, 99) < 0.05
 
 
-@pytest.mark.parametrize(("products", "operator"), [("auto", True), ("int8", True), ("float32", False)])
-def test_the_option_chooses_the_arithmetic(products: str, operator: bool, caplog: pytest.LogCaptureFixture) -> None:
-    backend = EmbeddedPointmap(EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1))
+@pytest.mark.parametrize(
+    ("products", "operator"), [("auto", True), ("int8", True), ("float32", False)]
+)
+def test_the_option_chooses_the_arithmetic(
+    products: str, operator: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    backend = EmbeddedPointmap(
+        EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1)
+    )
     with caplog.at_level("INFO"):
         backend.load()
     name = NETWORK if operator else "depth_anything_v2_vits"
-    assert [record.getMessage().split(" runs on ")[0] for record in caplog.records] == [f"{name}.onnx"]
+    assert [record.getMessage().split(" runs on ")[0] for record in caplog.records] == [
+        f"{name}.onnx"
+    ]

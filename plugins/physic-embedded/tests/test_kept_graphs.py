@@ -72,7 +72,9 @@ def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder: Path) -> N
 
 
 def sum_of_words(content: bytes | bytearray) -> int:
-    words = [int.from_bytes(content[start : start + 8], "little") for start in range(0, len(content), 8)]
+    words = [
+        int.from_bytes(content[start : start + 8], "little") for start in range(0, len(content), 8)
+    ]
     return sum(words) % 2**64
 
 
@@ -121,6 +123,9 @@ def test_networks_open_where_nothing_can_be_kept(folder: Path) -> None:
 def test_several_writers_leave_complete_graphs(folder: Path) -> None:
     with ThreadPoolExecutor(4) as pool:
         runs = list(pool.map(lambda _: outputs(), range(4)))
-    assert {file.name.endswith(".graph.onnx") and not file.name.startswith(".") for file in folder.iterdir()} == {True}
+    assert {
+        file.name.endswith(".graph.onnx") and not file.name.startswith(".")
+        for file in folder.iterdir()
+    } == {True}
     for run in runs:
         assert_same(run, runs[0])

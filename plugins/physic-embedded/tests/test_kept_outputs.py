@@ -1,4 +1,6 @@
-"""Outputs of packaged networks in the cache: a call with the same picture and other settings does not run them."""
+"""Outputs of packaged networks in the cache: a call with the same picture and other settings does
+not run them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ NETWORKS = {
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_a_network_runs_once_for_a_picture(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_network_runs_once_for_a_picture(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session = open_packaged_session(name, threads=1)
     predict = NETWORKS[name]
     expected = predict(session)

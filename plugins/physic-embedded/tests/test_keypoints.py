@@ -22,7 +22,9 @@ def detector() -> EmbeddedKeypoints:
     return backend
 
 
-def test_joints_of_the_embedded_segmenter_are_taken_as_they_are(people: People, image: NDArray[np.uint8]) -> None:
+def test_joints_of_the_embedded_segmenter_are_taken_as_they_are(
+    people: People, image: NDArray[np.uint8]
+) -> None:
     assert EmbeddedKeypoints().infer(image, people) is people.keypoints
 
 

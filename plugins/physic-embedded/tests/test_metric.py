@@ -32,7 +32,9 @@ def test_the_depth_is_that_of_the_scene_in_metres() -> None:
 def test_a_shift_of_the_inverse_depth_moves_far_points_more_and_may_put_them_at_infinity() -> None:
     given = hints()
     for shift, expected in ((0.25, [2.4, 4.0, 6.0]), (-0.25, [4.0, 12.0, np.nan])):
-        answer = EmbeddedMetricDepth().infer(IMAGE, replace(given, scale=SceneScale(3.0, shift, 0.1)))
+        answer = EmbeddedMetricDepth().infer(
+            IMAGE, replace(given, scale=SceneScale(3.0, shift, 0.1))
+        )
         assert answer.depth[0].tolist() == pytest.approx(expected, nan_ok=True)
 
 

@@ -11,7 +11,20 @@ from physic_core.geometry.raster import rasterize
 from physic_core.types import Hints, Pointmap
 from physic_embedded.body_estimator import EmbeddedBodies
 
-from .test_bodies import ADULT, CAMERA, FLOOR, IMAGE, MODEL, PLACES, STANDS, WALKS, Truth, backend, posed, truth
+from .test_bodies import (
+    ADULT,
+    CAMERA,
+    FLOOR,
+    IMAGE,
+    MODEL,
+    PLACES,
+    STANDS,
+    WALKS,
+    Truth,
+    backend,
+    posed,
+    truth,
+)
 
 __all__ = ["backend"]
 
@@ -23,7 +36,10 @@ def silhouette(vertices: np.ndarray) -> np.ndarray:
     pixels = vertices @ K.T
     pixels = pixels[:, :2] / pixels[:, 2:]
     z = torch.tensor(vertices[None, :, 2]).float()
-    return rasterize(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy() >= 0
+    return (
+        rasterize(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy()
+        >= 0
+    )
 
 
 def with_masks(seen: Truth, *masks: np.ndarray) -> Truth:
@@ -31,14 +47,18 @@ def with_masks(seen: Truth, *masks: np.ndarray) -> Truth:
 
 
 def depth_of(seen: Truth, nearer: np.ndarray | None = None) -> Pointmap:
-    """A wall at 6 m behind people at their own depth, and something at 1 m at the pixels ``nearer``."""
+    """A wall at 6 m behind people at their own depth, and something at 1 m at the pixels
+    ``nearer``.
+    """
     z = np.full(IMAGE.shape[:2], 6.0)
     for mask, body in zip(seen.people.masks, seen.vertices, strict=True):
         z[mask] = body[:, 2].mean()
     if nearer is not None:
         z[nearer] = 1.0
     rows, columns = np.indices(z.shape)
-    points = np.stack([(columns - CAMERA.cx) / CAMERA.fx * z, (rows - CAMERA.cy) / CAMERA.fy * z, z], -1)
+    points = np.stack(
+        [(columns - CAMERA.cx) / CAMERA.fx * z, (rows - CAMERA.cy) / CAMERA.fy * z, z], -1
+    )
     return Pointmap(points, np.ones(z.shape, bool), "scale")
 
 
@@ -53,7 +73,9 @@ def overlap(vertices: np.ndarray, mask: np.ndarray) -> float:
 
 
 def large_person() -> Truth:
-    """Somebody of the mean stature who is far heavier than the mean, with the mask of their body."""
+    """Somebody of the mean stature who is far heavier than the mean, with the mask of their
+    body.
+    """
     heavier = torch.zeros(1, MODEL.num_betas)
     rest = MODEL.zero_pose(1)
 
@@ -61,7 +83,9 @@ def large_person() -> Truth:
         a, b, c = MODEL(rest[0], betas, rest[2]).vertices[0][MODEL.faces].unbind(1)
         return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
-    slope = torch.tensor([volume(row[None]) - volume(-row[None]) for row in torch.eye(MODEL.num_betas)])
+    slope = torch.tensor(
+        [volume(row[None]) - volume(-row[None]) for row in torch.eye(MODEL.num_betas)]
+    )
     tall = MODEL.stature(torch.eye(MODEL.num_betas)) - MODEL.stature(-torch.eye(MODEL.num_betas))
     heavier[0] = slope - (slope @ tall) / (tall @ tall) * tall
     heavier *= 4 / heavier.norm()
@@ -92,12 +116,15 @@ def test_a_mask_without_the_persons_keypoints_is_not_used(backend: EmbeddedBodie
     np.testing.assert_array_equal(fitted(backend, with_masks(seen, half), depth_of(seen)), without)
 
 
-def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(backend: EmbeddedBodies) -> None:
+def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(
+    backend: EmbeddedBodies,
+) -> None:
     seen = truth([STANDS], PLACES[:1])
     without = fitted(backend, seen)
     mask = silhouette(without[0])
     hidden = np.zeros_like(mask)
-    low, high = (np.nonzero(mask)[1].min(), np.nonzero(mask)[1].max())
+    low = np.nonzero(mask)[1].min()
+    high = np.nonzero(mask)[1].max()
     hidden[:, : int(low + 0.3 * (high - low))] = True  # a pillar in front of one side
     seen = with_masks(seen, mask & ~hidden)
     with_pillar = fitted(backend, seen, depth_of(seen, hidden))

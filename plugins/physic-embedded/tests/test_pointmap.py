@@ -34,19 +34,30 @@ def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has() -> None:
     assert not flying[:, 88:].any()
 
 
-HEIGHT, WIDTH, FOCAL = 180, 240, 200.0
+HEIGHT = 180
+WIDTH = 240
+FOCAL = 200.0
 
 
 def rays() -> NDArray[np.float64]:
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    x, y = (columns - (WIDTH - 1) / 2) / FOCAL, (rows - (HEIGHT - 1) / 2) / FOCAL
+    x = (columns - (WIDTH - 1) / 2) / FOCAL
+    y = (rows - (HEIGHT - 1) / 2) / FOCAL
     return np.stack([x, y, np.ones_like(x)], -1)
 
 
 def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> NDArray[np.float64]:
-    """1 / z in a room 1.5 m over its floor, 1.2 m under its ceiling, walls at 2 m left, 3 m right and ``ahead``."""
+    """1 / z in a room 1.5 m over its floor, 1.2 m under its ceiling, walls at 2 m left, 3 m right
+    and ``ahead``.
+    """
     inverse = np.zeros((HEIGHT, WIDTH))
-    for axis, sign, distance in ((1, 1, 1.5), (1, -1, 1.2), (0, -1, 2.0), (0, 1, 3.0), (2, 1, ahead)):
+    for axis, sign, distance in (
+        (1, 1, 1.5),
+        (1, -1, 1.2),
+        (0, -1, 2.0),
+        (0, 1, 3.0),
+        (2, 1, ahead),
+    ):
         inverse = np.maximum(inverse, rays() @ (sign * turn[:, axis]) / distance)
     return inverse
 
@@ -73,13 +84,16 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
 def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: float) -> None:
     turn = Rotation.from_euler("yx", [8, 6], degrees=True).as_matrix()
     inverse = inverse_depth_of_a_room(turn, ahead)
-    far, span = np.percentile(inverse, 0.5), np.ptp(np.percentile(inverse, [1, 99]))
+    far = np.percentile(inverse, 0.5)
+    span = np.ptp(np.percentile(inverse, [1, 99]))
     infinity = 1.0 - far / span
     disparity = inverse / span + infinity  # 1 / z is exact; only its origin is unknown
     floor = fit_disparity_floor(disparity)
     down = turn[:, 1]
     pitch = float(np.degrees(np.arctan2(down[2], down[1])))
-    found = disparity_at_infinity(disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "upright edges"))
+    found = disparity_at_infinity(
+        disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "upright edges")
+    )
     assert found.outdoors < 0.01
     assert found.gap == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
@@ -87,12 +101,16 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
-def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch: float, roll: float) -> None:
+def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(
+    pitch: float, roll: float
+) -> None:
     turn = Rotation.from_euler("yxz", [25, pitch, roll], degrees=True).as_matrix()
     faces = ((1, 1, 1.5), (0, -1, 2.0), (0, 1, 3.0), (2, 1, 4.0))
     planes = [rays() @ (sign * turn[:, axis]) / distance for axis, sign, distance in faces]
-    inverse, ground = np.max(planes, axis=0), np.argmax(planes, axis=0) == 0
-    far, span = np.percentile(inverse, 0.5), np.ptp(np.percentile(inverse, [1, 99]))
+    inverse = np.max(planes, axis=0)
+    ground = np.argmax(planes, axis=0) == 0
+    far = np.percentile(inverse, 0.5)
+    span = np.ptp(np.percentile(inverse, [1, 99]))
     disparity = (inverse - far) / span + 1.0
     floor = fit_disparity_floor(disparity, labelled=ground)
     walls = wall_planes(disparity, ~ground, FOCAL)
@@ -108,7 +126,8 @@ def test_standing_people_define_planes_that_hold_gravity() -> None:
     camera = np.array([[500.0, 0, 320], [0, 500.0, 240], [0, 0, 1]])
     heights = {"shoulder": 1.4, "hip": 0.9, "knee": 0.5, "ankle": 0.1}
     skeleton = Keypoints(np.zeros((0, 17, 2)), np.zeros((0, 17)), "coco17").joint_set
-    points, confidence = np.zeros((2, 17, 2)), np.ones((2, 17))
+    points = np.zeros((2, 17, 2))
+    confidence = np.ones((2, 17))
     for i, (x, z) in enumerate(((-1.5, 4.0), (1.0, 5.0))):
         for name, height in heights.items():
             for side, dx in (("left", 0.15), ("right", -0.15)):
@@ -120,7 +139,10 @@ def test_standing_people_define_planes_that_hold_gravity() -> None:
     candidates = np.stack([turn[:, 1], np.array([0.0, 1.0, 0.0])])
     assert axes_cost(planes, candidates).argmin() == 0
     confidence[0, skeleton.names.index("left_ankle")] = 0.1
-    assert body_planes(Keypoints(points, confidence, "coco17"), (320.0, 240.0), 500.0).shape == (1, 3)
+    assert body_planes(Keypoints(points, confidence, "coco17"), (320.0, 240.0), 500.0).shape == (
+        1,
+        3,
+    )
     assert body_planes(None, (320.0, 240.0), 500.0).shape == (0, 3)
 
 
@@ -135,7 +157,12 @@ def test_sky_over_ground_is_infinitely_far() -> None:
 
 def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
     rows = np.linspace(0, 1, HEIGHT)[:, None] * np.ones(WIDTH)
-    gaps = np.array([disparity_at_infinity(8 * (rows + far), None, FOCAL).gap for far in np.linspace(0, 0.04, 41)])
+    gaps = np.array(
+        [
+            disparity_at_infinity(8 * (rows + far), None, FOCAL).gap
+            for far in np.linspace(0, 0.04, 41)
+        ]
+    )
     steps = np.diff(np.log(gaps))
     assert gaps[0] < 0.05
     assert gaps[-1] > 0.3
@@ -178,7 +205,9 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
     factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
-    assert re.fullmatch(r"the depth of the background may be off by a factor of [1-9][.\d]*", factor)
+    assert re.fullmatch(
+        r"the depth of the background may be off by a factor of [1-9][.\d]*", factor
+    )
     assert rule.startswith("the farthest pixels are taken as a wall")
 
 
@@ -204,9 +233,12 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(
     hole = np.zeros((240, 320), bool)
     hole[60:200, 40:200] = True
     rows, columns = np.mgrid[0:240, 0:320]
-    cameras, alone = [], []
+    cameras = []
+    alone = []
     for pixels in (rows + columns // 3, rows - columns // 2):
-        stripes = np.where(hole & (pixels % 40 < 20), 255, np.where(hole, 0, image.max(-1))).astype(np.uint8)
+        stripes = np.where(hole & (pixels % 40 < 20), 255, np.where(hole, 0, image.max(-1))).astype(
+            np.uint8
+        )
         inpainted = np.where(hole[..., None], stripes[..., None], image)
         cameras.append(backend.infer(inpainted, Hints(hole=hole, photo=image)).intrinsics)
         alone.append(backend.infer(inpainted, Hints()).intrinsics)
@@ -217,27 +249,41 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
     backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
 ) -> None:
-    everybody = People(np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1))
+    everybody = People(
+        np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1)
+    )
     answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
     assert "could not be matched" in answer.notes[0]
 
 
 @pytest.mark.parametrize("short_side", [518, 406])
-@pytest.mark.parametrize(("height", "width"), [(853, 1280), (960, 1280), (720, 1280), (1024, 1280), (914, 1280)])
-def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height: int, width: int, short_side: int) -> None:
-    sizes = {network_input_size(height - row, width - column, short_side) for row in (0, 1) for column in (0, 1)}
+@pytest.mark.parametrize(
+    ("height", "width"), [(853, 1280), (960, 1280), (720, 1280), (1024, 1280), (914, 1280)]
+)
+def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(
+    height: int, width: int, short_side: int
+) -> None:
+    sizes = {
+        network_input_size(height - row, width - column, short_side)
+        for row in (0, 1)
+        for column in (0, 1)
+    }
     assert len(sizes) == 1
 
 
 class Red:
     """Stands for the depth network: its disparity is the red channel."""
 
-    def run(self, outputs: list[str], inputs: dict[str, NDArray[np.float32]], keep: bool) -> list[NDArray[np.float32]]:
+    def run(
+        self, outputs: list[str], inputs: dict[str, NDArray[np.float32]], keep: bool
+    ) -> list[NDArray[np.float32]]:
         return [inputs["image"][:, 0]]
 
 
 @pytest.mark.parametrize(("height", "width"), [(853, 1280), (1280, 853), (60, 1600), (50, 41)])
-def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(height: int, width: int) -> None:
+def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(
+    height: int, width: int
+) -> None:
     disparity = predict_disparity(Red(), np.full((height, width, 3), 201, np.uint8))  # type: ignore[arg-type]
     assert (disparity == 201).all()
     rows, columns = disparity.shape

@@ -15,7 +15,11 @@ from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbo
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.networks.single_shot_detection import BoxDetection, anchor_centers, decode_detections
+from physic_embedded.networks.single_shot_detection import (
+    BoxDetection,
+    anchor_centers,
+    decode_detections,
+)
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
 from physic_embedded.segmentation.people import (
@@ -44,10 +48,18 @@ def pose_at(center: tuple[float, float], height: float = 200.0, confidence: floa
     x, y = center
     points = np.full((33, 2), [x, y], float)
     points[0] = x, y - 0.45 * height
-    for left, right, dy, half in ((11, 12, -0.3, 0.1), (23, 24, 0.0, 0.07), (25, 26, 0.25, 0.06), (27, 28, 0.45, 0.05)):
+    for left, right, dy, half in (
+        (11, 12, -0.3, 0.1),
+        (23, 24, 0.0, 0.07),
+        (25, 26, 0.25, 0.06),
+        (27, 28, 0.45, 0.05),
+    ):
         points[left] = x + half * height, y + dy * height
         points[right] = x - half * height, y + dy * height
-    points[[29, 31]], points[[30, 32]] = points[27] + [0, 0.05 * height], points[28] + [0, 0.05 * height]
+    points[[29, 31]], points[[30, 32]] = (
+        points[27] + [0, 0.05 * height],
+        points[28] + [0, 0.05 * height],
+    )
     return Pose(
         points=points,
         visibility=np.full(33, confidence),
@@ -78,13 +90,19 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(
     mask[0, 50:250, 50:110] = mask[0, 60:250, 110:170] = True
     pose = pose_at((80, 150))
     pose.points[:11] = pose.points[0]
-    assert count_heads([UnposedBox(np.array(box, float), score, "no pose")], [pose], mask).tolist() == [heads]
-    assert count_heads([UnposedBox(np.array(box, float), score, "no pose")], [], mask[:0]).tolist() == []
+    assert count_heads(
+        [UnposedBox(np.array(box, float), score, "no pose")], [pose], mask
+    ).tolist() == [heads]
+    assert (
+        count_heads([UnposedBox(np.array(box, float), score, "no pose")], [], mask[:0]).tolist()
+        == []
+    )
 
 
 def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
     anchors = anchor_centers(224, DETECTOR_LAYERS)
-    raw, logits = np.zeros((len(anchors), 12)), np.full(len(anchors), -100.0)
+    raw = np.zeros((len(anchors), 12))
+    logits = np.full(len(anchors), -100.0)
     raw[2, :6], logits[2] = [4.0, -2.0, 40.0, 20.0, 10.0, 30.0], 0.0
     (found,) = decode_detections(raw, logits, anchors, 224, threshold=0.4)
     np.testing.assert_allclose(found.box, [12 + 4 - 20, 4 - 2 - 10, 12 + 4 + 20, 4 - 2 + 10])
@@ -105,7 +123,9 @@ def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
 
 
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
-def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width: int, height: int, size: int) -> None:
+def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(
+    width: int, height: int, size: int
+) -> None:
     pixels, square = letterbox_square(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
     corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
     low, high = square.from_photo(corners, size)
@@ -128,7 +148,9 @@ def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
 def test_a_small_cut_of_a_big_photo_does_not_alias() -> None:
     stripes = np.zeros((2048, 2048, 3), np.uint8)
     stripes[:, ::2] = 255
-    cut = ImagePyramid.from_image(stripes).crop(RotatedSquare(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64)
+    cut = ImagePyramid.from_image(stripes).crop(
+        RotatedSquare(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64
+    )
     assert cut.std() < 8
 
 
@@ -151,7 +173,9 @@ def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction: float) -> None
 
 def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:
     def person(x: float, score: float) -> BoxDetection:
-        return BoxDetection(np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score)
+        return BoxDetection(
+            np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score
+        )
 
     kept = merge_candidates([person(0, 0.6), person(30, 0.9), person(120, 0.5)])
     assert [d.score for d in kept] == [0.9, 0.5]
@@ -175,9 +199,12 @@ def test_two_poses_are_one_person_if_their_trunks_are_together() -> None:
 
 
 def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers() -> None:
-    """The trunks are 40 px apart, more than half of 60 px; the masks are squares of 250 px that overlap by 84 %."""
+    """The trunks are 40 px apart, more than half of 60 px; the masks are squares of 250 px that
+    overlap by 84 %.
+    """
     box = np.array([0.0, 0.0, 200.0, 200.0])
-    first, second = pose_at((100, 100)), pose_at((140, 100))
+    first = pose_at((100, 100))
+    second = pose_at((140, 100))
     assert mask_overlap(first, second) == pytest.approx(210 / 250, abs=0.02)
     assert is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0))
     assert not is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0, box))
@@ -185,20 +212,24 @@ def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers() -> None:
 
 def test_two_poses_are_one_person_if_masks_and_noses_are_together() -> None:
     box = np.array([0.0, 0.0, 200.0, 200.0])
-    short, tall = pose_at((100, 100)), pose_at((100, 160), height=330)
+    short = pose_at((100, 100))
+    tall = pose_at((100, 160), height=330)
     assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
     assert is_same_person(DetectedPose(short, 1.0, box), DetectedPose(tall, 1.0, box))
 
 
 def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept() -> None:
     """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
-    pose, other = pose_at((100, 100)), pose_at((100, 100))
+    pose = pose_at((100, 100))
+    other = pose_at((100, 100))
     other.points[15] += [4.0, 0.0]
     other.world[15] = [0.0, 0.0, 0.2]
     other.points[16] += [40.0, 0.0]
     other.world[16] = [0.0, 0.0, 0.2]
     mean = average_agreeing(pose, [pose, other], near=0.02)
-    np.testing.assert_allclose(mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(
+        mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9
+    )
     np.testing.assert_allclose(mean.world, np.eye(33)[15][:, None] * [0.0, 0.0, 0.1], atol=1e-9)
 
 
@@ -214,7 +245,9 @@ def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
 def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: int) -> None:
-    embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width))
+    embedding = ImageEmbedding(
+        np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width)
+    )
     ramp = embedding.to_photo(embedding.grid_points()[..., 0])
     inner = slice(20, width - 20)
     np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
@@ -227,7 +260,10 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     image[truth > 0] = (190, 40, 30)
     embedding = embed_image(open_packaged_session("mobilesam_encoder", 1), image)
     answer = predict_masks(
-        open_packaged_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2))
+        open_packaged_session("mobilesam_decoder", 1),
+        embedding,
+        np.array([[170, 160.0]]),
+        np.zeros((0, 2)),
     )
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
     iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
@@ -244,17 +280,23 @@ def test_features_far_from_a_photo_are_those_of_an_empty_image(shape: tuple[int,
     assert one.shape == (1, 256, 64, 64)
     for side in np.s_[:, :, rows:], np.s_[..., columns:]:
         np.testing.assert_array_equal(one[side], other[side])
-    assert (one[:, :, : rows - 5, : columns - 5] != other[:, :, : rows - 5, : columns - 5]).mean() > 0.9
+    assert (
+        one[:, :, : rows - 5, : columns - 5] != other[:, :, : rows - 5, : columns - 5]
+    ).mean() > 0.9
 
 
 def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> None:
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
-    left, right = np.full((256, 256), -5.0), np.full((256, 256), -5.0)
+    left = np.full((256, 256), -5.0)
+    right = np.full((256, 256), -5.0)
     left[50:200, 20:140] = 2.0
     left[100:110, 200:210] = 3.0
     right[50:200, 100:230] = 1.0
     masks = resolve_overlaps(
-        [PersonMask(left, np.array([[60.0, 100.0]]), 1.0), PersonMask(right, np.array([[180.0, 100.0]]), 1.0)],
+        [
+            PersonMask(left, np.array([[60.0, 100.0]]), 1.0),
+            PersonMask(right, np.array([[180.0, 100.0]]), 1.0),
+        ],
         embedding,
     )
     assert not (masks[0] & masks[1]).any()
@@ -276,7 +318,9 @@ def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo()
     assert len(ground_points([pose_at((100, 100), confidence=0.3)], people)) == 0
 
 
-def test_people_are_found_all_along_a_panorama(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> None:
+def test_people_are_found_all_along_a_panorama(
+    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
+) -> None:
     mirrored = image[:, ::-1]
     strip = np.concatenate([mirrored, image, mirrored, image, mirrored], axis=1)
     found = segmenter.infer(cv2.resize(strip, (1280, 192), interpolation=cv2.INTER_AREA))
@@ -296,13 +340,16 @@ def test_the_example_photo_has_two_count_people(people: People, image: NDArray[n
 def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
     face_on, from_behind = people.keypoints.world
     assert np.abs(face_on[[23, 24]].mean(axis=0)).max() < 0.02
-    # Down is positive: nose over hips over ankles. The first man shows his face, the second the back of his head.
+    # Down is positive: nose over hips over ankles. The first man shows his face, the second the
+    # back of his head.
     assert face_on[0, 1] < -0.4 < 0.4 < face_on[27, 1]
     assert face_on[0, 2] < face_on[[7, 8], 2].mean()
     assert from_behind[0, 2] > from_behind[[7, 8], 2].mean()
 
 
-def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]) -> None:
+def test_a_mirror_image_swaps_sides(
+    segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]
+) -> None:
     other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
     assert len(other) == 2
     swap = np.arange(33)
@@ -315,7 +362,9 @@ def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8, 300), (64, 64), (240, 320)])
-def test_no_people_are_found_in_an_empty_photo(segmenter: EmbeddedSegmenter, shape: tuple[int, int]) -> None:
+def test_no_people_are_found_in_an_empty_photo(
+    segmenter: EmbeddedSegmenter, shape: tuple[int, int]
+) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
     found = segmenter.infer(noise)
     assert violations(Segmenter, found, height=shape[0], width=shape[1]) == []
@@ -330,14 +379,18 @@ def rectangle(rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
 
 
 def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it() -> None:
-    person, labelled = rectangle(slice(20, 70), slice(40, 50)), rectangle(slice(60, 100))
+    person = rectangle(slice(20, 70), slice(40, 50))
+    labelled = rectangle(slice(60, 100))
     surfaces = SurfaceLabels(labelled.astype(np.uint8), ("unknown", "floor"))
-    nobody, nothing = np.zeros_like(person), np.zeros_like(person)
+    nobody = np.zeros_like(person)
+    nothing = np.zeros_like(person)
     near = rectangle(slice(65, 80), slice(30, 60)) & ~person
     step = rectangle(slice(40, 50), slice(30, 60)) & ~person
     assert (add_labelled_floor(near, surfaces, person) == (labelled & ~person)).all()
     assert (add_labelled_floor(step, surfaces, person) == step).all()
-    apart = SurfaceLabels((labelled | rectangle(slice(0, 5))).astype(np.uint8), ("unknown", "floor"))
+    apart = SurfaceLabels(
+        (labelled | rectangle(slice(0, 5))).astype(np.uint8), ("unknown", "floor")
+    )
     assert (add_labelled_floor(near, apart, person) == (labelled & ~person)).all()
     assert (add_labelled_floor(nothing, surfaces, nobody) == labelled).all()
     assert not add_labelled_floor(nothing, surfaces, person).any()

@@ -26,7 +26,9 @@ def test_a_network_opens_with_the_inputs_of_the_manifest(name: str) -> None:
     session = open_packaged_session(name.removesuffix(".onnx"), threads=1)
     got = {i.name: list(i.shape) for i in session.session.get_inputs()}
     assert got == {i["name"]: i["shape"] for i in MODELS[name]["inputs"]}
-    assert {o.name for o in session.session.get_outputs()} == {o["name"] for o in MODELS[name]["outputs"]}
+    assert {o.name for o in session.session.get_outputs()} == {
+        o["name"] for o in MODELS[name]["outputs"]
+    }
 
 
 def test_every_network_has_an_attribution_and_its_licence_text() -> None:
@@ -34,8 +36,13 @@ def test_every_network_has_an_attribution_and_its_licence_text() -> None:
     for name, model in MODELS.items():
         assert name in notice
         assert f"{model['source']['name']} {model['source']['version']}" in notice
-    assert "Version 2.0, January 2004" in (WEIGHTS_FOLDER / "LICENSES" / "Apache-2.0.txt").read_text()
-    for owner, who in {"MI-GAN": "Picsart AI Research (PAIR)", "TinyViT": "Microsoft Corporation"}.items():
+    assert (
+        "Version 2.0, January 2004" in (WEIGHTS_FOLDER / "LICENSES" / "Apache-2.0.txt").read_text()
+    )
+    for owner, who in {
+        "MI-GAN": "Picsart AI Research (PAIR)",
+        "TinyViT": "Microsoft Corporation",
+    }.items():
         text = (WEIGHTS_FOLDER / "LICENSES" / f"MIT-{owner}.txt").read_text()
         assert "Permission is hereby granted" in text
         assert who in text
@@ -56,19 +63,24 @@ def damaged_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("depth_anything_v2_vits_int8", "depth_anything_v2_vits.weights"),
     ],
 )
-def test_a_network_with_one_other_bit_is_refused(damaged_folder: Path, name: str, file: str) -> None:
+def test_a_network_with_one_other_bit_is_refused(
+    damaged_folder: Path, name: str, file: str
+) -> None:
     shutil.copy(WEIGHTS_FOLDER / f"{name}.onnx", damaged_folder)
     content = bytearray((WEIGHTS_FOLDER / file).read_bytes())
     content[1_000_000] ^= 1
     (damaged_folder / file).write_bytes(content)
-    with pytest.raises(BackendError, match=f"{file} is damaged: .*{hashlib.sha256(content).hexdigest()}"):
+    with pytest.raises(
+        BackendError, match=f"{file} is damaged: .*{hashlib.sha256(content).hexdigest()}"
+    ):
         open_packaged_session(name)
 
 
 def test_the_weights_that_were_compared_are_those_that_are_used(
     damaged_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name, weights = "depth_anything_v2_vits_int8", damaged_folder / "depth_anything_v2_vits.weights"
+    name = "depth_anything_v2_vits_int8"
+    weights = damaged_folder / "depth_anything_v2_vits.weights"
     for file in (f"{name}.onnx", weights.name):
         shutil.copy(WEIGHTS_FOLDER / file, damaged_folder)
     image = {"image": np.random.default_rng(0).random((1, 3, 126, 126), np.float32)}
@@ -81,12 +93,16 @@ def test_the_weights_that_were_compared_are_those_that_are_used(
         return real(*arguments, **options)
 
     monkeypatch.setattr(onnxruntime, "InferenceSession", overwrite_and_open)
-    np.testing.assert_array_equal(open_packaged_session(name, threads=1).run(["depth"], image)[0], expected)
+    np.testing.assert_array_equal(
+        open_packaged_session(name, threads=1).run(["depth"], image)[0], expected
+    )
 
 
 def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None:
     shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
-    (damaged_folder / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}], "weights": []}')
+    (damaged_folder / "MANIFEST.json").write_text(
+        '{"models": [{"file": "other.onnx"}], "weights": []}'
+    )
     with pytest.raises(BackendError, match="no SHA-256 of palm_detection_full"):
         open_packaged_session("palm_detection_full")
 
@@ -100,7 +116,9 @@ def test_memory_is_released_while_a_network_is_open() -> None:
     np.testing.assert_array_equal(session.run(["scores"], image)[0], before)
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="the memory of a process is read from /proc")
+@pytest.mark.skipif(
+    not Path("/proc/self/statm").is_file(), reason="the memory of a process is read from /proc"
+)
 def test_the_memory_of_closed_networks_is_returned_to_the_system() -> None:
     # A process of its own: in one that ran other tests, networks take the memory that these left.
     program = """
@@ -119,5 +137,7 @@ before = resident_mb()
 release_memory()
 print(before - resident_mb())
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert float(done.stdout) > 50

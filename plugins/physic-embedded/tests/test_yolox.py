@@ -16,10 +16,13 @@ CELLS = [(52, 8), (26, 16), (13, 32)]
 
 
 class Network:
-    """Predicts a thing of a given size at every cell whose pixel is pure red: a person, and classes with scores."""
+    """Predicts a thing of a given size at every cell whose pixel is pure red: a person, and classes
+    with scores.
+    """
 
     def __init__(self, width: float, height: float, **scores: float) -> None:
-        self.size, self.scores = (width, height), {"person": 0.9, **scores}
+        self.size = (width, height)
+        self.scores = {"person": 0.9, **scores}
         self.inputs: list[NDArray[np.float32]] = []
 
     def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
@@ -72,14 +75,17 @@ def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas() -> None:
 
 
 def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept() -> None:
-    """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass ``min_score``."""
+    """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass
+    ``min_score``.
+    """
     network = Network(60, 120)
     image = photo(832, 832, (30, 200), (415, 600))
     found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5]).people  # type: ignore[arg-type]
     centers = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
     assert any(np.linalg.norm(center - [30, 200]) < 40 for center in centers)
     near = found.boxes[np.linalg.norm(centers - [415, 600], axis=1) < 70]
-    # The tile in the middle shows all of it. A tile that begins or ends at x = 416 would give a box that is cut off.
+    # The tile in the middle shows all of it. A tile that begins or ends at x = 416 would give a box
+    # that is cut off.
     np.testing.assert_allclose(near[:, 2] - near[:, 0], 60, atol=1e-3)
     assert len(near)
     assert (found.boxes >= 0).all()
@@ -87,7 +93,13 @@ def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept() -> 
 
 
 @pytest.mark.parametrize(
-    ("scores", "name"), [({}, None), ({"dog": 0.5}, None), ({"dog": 0.95}, "dog"), ({"skateboard": 0.95}, "skateboard")]
+    ("scores", "name"),
+    [
+        ({}, None),
+        ({"dog": 0.5}, None),
+        ({"dog": 0.95}, "dog"),
+        ({"skateboard": 0.95}, "skateboard"),
+    ],
 )
 def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(
     scores: dict[str, float], name: str | None
@@ -100,9 +112,13 @@ def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(
 
 
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
-def test_the_player_of_the_example_photo_is_one_box(image: NDArray[np.uint8], fractions: tuple[float, ...]) -> None:
+def test_the_player_of_the_example_photo_is_one_box(
+    image: NDArray[np.uint8], fractions: tuple[float, ...]
+) -> None:
     session = open_packaged_session("yolox_nano", threads=1)
-    found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions).people
+    found = detect_boxes(
+        session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions
+    ).people
     whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5).people
     assert found.scores[0] > 0.7
     assert box_iou(found.boxes[:1], whole.boxes[:1])[0, 0] > 0.8

@@ -90,7 +90,8 @@ def physic_exporters() -> list[ExporterRecord]:
             (".xml", ".mjcf"),
             "physic_export.mjcf:export_mjcf",
             "MuJoCo",
-            "people with joints and actuators, textured scene with collision meshes, floor, gravity",
+            "people with joints and actuators, textured scene with collision meshes, floor, "
+            "gravity",
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",

@@ -1,4 +1,6 @@
-"""SMPL-X parameters as an AMASS npz: one frame per person, as Blender's SMPL-X add-on and AMASS tools read it."""
+"""SMPL-X parameters as an AMASS npz: one frame per person, as Blender's SMPL-X add-on and AMASS
+tools read it.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,13 @@ _FRAMES = 2
 """Equal frames: readers that interpolate or differentiate refuse one."""
 
 _FRAME_RATE = 30.0
-"""Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by default."""
+"""Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by
+default.
+"""
 
 _PIVOT = (
-    "trans is added after posing, and the root turns about the pelvis joint of the shaped body in its rest pose "
+    "trans is added after posing, and the root turns about the pelvis joint of the shaped body in "
+    "its rest pose "
     "(array pelvis): the pelvis is at pelvis + trans"
 )
 
@@ -38,7 +43,8 @@ _PIVOT = (
 def export_amass(request: ExportRequest) -> ExportedFiles:
     """Return one npz per person, with the keys of AMASS and what they mean in words.
 
-    Embedded bodies are fitted with SMPL-X on their surface; the error is in the file (``fit_error_m``) and the notes.
+    Embedded bodies are fitted with SMPL-X on their surface; the error is in the file
+    (``fit_error_m``) and the notes.
 
     Raises:
         InputError: no SMPL-X file is given.
@@ -47,7 +53,8 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
     file = _smplx_file(request)
     model, parameters, errors = _smplx_parameters(request, file)
     gender = _gender(file)
-    files, notes = {}, []
+    files = {}
+    notes = []
     for row, index in enumerate(request.people):
         error = errors[row]
         arrays = _arrays(model, parameters[row : row + 1], request.frame, gender)
@@ -56,8 +63,14 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
         write_arrays(stream, arrays)
         files[request.file_of(index)] = stream.getvalue()
         if error > 0:
-            notes.append(f"person {index}: fitted with SMPL-X, surface within {1000 * error:.0f} mm on average")
-    notes.append(f"frame: {request.frame.axes}; the root turns about the pelvis joint; gender {gender}, from the file")
+            notes.append(
+                f"person {index}: fitted with SMPL-X, surface within {1000 * error:.0f} mm on "
+                f"average"
+            )
+    notes.append(
+        f"frame: {request.frame.axes}; the root turns about the pelvis joint; gender {gender}, "
+        f"from the file"
+    )
     return ExportedFiles(files, tuple(notes))
 
 
@@ -71,13 +84,26 @@ def read_amass(path: str | os.PathLike[str]) -> BodyParameters:
         with Path(path).open("rb") as stream:
             arrays = read_arrays(stream)
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for damaged files
-        raise InputError(f"cannot read {path}: it is not an npz file of arrays ({error})") from error
+        raise InputError(
+            f"cannot read {path}: it is not an npz file of arrays ({error})"
+        ) from error
     missing = [name for name in ("poses", "betas", "trans") if name not in arrays]
     if missing or arrays["poses"].ndim != 2 or arrays["poses"].shape[1] != 165:
-        raise InputError(f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans")
-    poses, rows = np.asarray(arrays["poses"], np.float64), len(arrays["poses"])
+        raise InputError(
+            f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"
+        )
+    poses = np.asarray(arrays["poses"], np.float64)
+    rows = len(arrays["poses"])
     parts = np.split(poses, [3, 66, 69, 72, 75, 120], axis=1)
-    names = ("global_orient", "body_pose", "jaw_pose", "leye_pose", "reye_pose", "left_hand_pose", "right_hand_pose")
+    names = (
+        "global_orient",
+        "body_pose",
+        "jaw_pose",
+        "leye_pose",
+        "reye_pose",
+        "left_hand_pose",
+        "right_hand_pose",
+    )
     return BodyParameters(
         **dict(zip(names, parts, strict=True)),
         betas=np.tile(np.asarray(arrays["betas"], np.float64).reshape(-1), (rows, 1)),
@@ -95,42 +121,61 @@ def _smplx_file(request: ExportRequest) -> Path:
     named = request.body_file or (request.result.config.get("body_model") or {}).get("path")
     if not named:
         raise InputError(
-            "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, which PhySIC may not "
-            "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz (--body-model FILE, or "
-            "body_model= in Python). The file is free for research from the SMPL-X project, after registration. "
+            "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, "
+            "which PhySIC may not "
+            "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz "
+            "(--body-model FILE, or "
+            "body_model= in Python). The file is free for research from the SMPL-X project, after "
+            "registration. "
             "Without it, --to glb and --to bvh have the same pose"
         )
     return Path(named)
 
 
-def _smplx_parameters(request: ExportRequest, file: Path) -> tuple[BodyModel, BodyParameters, NDArray[np.float64]]:
-    """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit errors in metres."""
+def _smplx_parameters(
+    request: ExportRequest, file: Path
+) -> tuple[BodyModel, BodyParameters, NDArray[np.float64]]:
+    """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
+    errors in metres.
+    """
     from physic_core.body.convert.bodies import convert_with_residuals
     from physic_core.body.files import load_smplx
     from physic_core.cache.correspondences import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]
-    stacked = BodyParameters(**{name: np.concatenate([getattr(p, name) for p in people]) for name in vars(people[0])})
+    stacked = BodyParameters(
+        **{name: np.concatenate([getattr(p, name) for p in people]) for name in vars(people[0])}
+    )
     if request.result.body_model == "smplx":
         model = body_of_result(request.result, file)
         for _, person in request.chosen():
             pose_rig(model, person, request.frame)  # checks that the file is that of the result
         return model, stacked, np.zeros(len(people))
     if request.result.body_model != "embedded":
-        raise InputError(f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X")
+        raise InputError(
+            f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X"
+        )
     model = load_smplx(file)
     found = convert_with_residuals(Bodies(stacked, "embedded"), model, cached_correspondence)
     errors = found.joints_m if found.surface_m is None else found.surface_m
     return model.to(dtype=torch.float64), found.bodies.parameters, errors
 
 
-def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender: str) -> dict[str, NDArray[Any]]:
+def _arrays(
+    model: BodyModel, person: BodyParameters, frame: ExportFrame, gender: str
+) -> dict[str, NDArray[Any]]:
     """Return the arrays of the file of one person."""
-    shape = torch.from_numpy(np.concatenate([person.betas, person.expression], 1).astype(np.float64))
+    shape = torch.from_numpy(
+        np.concatenate([person.betas, person.expression], 1).astype(np.float64)
+    )
     pelvis = model.kinematics.rest_joints(shape)[0, 0].numpy()
-    turn, shift = frame.from_camera[:3, :3], frame.from_camera[:3, 3]
-    orient = rotmat_to_rotvec(turn @ rotvec_to_rotmat_numpy(person.global_orient.astype(np.float64)))
-    # The pelvis joint moves to where the frame has it; trans is what is left after the rest position.
+    turn = frame.from_camera[:3, :3]
+    shift = frame.from_camera[:3, 3]
+    orient = rotmat_to_rotvec(
+        turn @ rotvec_to_rotmat_numpy(person.global_orient.astype(np.float64))
+    )
+    # The pelvis joint moves to where the frame has it; trans is what is left after the rest
+    # position.
     trans = (person.transl[0].astype(np.float64) + pelvis) @ turn.T + shift - pelvis
     eyes = np.concatenate([person.leye_pose, person.reye_pose], 1)
     hands = np.concatenate([person.left_hand_pose, person.right_hand_pose], 1)
@@ -146,7 +191,10 @@ def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender
         "expressions": person.expression,  # the name that Blender's add-on for SMPL-X reads
     }
     return {
-        **{name: np.repeat(values.astype(np.float64), _FRAMES, axis=0) for name, values in frames.items()},
+        **{
+            name: np.repeat(values.astype(np.float64), _FRAMES, axis=0)
+            for name, values in frames.items()
+        },
         "betas": person.betas[0].astype(np.float64),
         "num_betas": np.array(person.betas.shape[1]),
         "gender": np.array(gender),

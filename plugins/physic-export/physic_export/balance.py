@@ -1,4 +1,6 @@
-"""People of a simulation: in their pose, those on their feet turned until their mass is over the soles."""
+"""People of a simulation: in their pose, those on their feet turned until their mass is over the
+soles.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 INSIDE_M = 0.04
-"""Distance of the centre of mass from the edge of the soles after the turn, metres. Where the soles are too narrow, as
-on one foot, it goes as far inside as they allow."""
+"""Distance of the centre of mass from the edge of the soles after the turn, metres.
+
+Where the soles are too narrow, as on one foot, it goes as far inside as they allow.
+"""
 
 MAX_TURN_DEG = 15.0
 """Largest turn: the lean of a photo is off by less."""
@@ -54,7 +58,8 @@ class ExportedPerson:
         on_floor: sides of the feet that touch the floor.
         falls: why a simulation does not keep the person up; "" if it does, or if that is not known.
         turned_deg: angle about the ankles; None if the person was not to be turned.
-        inside_m: distance of the centre of mass from the edge of the soles, negative outside; None like the angle.
+        inside_m: distance of the centre of mass from the edge of the soles, negative outside; None
+            like the angle.
     """
 
     index: int
@@ -76,13 +81,20 @@ class ExportedPerson:
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
         if self.turned_deg == 0:
             return f"person {self.index} is not turned: {place}"
-        return f"person {self.index} is turned by {self.turned_deg:.1f} degrees about the ankles: {place}"
+        return (
+            f"person {self.index} is turned by {self.turned_deg:.1f} degrees about the ankles: "
+            f"{place}"
+        )
 
 
-def tiles_beside(request: ExportRequest, people: Sequence[ExportedPerson]) -> tuple[list[Tile], tuple[str, ...]]:
-    """Return the tiles of the scene that do not push over people whom their feet alone carry, and a note on the others.
+def tiles_beside(
+    request: ExportRequest, people: Sequence[ExportedPerson]
+) -> tuple[list[Tile], tuple[str, ...]]:
+    """Return the tiles of the scene that do not push over people whom their feet alone carry, and a
+    note on the others.
 
-    Such a tile reaches into the body; a foot that touches the scene, not the floor, may stand on it.
+    Such a tile reaches into the body; a foot that touches the scene, not the floor, may stand on
+    it.
     """
     tiles = convex_tiles(request.result)
     to_camera: Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)
@@ -91,20 +103,29 @@ def tiles_beside(request: ExportRequest, people: Sequence[ExportedPerson]) -> tu
         part = vertex_segments(person.rig.weights)
         vertices = transform_points(to_camera, person.vertices)
         standing = {
-            f"{side}_{name}" for side in person.feet if side not in person.on_floor for name in ("ankle", "foot")
+            f"{side}_{name}"
+            for side in person.feet
+            if side not in person.on_floor
+            for name in ("ankle", "foot")
         }
-        free = [joint for joint in range(NUM_BODIES) if person.feet and JOINT_NAMES[joint] not in standing]
+        free = [
+            joint
+            for joint in range(NUM_BODIES)
+            if person.feet and JOINT_NAMES[joint] not in standing
+        ]
         bodies += [vertices[part == joint] for joint in free]
     kept = tiles_without(tiles, bodies)
     left_out = len(tiles) - len(kept)
-    return kept, (f"{left_out} convex tiles of the scene reach into people and are left out",) if left_out else ()
+    return kept, (
+        f"{left_out} convex tiles of the scene reach into people and are left out",
+    ) if left_out else ()
 
 
 def people_of(request: ExportRequest) -> list[ExportedPerson]:
     """Return the people of a request in its frame, which has z up.
 
-    People whom their feet alone balance within the error of the pose are turned over their soles, unless the option
-    ``keep_lean`` is given.
+    People whom their feet alone balance within the error of the pose are turned over their soles,
+    unless the option ``keep_lean`` is given.
     """
     made = []
     for index, rig in rigs(request):
@@ -112,8 +133,11 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         vertices = transform_points(request.frame.from_camera, person.vertices)
         feet = feet_that_carry(person)
         on_floor = _on_floor(person, vertices, vertex_segments(rig.weights))
-        feet = tuple(side for side in feet if side in on_floor) or feet  # a surface may have no collision shape
-        plain = ExportedPerson(index, rig, vertices, feet, on_floor, "" if feet else _why_falling(person))
+        # a surface may have no collision shape
+        feet = tuple(side for side in feet if side in on_floor) or feet
+        plain = ExportedPerson(
+            index, rig, vertices, feet, on_floor, "" if feet else _why_falling(person)
+        )
         if feet:
             plain = _set_down(plain, _height(vertices))
         made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
@@ -121,13 +145,19 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
 
 
 def feet_that_carry(person: Person) -> tuple[str, ...]:
-    """Return the sides of the feet that balance a person alone; none if a seat, a hand or another part carries, too.
+    """Return the sides of the feet that balance a person alone; none if a seat, a hand or another
+    part carries, too.
 
     Contact with other people does not count: they may move away.
     """
-    if person.support is None or person.support.state not in (SupportState.BALANCED, SupportState.ASSUMED):
+    if person.support is None or person.support.state not in (
+        SupportState.BALANCED,
+        SupportState.ASSUMED,
+    ):
         return ()
-    carrying = [one for one in person.support.contacts if one.partner.kind in ("floor", "scene", "hidden")]
+    carrying = [
+        one for one in person.support.contacts if one.partner.kind in ("floor", "scene", "hidden")
+    ]
     if any(not one.part.endswith("_foot") or one.partner.kind == "hidden" for one in carrying):
         return ()
     return tuple(side for side in SIDES if any(one.part == f"{side}_foot" for one in carrying))
@@ -140,7 +170,9 @@ def _why_falling(person: Person) -> str:
 
 
 def _on_floor(person: Person, vertices: Array, part: NDArray[np.int64]) -> tuple[str, ...]:
-    """Return the sides of the feet that touch the floor, or the scene where it counts as the floor (FLOOR_M)."""
+    """Return the sides of the feet that touch the floor, or the scene where it counts as the floor
+    (FLOOR_M).
+    """
     likely = [one for one in person.contacts if one.likely]
     made = []
     for side in SIDES:
@@ -153,12 +185,14 @@ def _on_floor(person: Person, vertices: Array, part: NDArray[np.int64]) -> tuple
 
 
 def balanced(person: ExportedPerson) -> ExportedPerson:
-    """Return a person turned about the ankles until the centre of mass is INSIDE_M inside the soles.
+    """Return a person turned about the ankles until the centre of mass is INSIDE_M inside the
+    soles.
 
-    Masses and soles are those of :func:`physic_export.humanoid.body_segments`. The body above the ankles turns as a
-    whole, by the smallest angle; feet that carry keep their direction. The turn is about the middle of the ankles, so
-    feet move by millimetres. Then the lowest skin is set on the floor, if it is within FLAT_M of it, since a simulator
-    pushes a body out that starts below; else the body is set back to its height.
+    Masses and soles are those of :func:`physic_export.humanoid.body_segments`. The body above the
+    ankles turns as a whole, by the smallest angle; feet that carry keep their direction. The turn
+    is about the middle of the ankles, so feet move by millimetres. Then the lowest skin is set on
+    the floor, if it is within FLAT_M of it, since a simulator pushes a body out that starts below;
+    else the body is set back to its height.
 
     Args:
         person: with z up, whom their feet alone carry.
@@ -184,17 +218,21 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
 
 
 def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
-    """Return a rig whose centre of mass (3,) is turned about the ankles towards the vertical over a point (2,)."""
+    """Return a rig whose centre of mass (3,) is turned about the ankles towards the vertical over a
+    point (2,).
+    """
     world = rig.world()
     ankles = [JOINT_INDEX[f"{side}_ankle"] for side in feet]
     pivot = world[ankles, :3, 3].mean(0)
-    arm, to = centre - pivot, np.append(aim - pivot[:2], 0.0)
+    arm = centre - pivot
+    to = np.append(aim - pivot[:2], 0.0)
     to[2] = np.sqrt(max(float(arm @ arm - to @ to), 1e-6))
     axis = np.cross(arm, to)
     angle = np.arctan2(np.linalg.norm(axis), arm @ to)
     axis *= angle / max(float(np.linalg.norm(axis)), 1e-12)
     turn = rotvec_to_rotmat_numpy(axis)
-    rotations, offsets = rig.rotations.copy(), rig.offsets.copy()
+    rotations = rig.rotations.copy()
+    offsets = rig.offsets.copy()
     rotations[0] = turn @ rotations[0]
     offsets[0] = pivot + turn @ (offsets[0] - pivot)
     for ankle in ankles:
@@ -214,13 +252,16 @@ def _set_down(person: ExportedPerson, height: float) -> ExportedPerson:
     move = np.array([0.0, 0.0, height - person.vertices[:, 2].min()])
     offsets = person.rig.offsets.copy()
     offsets[0] += move
-    return replace(person, rig=replace(person.rig, offsets=offsets), vertices=person.vertices + move)
+    return replace(
+        person, rig=replace(person.rig, offsets=offsets), vertices=person.vertices + move
+    )
 
 
 def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     """Return the edges (n, 3) of the hull of the soles from above, and the centre of mass (3,).
 
-    An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to balance a body.
+    An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to
+    balance a body.
     """
     segments = body_segments(person.rig, person.vertices, person.on_floor)
     world = person.rig.world()
@@ -230,7 +271,9 @@ def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
         for one, pose in zip(segments, world, strict=False)
     ]
     joints = [JOINT_INDEX[f"{side}_ankle"] for side in person.feet]
-    soles = [segments[joint].soles @ world[joint, :3, :3].T + world[joint, :3, 3] for joint in joints]
+    soles = [
+        segments[joint].soles @ world[joint, :3, :3].T + world[joint, :3, 3] for joint in joints
+    ]
     edges: Array = ConvexHull(np.concatenate(soles)[:, :2]).equations
     return edges, masses @ np.stack(centres) / masses.sum()
 
@@ -240,14 +283,22 @@ def _inside(edges: Array, centre: Array) -> float:
 
 
 def _aim(edges: Array, centre: Array) -> Array:
-    """Return the point (2,) nearest to a centre (3,) that is INSIDE_M inside the edges, or as far as they allow."""
+    """Return the point (2,) nearest to a centre (3,) that is INSIDE_M inside the edges, or as far
+    as they allow.
+    """
     widest = linprog(
-        [0, 0, -1], np.pad(edges[:, :2], ((0, 0), (0, 1)), constant_values=1.0), -edges[:, 2], bounds=(None, None)
+        [0, 0, -1],
+        np.pad(edges[:, :2], ((0, 0), (0, 1)), constant_values=1.0),
+        -edges[:, 2],
+        bounds=(None, None),
     )
     room = min(INSIDE_M, float(widest.x[2]))
     limits = {"type": "ineq", "fun": lambda point: -(edges[:, :2] @ point + edges[:, 2]) - room}
     nearest = minimize(
-        lambda point: ((point - centre[:2]) ** 2).sum(), widest.x[:2], method="SLSQP", constraints=limits
+        lambda point: ((point - centre[:2]) ** 2).sum(),
+        widest.x[:2],
+        method="SLSQP",
+        constraints=limits,
     )
     aim: Array = nearest.x
     return aim

@@ -24,12 +24,15 @@ def export_bvh(request: ExportRequest) -> ExportedFiles:
 
     Frame 0 is a T-pose, frame 1 the pose. The option ``names`` selects the names of the joints.
     """
-    names, up = bone_names(str(request.options["names"])), request.frame.up_vector
+    names = bone_names(str(request.options["names"]))
+    up = request.frame.up_vector
     files = {
-        request.file_of(index): _document(replace(rig, names=names), up).encode("ascii") for index, rig in rigs(request)
+        request.file_of(index): _document(replace(rig, names=names), up).encode("ascii")
+        for index, rig in rigs(request)
     }
     return ExportedFiles(
-        files, ("lengths are metres: a program that counts in centimetres imports them with scale 100",)
+        files,
+        ("lengths are metres: a program that counts in centimetres imports them with scale 100",),
     )
 
 
@@ -63,7 +66,11 @@ def _write_joint(rig: Rig, joint: int, depth: int, lines: list[str], order: list
     if not children:
         length = np.linalg.norm(offset)
         end = offset / length * _END_M if length > 0 else np.array([0.0, _END_M, 0.0])
-        lines += [f"{indent}\tEnd Site", f"{indent}\t{{", f"{indent}\t\tOFFSET {' '.join(map(_number, end))}"]
+        lines += [
+            f"{indent}\tEnd Site",
+            f"{indent}\t{{",
+            f"{indent}\t\tOFFSET {' '.join(map(_number, end))}",
+        ]
         lines.append(f"{indent}\t}}")
     lines.append(f"{indent}}}")
 

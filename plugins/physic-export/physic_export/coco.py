@@ -1,7 +1,8 @@
-"""COCO: keypoints, boxes and masks of people in px of the photo file, for annotation tools and evaluation.
+"""COCO: keypoints, boxes and masks of people in px of the photo file, for annotation tools and
+evaluation.
 
-Conventions are those of the page "Data format" of COCO: boxes are counted from the corner of the picture, keypoints
-from the centre of its first pixel, and run lengths go down the columns.
+Conventions are those of the page "Data format" of COCO: boxes are counted from the corner of the
+picture, keypoints from the centre of its first pixel, and run lengths go down the columns.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, IntArray, Person
 
 _LABELLED = 2
-"""Third number of a keypoint. The result does not say which keypoints something hides, so none is 1."""
+"""Third number of a keypoint.
+
+The result does not say which keypoints something hides, so none is 1.
+"""
 
 _CHAINS = (
     ("nose", "{}_eye_inner", "{}_eye", "{}_eye_outer", "{}_ear", "{}_shoulder"),
@@ -45,8 +49,8 @@ _ACROSS = ("eye", "shoulder", "hip", "mouth_corner")
 def export_coco(request: ExportRequest) -> ExportedFiles:
     """Return a COCO file of one image, with an annotation for each person whom the photo shows.
 
-    A keypoint of confidence 0 was not seen: it is 0, 0, 0. The others have visibility 2, and their confidence in
-    ``keypoint_scores``. ``person`` is the index into the result.
+    A keypoint of confidence 0 was not seen: it is 0, 0, 0. The others have visibility 2, and their
+    confidence in ``keypoint_scores``. ``person`` is the index into the result.
     """
     result = request.result
     width, height = result.file_size or result.image.shape[1::-1]
@@ -68,11 +72,15 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
         "annotations": [_annotation(result, index, person, pixels) for index, person in shown],
     }
     notes = [
-        f"person {index} is not in the photo and is left out" for index in request.people if index not in dict(shown)
+        f"person {index} is not in the photo and is left out"
+        for index in request.people
+        if index not in dict(shown)
     ]
     if not result.photo_name:
         notes.append("the photo had no file: set file_name of the image")
-    return ExportedFiles({f"{request.stem}{request.suffix}": (json.dumps(document) + "\n").encode()}, tuple(notes))
+    return ExportedFiles(
+        {f"{request.stem}{request.suffix}": (json.dumps(document) + "\n").encode()}, tuple(notes)
+    )
 
 
 def skeleton_links(names: Sequence[str]) -> list[list[int]]:
@@ -110,13 +118,17 @@ def _annotation(
         "iscrowd": 0,
         "score": round(float(person.score), 4),
         "num_keypoints": int(seen.sum()),
-        "keypoints": [int(value) if value.is_integer() else value for value in triples.ravel().tolist()],
+        "keypoints": [
+            int(value) if value.is_integer() else value for value in triples.ravel().tolist()
+        ],
         "keypoint_scores": person.keypoint_confidence.astype(np.float64).round(4).tolist(),
     }
 
 
 def run_lengths(mask: BoolArray) -> list[int]:
-    """Return the lengths of runs of equal pixels down the columns of a mask (H, W), beginning with those outside."""
+    """Return the lengths of runs of equal pixels down the columns of a mask (H, W), beginning with
+    those outside.
+    """
     flat = mask.ravel(order="F")
     changes = np.flatnonzero(flat[1:] != flat[:-1]) + 1
     lengths: list[int] = np.diff(changes, prepend=0, append=flat.size).tolist()
@@ -124,7 +136,9 @@ def run_lengths(mask: BoolArray) -> list[int]:
 
 
 def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntArray, IntArray]:
-    """Return rows and columns of ``image`` that show the pixels of the file, which broadcast to (height, width)."""
+    """Return rows and columns of ``image`` that show the pixels of the file, which broadcast to
+    (height, width).
+    """
     rows = np.arange(height)[:, None]
     columns = np.arange(width)[None]
     if result.lens is None:
@@ -135,7 +149,10 @@ def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntA
     camera = result.intrinsics
     distorted = np.stack(np.broadcast_arrays(columns, rows), -1).reshape(-1, 2)
     x, y = undistort_pixels(distorted.astype(np.float64), own, result.lens.distortion).T
-    at = (y - own.cy) / own.fy * camera.fy + camera.cy, (x - own.cx) / own.fx * camera.fx + camera.cx
+    at = (
+        (y - own.cy) / own.fy * camera.fy + camera.cy,
+        (x - own.cx) / own.fx * camera.fx + camera.cx,
+    )
     found = [np.rint(values).astype(np.int64).reshape(height, width) for values in at]
     return found[0], found[1]
 
@@ -143,5 +160,7 @@ def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntA
 def _mask_of_file(mask: BoolArray, pixels: tuple[IntArray, IntArray]) -> BoolArray:
     rows, columns = pixels
     inside = (rows >= 0) & (rows < mask.shape[0]) & (columns >= 0) & (columns < mask.shape[1])
-    found: BoolArray = mask[rows.clip(0, mask.shape[0] - 1), columns.clip(0, mask.shape[1] - 1)] & inside
+    found: BoolArray = (
+        mask[rows.clip(0, mask.shape[0] - 1), columns.clip(0, mask.shape[1] - 1)] & inside
+    )
     return found

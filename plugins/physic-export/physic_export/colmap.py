@@ -1,8 +1,9 @@
-"""COLMAP's binary model: the camera, the pose of the photo, and points of the scene that the photo shows.
+"""COLMAP's binary model: the camera, the pose of the photo, and points of the scene that the photo
+shows.
 
-Conventions are those of COLMAP's page "Output format": poses are from the world to a camera that looks along z with y
-down, and pixels are counted from the corner of the picture. The model is binary, since the reader of gsplat's examples
-fails on text.
+Conventions are those of COLMAP's page "Output format": poses are from the world to a camera that
+looks along z with y down, and pixels are counted from the corner of the picture. The model is
+binary, since the reader of gsplat's examples fails on text.
 """
 
 from __future__ import annotations
@@ -49,31 +50,45 @@ _POINT = np.dtype(
 
 
 def export_colmap(request: ExportRequest) -> ExportedFiles:
-    """Return ``cameras.bin``, ``images.bin``, ``points3D.bin``, the photo, and a mask that is 0 where people are.
+    """Return ``cameras.bin``, ``images.bin``, ``points3D.bin``, the photo, and a mask that is 0
+    where people are.
 
-    The points are those of a regular grid of pixels that show the scene, not a person. The model is in the folder
-    ``sparse/0`` unless a file is named, the photo in ``images``, and the mask in ``masks``.
+    The points are those of a regular grid of pixels that show the scene, not a person. The model is
+    in the folder ``sparse/0`` unless a file is named, the photo in ``images``, and the mask in
+    ``masks``.
 
     Raises:
         ConfigError: the scene is to be left out, or the named file is not cameras.bin.
     """
     stem = PurePosixPath(request.stem)
     if stem.name != "cameras":
-        raise ConfigError(f"COLMAP reads cameras.bin, not {stem.name}{request.suffix}: name that file, or a folder")
+        raise ConfigError(
+            f"COLMAP reads cameras.bin, not {stem.name}{request.suffix}: name that file, or a "
+            f"folder"
+        )
     if not request.scene:
-        raise ConfigError("this format has points of the scene: leave out --no-scene (scene=False in Python)")
+        raise ConfigError(
+            "this format has points of the scene: leave out --no-scene (scene=False in Python)"
+        )
     result = request.result
-    people = np.any([np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0)
+    people = np.any(
+        [np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0
+    )
     shown = result.scene.valid & np.isfinite(result.scene.points).all(-1) & ~people
     step = max(1, math.ceil(math.sqrt(shown.sum() / _MAX_POINTS)))
     rows, columns = (step * places for places in np.nonzero(shown[::step, ::step]))
-    points = transform_points(request.frame.from_camera, result.scene.points[rows, columns].astype(np.float64))
+    points = transform_points(
+        request.frame.from_camera, result.scene.points[rows, columns].astype(np.float64)
+    )
     model = {
         "cameras.bin": _cameras(result.intrinsics),
         "images.bin": _images(request.frame, rows, columns),
         "points3D.bin": _points(points, result.scene.colors[rows, columns]),
     }
-    files = {f"images/{_PHOTO}": encode_image(result.image, "JPEG"), f"masks/{_PHOTO}.png": mask_picture(~people)}
+    files = {
+        f"images/{_PHOTO}": encode_image(result.image, "JPEG"),
+        f"masks/{_PHOTO}.png": mask_picture(~people),
+    }
     files |= {str(stem.parent / name): content for name, content in model.items()}
     note = f"{len(points)} points of {int(shown.sum())} pixels that show the scene"
     return ExportedFiles(files, (note,))

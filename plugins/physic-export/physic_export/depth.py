@@ -1,7 +1,8 @@
 """Depth: the scene as a 16-bit PNG in millimetres, with its photo, masks of people, and the camera.
 
-Nerfstudio gets them as ``transforms.json``. Its conventions are those of its page "Data conventions": a camera looks
-along -z with y up, the world has z up, and pixels are counted from the corner of the picture.
+Nerfstudio gets them as ``transforms.json``. Its conventions are those of its page "Data
+conventions": a camera looks along -z with y up, the world has z up, and pixels are counted from the
+corner of the picture.
 """
 
 from __future__ import annotations
@@ -26,19 +27,25 @@ _MAX_STEPS = 65535
 
 
 def export_depth(request: ExportRequest) -> ExportedFiles:
-    """Return the depth of the scene, the photo that it belongs to, a mask of each person, and the camera.
+    """Return the depth of the scene, the photo that it belongs to, a mask of each person, and the
+    camera.
 
-    All pictures have the pixels of ``Reconstruction.image``, which is upright and without lens distortion. The JSON
-    file has the camera, and the names of the pictures.
+    All pictures have the pixels of ``Reconstruction.image``, which is upright and without lens
+    distortion. The JSON file has the camera, and the names of the pictures.
     """
-    main, photo = f"{request.stem}{request.suffix}", f"{request.stem}_photo.jpg"
+    main = f"{request.stem}{request.suffix}"
+    photo = f"{request.stem}_photo.jpg"
     depth, notes = depth_picture(request)
-    masks = {f"{request.stem}_person_{index}.png": mask_picture(person.mask) for index, person in request.chosen()}
+    masks = {
+        f"{request.stem}_person_{index}.png": mask_picture(person.mask)
+        for index, person in request.chosen()
+    }
     camera = request.result.intrinsics
     document = {
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
         "frame": f"OpenCV camera: {request.frame.axes}",
-        "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
+        "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left "
+        "pixel",
         "depth": {"file": main, "unit_m": UNIT_M, "unknown": 0, "along": "z"},
         "photo": photo,
         "masks": dict(zip(map(str, request.people), masks, strict=True)),
@@ -49,7 +56,8 @@ def export_depth(request: ExportRequest) -> ExportedFiles:
 
 
 def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
-    """Return the depth of the scene along z as a 16-bit PNG in mm, 0 where it is unknown, and notes for the user.
+    """Return the depth of the scene along z as a 16-bit PNG in mm, 0 where it is unknown, and notes
+    for the user.
 
     A pixel beyond the 65.535 m that 16 bits hold is 0 too, and a note counts them.
 
@@ -57,12 +65,19 @@ def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
         ConfigError: the scene is to be left out.
     """
     if not request.scene:
-        raise ConfigError("this format is the depth of the scene: leave out --no-scene (scene=False in Python)")
+        raise ConfigError(
+            "this format is the depth of the scene: leave out --no-scene (scene=False in Python)"
+        )
     scene = request.result.scene
     steps = np.where(scene.valid, np.rint(scene.points[..., 2] / UNIT_M), 0)
     far = steps > _MAX_STEPS
-    note = f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, as unknown ones"
-    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (note,) if far.any() else ()
+    note = (
+        f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, "
+        f"as unknown ones"
+    )
+    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (
+        note,
+    ) if far.any() else ()
 
 
 def mask_picture(mask: BoolArray) -> bytes:
@@ -73,13 +88,18 @@ def mask_picture(mask: BoolArray) -> bytes:
 def export_nerfstudio(request: ExportRequest) -> ExportedFiles:
     """Return ``transforms.json`` with one frame, its photo, the depth of the scene, and a mask.
 
-    The depth is that of the scene without people. The mask is therefore 0 where people are: nerfstudio does not sample
-    there.
+    The depth is that of the scene without people. The mask is therefore 0 where people are:
+    nerfstudio does not sample there.
     """
-    result, camera = request.result, request.result.intrinsics
-    photo, depth_file, mask = (f"{request.stem}_{name}" for name in ("photo.jpg", "depth.png", "mask.png"))
+    result = request.result
+    camera = request.result.intrinsics
+    photo, depth_file, mask = (
+        f"{request.stem}_{name}" for name in ("photo.jpg", "depth.png", "mask.png")
+    )
     depth, notes = depth_picture(request)
-    without_people = ~np.any([np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0)
+    without_people = ~np.any(
+        [np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0
+    )
     document = {
         "camera_model": "OPENCV",
         "fl_x": camera.fx,
@@ -99,6 +119,10 @@ def export_nerfstudio(request: ExportRequest) -> ExportedFiles:
             }
         ],
     }
-    files = {photo: encode_image(result.image, "JPEG"), depth_file: depth, mask: mask_picture(without_people)}
+    files = {
+        photo: encode_image(result.image, "JPEG"),
+        depth_file: depth,
+        mask: mask_picture(without_people),
+    }
     text = json.dumps(document, indent=2) + "\n"
     return ExportedFiles({f"{request.stem}{request.suffix}": text.encode(), **files}, notes)

@@ -10,7 +10,14 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.visual.glb import Appearance, body_material, build_glb, glb_notes, photo_appearance, textured_scene
+from physic_core.visual.glb import (
+    Appearance,
+    body_material,
+    build_glb,
+    glb_notes,
+    photo_appearance,
+    textured_scene,
+)
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_core.visual.textures.photo import encode_image
@@ -30,16 +37,18 @@ _FRAME_S = 1 / 24
 def export_glb(request: ExportRequest) -> ExportedFiles:
     """Return a GLB file.
 
-    People are skinned meshes with texture coordinates. Their material is the photo's colours, a plain one, or contact
-    (option ``skin``); the other two are variants of it (KHR_materials_variants). The vertex attribute ``_CONTACT`` is
-    1 or 0, ``_FILLED`` 1 where the photo does not show the body, and 0 where it does. The animation ``pose`` is a
-    T-pose at 0 s and the pose at 1/24 s; without it, the nodes are in the pose. With ``contact_texture``, there is
+    People are skinned meshes with texture coordinates. Their material is the photo's colours, a
+    plain one, or contact (option ``skin``); the other two are variants of it
+    (KHR_materials_variants). The vertex attribute ``_CONTACT`` is 1 or 0, ``_FILLED`` 1 where the
+    photo does not show the body, and 0 where it does. The animation ``pose`` is a T-pose at 0 s and
+    the pose at 1/24 s; without it, the nodes are in the pose. With ``contact_texture``, there is
     also a PNG of contact per person.
 
     Raises:
         InputError: the skeleton of the bodies is not known.
     """
-    result, options = request.result, request.options
+    result = request.result
+    options = request.options
     prefix = "mixamorig:" if options["names"] == "mixamo" else ""
     names = tuple(prefix + name for name in bone_names(str(options["names"])))
     skins = {index: replace(rig, names=names) for index, rig in rigs(request)}
@@ -54,26 +63,37 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     background = textured_scene(result, request.frame) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
     if skins:
-        up, joints = request.frame.up_vector, [skin["joints"] for skin in glb.tree["skins"]]
-        keys = [(nodes, (t_pose(rig, up), rig)) for nodes, rig in zip(joints, skins.values(), strict=True)]
+        up = request.frame.up_vector
+        joints = [skin["joints"] for skin in glb.tree["skins"]]
+        keys = [
+            (nodes, (t_pose(rig, up), rig))
+            for nodes, rig in zip(joints, skins.values(), strict=True)
+        ]
         add_animation(glb, (0.0, _FRAME_S), keys)
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and textured is not None:
         for index in request.people:
-            files[f"{request.stem}_contact_{index}.png"] = encode_image(textured.contact_image(result, index), "PNG")
+            files[f"{request.stem}_contact_{index}.png"] = encode_image(
+                textured.contact_image(result, index), "PNG"
+            )
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
 def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Appearance:
     """Return the materials of a person, as variants, and their texture coordinates."""
-    textured, request = colors.textured, colors.request
+    textured = colors.textured
+    request = colors.request
     if textured is None:
         return Appearance(body_material("body", BODY_RGB))
-    texture, mesh = textured.textures[index], textured.mesh
+    texture = textured.textures[index]
+    mesh = textured.mesh
     contact = encode_image(textured.contact_image(request.result, index), "PNG"), "image/png"
-    photo, skin = encode_image(texture.image, "JPEG"), str(request.options["skin"])
+    photo = encode_image(texture.image, "JPEG")
+    skin = str(request.options["skin"])
     look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
-    return replace(look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]})
+    return replace(
+        look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]}
+    )
 
 
 def add_animation(

@@ -1,7 +1,9 @@
-"""People as rigid segments with hinges, which MJCF and URDF files share: masses by volume, limits, collision shapes.
+"""People as rigid segments with hinges, which MJCF and URDF files share: masses by volume, limits,
+collision shapes.
 
-There are 22 segments. A joint that turns about several axes is several hinges, since a ball joint of MJCF has one limit
-for all directions, about the pose of the file, and URDF has no ball joints. The angles are 0 in a T-pose.
+There are 22 segments. A joint that turns about several axes is several hinges, since a ball joint
+of MJCF has one limit for all directions, about the pose of the file, and URDF has no ball joints.
+The angles are 0 in a T-pose.
 """
 
 from __future__ import annotations
@@ -40,20 +42,27 @@ STRENGTH_NM_PER_KG: dict[str, float] = {
     "elbow": 60 / 45,
     "wrist": 0.3,
 }
-"""Largest torque of each hinge of a joint. The source has no toes, and rigid wrists: theirs, about 20 Nm of an adult,
-carry the forefoot of a person who stands, and 10 kg in a hand. The collar bone carries the arm, and has its torque.
+"""Largest torque of each hinge of a joint.
 
-Source: the torque limits and the ratio of the gains of the humanoid of X. B. Peng et al., DeepMimic, ACM Trans. Graph.
-37.4 (2018), data/characters/humanoid3d.txt and data/controllers/humanoid3d_ctrl.txt of its code. That body has 45 kg;
-a torque is its share of the mass here.
+The source has no toes, and rigid wrists: theirs, about 20 Nm of an adult, carry the forefoot of a
+person who stands, and 10 kg in a hand. The collar bone carries the arm, and has its torque.
+
+Source: the torque limits and the ratio of the gains of the humanoid of X. B. Peng et al.,
+DeepMimic, ACM Trans. Graph. 37.4 (2018), data/characters/humanoid3d.txt and
+data/controllers/humanoid3d_ctrl.txt of its code. That body has 45 kg; a torque is its share of the
+mass here.
 """
 
 FULL_TORQUE_RAD = 0.02
-"""Error of the angle at which an actuator gives its whole torque: a pose that it has the strength for is held within
-1 degree. Softer ankles, as the source's with 0.2 to 0.4 rad, yield until the mass is beside the soles."""
+"""Error of the angle at which an actuator gives its whole torque: a pose that it has the strength
+for is held within 1 degree. Softer ankles, as the source's with 0.2 to 0.4 rad, yield until the
+mass is beside the soles.
+"""
 
 RESPONSE_S = 0.1
-"""Ratio of damping to stiffness of an actuator, in which an error falls to 37 %: that of the source."""
+"""Ratio of damping to stiffness of an actuator, in which an error falls to 37 %: that of the
+source.
+"""
 
 
 def max_torque(joint: str, mass_kg: float) -> float:
@@ -61,13 +70,16 @@ def max_torque(joint: str, mass_kg: float) -> float:
     return STRENGTH_NM_PER_KG[joint.rpartition("_")[2]] * mass_kg
 
 
-_BACK = (("x", -10.0, 30.0), ("z", -10.0, 10.0), ("y", -10.0, 10.0))  # CFR, a third for each of its three joints
-_NECK = (("x", -22.5, 22.5), ("z", -22.5, 22.5), ("y", -40.0, 40.0))  # CFR, half for each of its two joints
+# CFR, a third for each of its three joints
+_BACK = (("x", -10.0, 30.0), ("z", -10.0, 10.0), ("y", -10.0, 10.0))
+# CFR, half for each of its two joints
+_NECK = (("x", -22.5, 22.5), ("z", -22.5, 22.5), ("y", -40.0, 40.0))
 
 LIMITS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "hip": (("x", -125, 15), ("z", -30, 45), ("y", -45, 45)),  # Merck; Castori
     "knee": (("x", 0, 155),),
-    "ankle": (("x", -20, 50), ("z", -35, 25), ("y", -20, 20)),  # Merck; about y, which no source has, a small play
+    # Merck; about y, which no source has, a small play
+    "ankle": (("x", -20, 50), ("z", -35, 25), ("y", -20, 20)),
     "foot": (("x", -80, 30),),  # Merck
     "spine1": _BACK,
     "spine2": _BACK,
@@ -79,25 +91,25 @@ LIMITS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "elbow": (("y", -155, 0), ("x", -80, 80)),  # x AAOS
     "wrist": (("z", -80, 70), ("y", -20, 30)),  # AAOS
 }
-"""Hinges of each joint of the left side, in their order, with limits in degrees, 0 in the T-pose (x left, y up, z
-forward); those of the right side are mirrored. A pose beyond a limit widens it.
+"""Hinges of each joint of the left side, in their order, with limits in degrees, 0 in the T-pose (x
+left, y up, z forward); those of the right side are mirrored. A pose beyond a limit widens it.
 
 Sources, of adults without disease:
 
-- AAOS: American Academy of Orthopaedic Surgeons, Joint Motion (1965), as quoted in table A.1 of C. C. Norkin and
-  D. J. White, Measurement of Joint Motion: shoulder 180 of abduction, 70 and 90 of rotation; forearm 80 and 80; wrist
-  80 of flexion, 70 of extension, 20 and 30 sideways.
-- Merck: Merck Manual, Normal Values for Range of Motion of Joints: hip 125 of flexion, 15 of extension, 45 of
-  abduction, 45 and 45 of rotation; ankle 20 of dorsiflexion, 50 of plantar flexion; foot 35 of inversion, 25 of
-  eversion; toes 30 of flexion, 80 of extension.
+- AAOS: American Academy of Orthopaedic Surgeons, Joint Motion (1965), as quoted in table A.1 of C.
+  C. Norkin and D. J. White, Measurement of Joint Motion: shoulder 180 of abduction, 70 and 90 of
+  rotation; forearm 80 and 80; wrist 80 of flexion, 70 of extension, 20 and 30 sideways.
+- Merck: Merck Manual, Normal Values for Range of Motion of Joints: hip 125 of flexion, 15 of
+  extension, 45 of abduction, 45 and 45 of rotation; ankle 20 of dorsiflexion, 50 of plantar
+  flexion; foot 35 of inversion, 25 of eversion; toes 30 of flexion, 80 of extension.
 - Castori: M. Castori, ISRN Dermatology 2012, 751768, table 8: hip 30 of adduction.
-- CFR: 38 CFR 4.71a, note 2 of the rating formula of the spine: neck 45 of flexion, extension and to each side, 80 of
-  rotation; back 90 of flexion, 30 of extension, to each side, and of rotation.
-- Dutton: AccessPhysiotherapy, Range of Motion for Diarthrodial Joints: clavicle 45 up, 5 down, 15 to the front and
-  back, 45 of rotation; shoulder 135 and 45 in the horizontal plane.
+- CFR: 38 CFR 4.71a, note 2 of the rating formula of the spine: neck 45 of flexion, extension and to
+  each side, 80 of rotation; back 90 of flexion, 30 of extension, to each side, and of rotation.
+- Dutton: AccessPhysiotherapy, Range of Motion for Diarthrodial Joints: clavicle 45 up, 5 down, 15
+  to the front and back, 45 of rotation; shoulder 135 and 45 in the horizontal plane.
 
-Knees and elbows bend up to the bound of the reconstruction, 155 degrees; passive bends of deep squats are beyond the
-135 of AAOS and the 130 of Merck.
+Knees and elbows bend up to the bound of the reconstruction, 155 degrees; passive bends of deep
+squats are beyond the 135 of AAOS and the 130 of Merck.
 """
 
 
@@ -108,12 +120,14 @@ DENSITY_KG_M3 = 1010.0
 """Density of a human body, whose volume has the lungs half filled."""
 
 FLAT_M = 0.02
-"""Height over the lowest point up to which skin flattens on the floor, which is the distance of contact of the
-reconstruction."""
+"""Height over the lowest point up to which skin flattens on the floor, which is the distance of
+contact of the reconstruction.
+"""
 
 SOLE_REACH_M = 0.1
-"""Height over the floor up to which a foot that touches it has its sole there: one foot of people who stand is often
-some centimetres higher than the other, which is an error of the pose."""
+"""Height over the floor up to which a foot that touches it has its sole there: one foot of people
+who stand is often some centimetres higher than the other, which is an error of the pose.
+"""
 
 SOLE_RADIUS_M = 0.005
 """Radius of the spheres at the outline of what is flat."""
@@ -123,8 +137,10 @@ _SOLE_POINTS = 8  # the spheres of each outline
 _FOOT = {"ankle": "foot", "foot": "ankle"}
 
 _CHILD_OF_LIMB = {"shoulder": "elbow", "elbow": "wrist"}
-"""Segments that collide as capsules, and the joint at their other end. A thigh tapers: its capsule would be up to 5 cm
-off its skin, and people sit on thighs."""
+"""Segments that collide as capsules, and the joint at their other end.
+
+A thigh tapers: its capsule would be up to 5 cm off its skin, and people sit on thighs.
+"""
 
 
 @dataclass(frozen=True)
@@ -168,14 +184,16 @@ class Segment:
     Attributes:
         name: of its joint, such as "left_knee"; "pelvis" for the root.
         parent: index of the segment that it hangs on; -1 for the pelvis.
-        pose: (4, 4) in the frame of its parent in the pose of the photo, or in that of the file for the pelvis.
+        pose: (4, 4) in the frame of its parent in the pose of the photo, or in that of the file for
+            the pelvis.
         zero: (4, 4) the same with all hinges at 0.
         hinges: from the parent to the segment; none for the pelvis.
         mass: kg.
         skin: vertices (V, 3) and faces of its skin.
         hull: the convex hull of its skin, which collides where there is no capsule.
         capsule: collision shape of arms.
-        soles: (n, 3) centres of the spheres at the outline of its lowest skin, for feet and what is at the floor.
+        soles: (n, 3) centres of the spheres at the outline of its lowest skin, for feet and what is
+            at the floor.
     """
 
     name: str
@@ -210,7 +228,8 @@ def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> li
         vertices: (V, 3) posed, in that frame, with the floor at z = 0.
         on_floor: sides of the feet that touch the floor.
     """
-    poses, part = rig.world(), vertex_segments(rig.weights)
+    poses = rig.world()
+    part = vertex_segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
     volumes = np.array([_volume(*hull) for hull in hulls])
     masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
@@ -219,7 +238,8 @@ def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> li
     owner = np.where(owner[:, 1] == owner[:, 2], owner[:, 1], owner[:, 0])
     made = []
     for joint in range(NUM_BODIES):
-        parent, name = PARENTS[joint], JOINT_NAMES[joint]
+        parent = PARENTS[joint]
+        name = JOINT_NAMES[joint]
         pose = poses[joint] if parent < 0 else np.linalg.inv(poses[parent]) @ poses[joint]
         hinges, rest = ((), pose[:3, :3]) if parent < 0 else _hinges(name, rig.rotations[joint])
         zero = pose.copy()
@@ -233,7 +253,11 @@ def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> li
         hull = (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
-        made.append(Segment(name, parent, pose, zero, hinges, float(masses[joint]), skin, hull, capsule, soles))
+        made.append(
+            Segment(
+                name, parent, pose, zero, hinges, float(masses[joint]), skin, hull, capsule, soles
+            )
+        )
     return made
 
 
@@ -266,12 +290,16 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
     rest = turn(len(limits))
     made = []
     for place, (axis, low, high) in enumerate(limits):
-        direction, angle = np.eye(3)["xyz".index(axis)], float(angles[place])
+        direction = np.eye(3)["xyz".index(axis)]
+        angle = float(angles[place])
         bounds = np.deg2rad([low, high])
         if side == "right" and axis != "x":
             bounds = -bounds[::-1]
-        low, high = min(bounds[0], angle) - 1e-6, max(bounds[1], angle) + 1e-6
-        made.append(Hinge(axis, angle, low, high, turn(place + 1).T @ direction, rest.T @ direction))
+        low = min(bounds[0], angle) - 1e-6
+        high = max(bounds[1], angle) + 1e-6
+        made.append(
+            Hinge(axis, angle, low, high, turn(place + 1).T @ direction, rest.T @ direction)
+        )
     return tuple(made), rest
 
 
@@ -294,7 +322,8 @@ def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | No
 
 
 def _sole_level(name: str, lowest: Sequence[float], on_floor: Sequence[str]) -> float:
-    """Return the height of the sole of a part: heel and ball of a foot have one, on the floor if the foot touches it.
+    """Return the height of the sole of a part: heel and ball of a foot have one, on the floor if
+    the foot touches it.
 
     Args:
         name: of the joint.
@@ -312,11 +341,13 @@ def _sole_level(name: str, lowest: Sequence[float], on_floor: Sequence[str]) -> 
 
 
 def _soles(points: Array, up: Array, drop: float) -> Array:
-    """Return the centres (n, 3) of spheres at the outline of the lowest skin, on one level, as under a shoe.
+    """Return the centres (n, 3) of spheres at the outline of the lowest skin, on one level, as
+    under a shoe.
 
-    MuJoCo finds three neighbouring points of a mesh on a plane, too few to stand on; and a bare sole, which is round,
-    flattens under the body's weight. The level is that of the pose, not of the joint: a heel that is 1 cm over the
-    floor would otherwise let a balanced body rock by 8 degrees, and fall.
+    MuJoCo finds three neighbouring points of a mesh on a plane, too few to stand on; and a bare
+    sole, which is round, flattens under the body's weight. The level is that of the pose, not of
+    the joint: a heel that is 1 cm over the floor would otherwise let a balanced body rock by 8
+    degrees, and fall.
 
     Args:
         points: (V, 3) in the frame of the part.

@@ -1,4 +1,6 @@
-"""Keypoints: those that the bodies were fitted to, as the CSV that ``physic run --keypoints`` reads."""
+"""Keypoints: those that the bodies were fitted to, as the CSV that ``physic run --keypoints``
+reads.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,14 @@ COLUMNS = ("person", "joint", "x", "y", "confidence")
 
 def export_keypoints(request: ExportRequest) -> ExportedFiles:
     """Return one row for each keypoint that was seen, x and y in px of the upright photo file."""
-    result, rows = request.result, []
+    result = request.result
+    rows = []
     names = skeleton_named(result.skeleton).names
     for index, person in request.chosen():
         places = result.file_pixels(person.keypoints).round(2).tolist()
-        for name, place, seen in zip(names, places, person.keypoint_confidence.tolist(), strict=True):
+        for name, place, seen in zip(
+            names, places, person.keypoint_confidence.tolist(), strict=True
+        ):
             if seen > 0:
                 rows.append(dict(zip(COLUMNS, (index, name, *place, round(seen, 3)), strict=True)))
     table = io.StringIO(newline="")

@@ -56,19 +56,28 @@ def person_meshes(request: ExportRequest, skins: Skins) -> list[ColoredMesh]:
         faces = np.asarray(request.result.faces, np.int64)
         normals = unit_normals(vertices, faces)
         colors = skins.vertex_colors(index)
-        made.append(ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact))
+        made.append(
+            ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact)
+        )
     return made
 
 
 def contact_lines(result: Reconstruction, skins: Skins) -> list[str]:
-    """Return the legend of contact, such as "floor is sRGB 24 140 130", for the comments of a file that shows it."""
+    """Return the legend of contact, such as "floor is sRGB 24 140 130", for the comments of a file
+    that shows it.
+    """
     if skins.kind != "contact":
         return []
-    return [f"{label} is sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for label, rgb in contact_legend(result).items()]
+    return [
+        f"{label} is sRGB {rgb[0]} {rgb[1]} {rgb[2]}"
+        for label, rgb in contact_legend(result).items()
+    ]
 
 
 def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMesh | None:
-    """Return the mesh of the scene; None if no pixels form a surface, or the scene is not wanted."""
+    """Return the mesh of the scene; None if no pixels form a surface, or the scene is not
+    wanted.
+    """
     scene = request.result.scene
     surface = mesh_scene(scene, scene_reach(request.result), max_vertices)
     if not request.scene or not len(surface.faces):
@@ -82,7 +91,9 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
         unit_normals(vertices, surface.faces),
         scene.colors[rows, columns],
         np.zeros(len(surface.vertices), bool),
-        np.stack([(columns + 0.5) / scene.valid.shape[1], 1 - (rows + 0.5) / scene.valid.shape[0]], 1),
+        np.stack(
+            [(columns + 0.5) / scene.valid.shape[1], 1 - (rows + 0.5) / scene.valid.shape[0]], 1
+        ),
     )
 
 
@@ -99,14 +110,18 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 
 def export_ply(request: ExportRequest) -> ExportedFiles:
-    """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people.
+    """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are
+    people.
 
-    ``quality`` is the probability of contact, 0 or 1 if none is estimated: the one property that MeshLab keeps.
+    ``quality`` is the probability of contact, 0 or 1 if none is estimated: the one property that
+    MeshLab keeps.
     """
     skins = skins_of(request)
     parts = [(-1, scene_points(request))] if request.scene else []
     parts += list(zip(request.people, person_meshes(request, skins), strict=True))
-    vertices, faces, start = [], [], 0
+    vertices = []
+    faces = []
+    start = 0
     for number, mesh in parts:
         rows = np.zeros(len(mesh.vertices), _VERTEX)
         for axis, name in enumerate("xyz"):
@@ -115,7 +130,10 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
         rows["contact"] = mesh.contact
         rows["object"] = number
         rows["quality"] = mesh.contact
-        if number >= 0 and (probability := request.result.people[number].contact_probability) is not None:
+        if (
+            number >= 0
+            and (probability := request.result.people[number].contact_probability) is not None
+        ):
             rows["quality"] = probability
         vertices.append(rows)
         triangles = np.zeros(len(mesh.faces), _FACE)
@@ -126,7 +144,8 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
     triangles = np.concatenate(faces) if faces else np.zeros(0, _FACE)
     header = _header(request, skins, len(points), len(triangles))
     return ExportedFiles(
-        {f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()}, skins.notes
+        {f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()},
+        skins.notes,
     )
 
 
@@ -139,7 +158,11 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
     surface = mesh_scene(scene, scene_reach(request.result), height * width)
     number = np.cumsum(usable.reshape(-1)) - 1
     columns, rows = surface.pixels.T
-    faces = number[rows * width + columns][surface.faces] if len(surface.faces) else np.zeros((0, 3), np.int64)
+    faces = (
+        number[rows * width + columns][surface.faces]
+        if len(surface.faces)
+        else np.zeros((0, 3), np.int64)
+    )
     return ColoredMesh(
         "scene",
         transform_points(matrix, scene.points[usable]),
@@ -151,7 +174,8 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
 
 
 def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
-    frame, floor = request.frame, request.result.scene.floor
+    frame = request.frame
+    floor = request.result.scene.floor
     plane = "none" if floor is None else _plane(frame, floor)
     lines = [
         "ply",
@@ -159,10 +183,14 @@ def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> 
         "comment PhySIC; unit: metre",
         f"comment axes: {frame.axes}",
         f"comment floor: {plane}",
-        "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are 0 where unknown",
+        "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are "
+        "0 where unknown",
         *(f"comment contact: {line}" for line in contact_lines(request.result, skins)),
         f"element vertex {vertices}",
-        *(f"property {_PROPERTY[dtype.str[1:]]} {name}" for name, (dtype, *_) in _VERTEX.fields.items()),  # type: ignore[union-attr]
+        *(
+            f"property {_PROPERTY[dtype.str[1:]]} {name}"
+            for name, (dtype, *_) in _VERTEX.fields.items()  # type: ignore[union-attr]
+        ),
         f"element face {faces}",
         "property list uchar int vertex_indices",
         "end_header\n",
@@ -184,15 +212,19 @@ _MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 def export_obj(request: ExportRequest) -> ExportedFiles:
     """Return an OBJ file, its materials (.mtl), and their pictures.
 
-    There is an object for the scene and for each person; vertices have r, g, b in 0-1. A person has the materials
-    ``person_0_photo`` (with the pictures of the photo's colours, and of where they are filled), ``person_0_neutral``
-    and ``person_0_contact``; the option ``skin`` says which one is used.
+    There is an object for the scene and for each person; vertices have r, g, b in 0-1. A person has
+    the materials ``person_0_photo`` (with the pictures of the photo's colours, and of where they
+    are filled), ``person_0_neutral`` and ``person_0_contact``; the option ``skin`` says which one
+    is used.
     """
     skins = skins_of(request)
     files = skins.pictures()
     scene = scene_mesh(request)
     text = io.StringIO()
-    text.write(f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 to 1)\n")
+    text.write(
+        f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 "
+        f"to 1)\n"
+    )
     text.writelines(f"# contact: {line}\n" for line in contact_lines(request.result, skins))
     text.write(f"mtllib {request.stem}.mtl\n")
     at = (1, 1)
@@ -200,12 +232,16 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
         files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
         at = _write(text, scene, "scene", scene.uv, scene.faces, at)
     for mesh in person_meshes(request, skins):
-        uv, corners = np.zeros((0, 2)), None
+        uv = np.zeros((0, 2))
+        corners = None
         if skins.textured is not None:
-            uv, corners = skins.textured.mesh.uv.astype(np.float64), skins.textured.mesh.faces
+            uv = skins.textured.mesh.uv.astype(np.float64)
+            corners = skins.textured.mesh.faces
         at = _write(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
     files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
-    return ExportedFiles({f"{request.stem}{request.suffix}": text.getvalue().encode("ascii"), **files}, skins.notes)
+    return ExportedFiles(
+        {f"{request.stem}{request.suffix}": text.getvalue().encode("ascii"), **files}, skins.notes
+    )
 
 
 def _write(
@@ -227,7 +263,11 @@ def _write(
         at: numbers of the first vertex and of the first texture coordinate.
     """
     text.write(f"o {mesh.name}\n")
-    np.savetxt(text, np.concatenate([mesh.vertices, mesh.colors / 255], 1), "v %.5f %.5f %.5f %.3f %.3f %.3f")
+    np.savetxt(
+        text,
+        np.concatenate([mesh.vertices, mesh.colors / 255], 1),
+        "v %.5f %.5f %.5f %.3f %.3f %.3f",
+    )
     np.savetxt(text, mesh.normals, "vn %.4f %.4f %.4f")
     np.savetxt(text, uv, "vt %.5f %.5f")
     text.write(f"usemtl {material}\n")
@@ -241,9 +281,12 @@ def _write(
 
 
 def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
-    made, white = [], "1 1 1"
+    made = []
+    white = "1 1 1"
     if scene:
-        made.append(_MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n")
+        made.append(
+            _MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n"
+        )
     grey = " ".join(f"{value / 255:.3f}" for value in BODY_RGB)
     for index in request.people:
         name = f"person_{index}"
@@ -251,9 +294,15 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
         if skins.textured is not None:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
-                f"# {request.stem}_{name}_filled.png is white where the photo does not show the body\n{photo}"
+                f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
+                f"body\n{photo}"
                 f"map_Kd {request.stem}_{name}.jpg\n"
             )
-        contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.textured is not None else grey)
-        made.append(contact + (f"map_Kd {request.stem}_{name}_contact.png\n" if skins.textured is not None else ""))
+        contact = _MATERIAL.format(
+            name=f"{name}_contact", color=white if skins.textured is not None else grey
+        )
+        made.append(
+            contact
+            + (f"map_Kd {request.stem}_{name}_contact.png\n" if skins.textured is not None else "")
+        )
     return "\n".join(made)

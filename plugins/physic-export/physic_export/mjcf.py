@@ -1,4 +1,5 @@
-"""MJCF: the scene as a textured mesh and as convex meshes that collide, and people with joints; metres, z up.
+"""MJCF: the scene as a textured mesh and as convex meshes that collide, and people with joints;
+metres, z up.
 
 Each joint of a person is a chain of hinges with position actuators.
 """
@@ -42,7 +43,9 @@ if TYPE_CHECKING:
 
 RGBA = "0.77 0.75 0.73 1"
 FRICTION = "0.8 0.005 0.0001"
-"""Sliding, torsional (m) and rolling (m) friction of floor, scene and people: rubber soles on dry ground."""
+"""Sliding, torsional (m) and rolling (m) friction of floor, scene and people: rubber soles on dry
+ground.
+"""
 
 
 def add_mesh(
@@ -52,7 +55,9 @@ def add_mesh(
     faces: NDArray[np.integer[Any]],
     uv: NDArray[np.float64] | None = None,
 ) -> None:
-    """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates (V, 2), v up."""
+    """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates (V,
+    2), v up.
+    """
     made = ElementTree.SubElement(asset, "mesh", name=name, vertex=numbers(vertices.reshape(-1), 4))
     made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
     if uv is not None:
@@ -75,7 +80,9 @@ def xml_file(root: ElementTree.Element) -> bytes:
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
 
 
-def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]) -> None:
+def add_humanoid(
+    root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]
+) -> None:
     """Add a person with joints, in their pose.
 
     Args:
@@ -100,8 +107,14 @@ def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segmen
         if segment.parent < 0:
             ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
-            shared = {"name": f"{own}_{hinge.axis}", "axis": numbers(hinge.posed, 8), "ref": f"{hinge.angle:.6f}"}
-            ElementTree.SubElement(body, "joint", shared | {"range": numbers((hinge.low, hinge.high))})
+            shared = {
+                "name": f"{own}_{hinge.axis}",
+                "axis": numbers(hinge.posed, 8),
+                "ref": f"{hinge.angle:.6f}",
+            }
+            ElementTree.SubElement(
+                body, "joint", shared | {"range": numbers((hinge.low, hinge.high))}
+            )
             _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
         add_mesh(asset, f"{own}_skin", *segment.skin)
         skin = {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"}
@@ -111,7 +124,8 @@ def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segmen
 
 def add_photo_key(root: ElementTree.Element) -> None:
     """Add the keyframe "photo": the pose of the photo, and the controls that hold it."""
-    places, angles = [], {}
+    places = []
+    angles = {}
     for body in root.iter("body"):
         for joint in body:
             if joint.tag == "freejoint":
@@ -139,23 +153,38 @@ def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> 
 
 
 def _add_shapes(
-    asset: ElementTree.Element, body: ElementTree.Element, name: str, segment: Segment, geom: dict[str, str]
+    asset: ElementTree.Element,
+    body: ElementTree.Element,
+    name: str,
+    segment: Segment,
+    geom: dict[str, str],
 ) -> None:
     """Add what collides: a capsule or the hull, which has the mass, and the soles."""
     if segment.capsule is not None:
         capsule = segment.capsule
-        shapes = [{"type": "capsule", "fromto": numbers(capsule.ends.ravel()), "size": f"{capsule.radius:.5f}"}]
+        shapes = [
+            {
+                "type": "capsule",
+                "fromto": numbers(capsule.ends.ravel()),
+                "size": f"{capsule.radius:.5f}",
+            }
+        ]
     else:
         add_mesh(asset, name, *segment.hull)
         shapes = [{"type": "mesh", "mesh": name}]
-    shapes += [{"type": "sphere", "pos": numbers(point), "size": f"{SOLE_RADIUS_M:g}"} for point in segment.soles]
+    shapes += [
+        {"type": "sphere", "pos": numbers(point), "size": f"{SOLE_RADIUS_M:g}"}
+        for point in segment.soles
+    ]
     for number, shape in enumerate(shapes):
         own = {"name": f"{name}_{number}", "mass": "0"} if number else {"name": name}
         ElementTree.SubElement(body, "geom", {"mass": f"{segment.mass:.4f}"} | own | shape | geom)
 
 
 _PERSON_BITS = 29
-"""Number of people who collide with one another, but not with themselves: MuJoCo has 32 bits; one is the scene's."""
+"""Number of people who collide with one another, but not with themselves: MuJoCo has 32 bits; one
+is the scene's.
+"""
 
 
 _MAX_VERTICES = 40_000
@@ -170,11 +199,13 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     """Return one MJCF file, and the picture of its scene.
 
     - ``floor``: an infinite plane at z = 0; gravity is -9.81 m/s2 along z.
-    - ``scene``: the textured surface of the scene, and ``drawn_floor``, where it does not show the floor; both are
-      drawn (group 2), and do not collide.
-    - ``scene_0``, ...: the scene above the floor, as closed convex tiles of 0.1 m thickness, which collide (group 3).
-    - ``person_0``, ...: 22 bodies with joints and position actuators, see :mod:`physic_export.humanoid`. With the
-      option ``rigid``, a mocap body at the pelvis. Visual meshes are in group 2, the shapes that collide in group 3.
+    - ``scene``: the textured surface of the scene, and ``drawn_floor``, where it does not show the
+      floor; both are drawn (group 2), and do not collide.
+    - ``scene_0``, ...: the scene above the floor, as closed convex tiles of 0.1 m thickness, which
+      collide (group 3).
+    - ``person_0``, ...: 22 bodies with joints and position actuators, see
+      :mod:`physic_export.humanoid`. With the option ``rigid``, a mocap body at the pelvis. Visual
+      meshes are in group 2, the shapes that collide in group 3.
     - keyframe ``photo``: the pose of the photo, and the controls that hold it.
     - camera ``photo``: that of the photo.
     """
@@ -188,14 +219,22 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
         return ExportedFiles(files, notes)
-    note = f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the plane"
+    note = (
+        f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the "
+        f"plane"
+    )
     errors = tile_errors(request.result, tiles)
     if errors is not None:
-        note += f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), {100 * errors[1]:.1f} cm (95 %)"
+        note += (
+            f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), "
+            f"{100 * errors[1]:.1f} cm (95 %)"
+        )
     return ExportedFiles(files, (*notes, note, *left_out))
 
 
-def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]) -> ElementTree.Element:
+def _mjcf_tree(
+    request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]
+) -> ElementTree.Element:
     """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
 
     Args:
@@ -203,29 +242,43 @@ def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[
         tiles: of the scene.
         jointed: the people who have joints; the others of the request are rigid.
     """
-    result, matrix = request.result, request.frame.from_camera
+    result = request.result
+    matrix = request.frame.from_camera
     root = ElementTree.Element("mujoco", model="physic")
     root.append(ElementTree.Comment(f" PhySIC; metres; {request.frame.axes} "))
     ElementTree.SubElement(root, "compiler", angle="radian")
-    ElementTree.SubElement(root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast")
+    ElementTree.SubElement(
+        root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast"
+    )
     visual = ElementTree.SubElement(root, "visual")
     camera = result.intrinsics
-    ElementTree.SubElement(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))
-    ElementTree.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
+    ElementTree.SubElement(
+        visual, "global", offwidth=str(camera.width), offheight=str(camera.height)
+    )
+    ElementTree.SubElement(
+        visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0"
+    )
     ElementTree.SubElement(visual, "map", znear="0.01")
     if jointed:
-        ElementTree.SubElement(ElementTree.SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}")
-    asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
+        ElementTree.SubElement(
+            ElementTree.SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}"
+        )
+    asset = ElementTree.SubElement(root, "asset")
+    world = ElementTree.SubElement(root, "worldbody")
     if jointed:
         ElementTree.SubElement(root, "actuator")
     ElementTree.SubElement(
-        world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION}
+        world,
+        "geom",
+        {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION},
     )
     for number, tile in enumerate(tiles):
         name = f"scene_{number}"
         add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
         rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
-        ElementTree.SubElement(world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD)
+        ElementTree.SubElement(
+            world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD
+        )
     if rigid := [index for index in request.people if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
@@ -253,15 +306,20 @@ def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[
 def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, bytes]:
     """Add the mesh of the scene and the floor that is drawn, and return the picture."""
     scene = scene_mesh(request, _MAX_VERTICES)
-    asset, world = root.find("asset"), root.find("worldbody")
+    asset = root.find("asset")
+    world = root.find("worldbody")
     if scene is None or scene.uv is None or asset is None or world is None:
         return {}
     file = f"{request.stem}_scene.png"
     ElementTree.SubElement(asset, "texture", name="scene", type="2d", file=file)
-    ElementTree.SubElement(asset, "material", name="scene", texture="scene", specular="0", shininess="0")
+    ElementTree.SubElement(
+        asset, "material", name="scene", texture="scene", specular="0", shininess="0"
+    )
     add_mesh(asset, "scene", scene.vertices, scene.faces, scene.uv)
     ElementTree.SubElement(
-        world, "geom", {"name": "scene", "type": "mesh", "mesh": "scene", "material": "scene"} | _DRAWN
+        world,
+        "geom",
+        {"name": "scene", "type": "mesh", "mesh": "scene", "material": "scene"} | _DRAWN,
     )
     surface = mesh_scene(request.result.scene, scene_reach(request.result), _MAX_VERTICES)
     floor = drawn_floor(request.result, request.frame, surface)
@@ -284,12 +342,17 @@ def _person(
 ) -> None:
     """Add a mocap body with a visual mesh and one convex collision mesh for each body part."""
     if model.num_vertices != len(person.vertices):
-        raise InputError(f"{name} has {len(person.vertices)} vertices, but the body model has {model.num_vertices}")
+        raise InputError(
+            f"{name} has {len(person.vertices)} vertices, but the body model has "
+            f"{model.num_vertices}"
+        )
     pelvis = transform_points(matrix, person.joints[0])
     vertices = transform_points(matrix, person.vertices) - pelvis
     body = ElementTree.SubElement(world, "body", name=name, mocap="true", pos=numbers(pelvis))
     add_mesh(asset, name, vertices, model.faces.numpy())
-    skin = ElementTree.SubElement(body, "geom", name=f"{name}_skin", type="mesh", mesh=name, rgba=RGBA)
+    skin = ElementTree.SubElement(
+        body, "geom", name=f"{name}_skin", type="mesh", mesh=name, rgba=RGBA
+    )
     skin.attrib.update(contype="0", conaffinity="0", group="2", mass="0")
     parts = model.part_of_vertex.numpy()
     for number, part in enumerate(model.part_names):

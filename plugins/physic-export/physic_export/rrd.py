@@ -1,4 +1,6 @@
-"""RRD: a recording for Rerun with photo, depth, points, bodies, contact and camera on a timeline."""
+"""RRD: a recording for Rerun with photo, depth, points, bodies, contact and camera on a
+timeline.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +19,22 @@ if TYPE_CHECKING:
     import rerun as rr
 
 _STEPS = ("photo", "scene", "people", "contact")
-"""Steps of the timeline "stage". A result has the end state of the engine only: nothing moves between them."""
+"""Steps of the timeline "stage".
+
+A result has the end state of the engine only: nothing moves between them.
+"""
 
 
 def export_rrd(request: ExportRequest) -> ExportedFiles:
     """Return one recording; its entities are in the frame of the request, metres.
 
-    - ``world/camera``: pose and pinhole model; below it the photo, and the depth of the scene in metres.
-    - ``world/scene``: the points of the scene with the colours of the inpainted photo, up to the backdrop.
+    - ``world/camera``: pose and pinhole model; below it the photo, and the depth of the scene in
+      metres.
+    - ``world/scene``: the points of the scene with the colours of the inpainted photo, up to the
+      backdrop.
     - ``world/backdrop``: what is farther, on a part of a sphere: direction only, distance unknown.
-    - ``world/person_0``, ...: the bodies, at step "people" in the colours of the option ``skin``, at step "contact" in
-      those of what they touch.
+    - ``world/person_0``, ...: the bodies, at step "people" in the colours of the option ``skin``,
+      at step "contact" in those of what they touch.
     - ``result``: grade, warnings and notes as text.
     """
     import rerun as rr
@@ -38,7 +45,9 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
     recording.log("world", axes.get(request.frame.up, rr.ViewCoordinates.RDF), static=True)
     recording.log("result", rr.TextDocument(_text(request)), static=True)
     skins = skins_of(request)
-    touched = replace(skins, request=replace(request, options={**request.options, "skin": "contact"}))
+    touched = replace(
+        skins, request=replace(request, options={**request.options, "skin": "contact"})
+    )
     for step, name in enumerate(_STEPS):
         recording.set_time("stage", sequence=step)
         recording.log("stages", rr.TextLog(name))
@@ -48,7 +57,8 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
             scene = request.result.scene
             depth = np.where(scene.valid, scene.points[..., 2], np.nan).astype(np.float32)
             recording.log("world/camera/depth", rr.DepthImage(depth, meter=1.0))
-            near, matrix = scene.valid & is_near(scene.points, scene_reach(request.result)), request.frame.from_camera
+            near = scene.valid & is_near(scene.points, scene_reach(request.result))
+            matrix = request.frame.from_camera
             points = transform_points(matrix, scene.points[near])
             recording.log("world/scene", rr.Points3D(points, colors=scene.colors[near]))
             backdrop = mesh_backdrop(request.result, mesh_scene(scene, scene_reach(request.result)))
@@ -75,8 +85,10 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
 def _log_photo(recording: rr.RecordingStream, request: ExportRequest) -> None:
     import rerun as rr
 
-    result, pose = request.result, request.frame.from_camera
-    camera, matrix = result.intrinsics, np.array(result.intrinsics.matrix)
+    result = request.result
+    pose = request.frame.from_camera
+    camera = result.intrinsics
+    matrix = np.array(result.intrinsics.matrix)
     matrix[:2, 2] += 0.5  # Rerun counts from the corner of a pixel, not from its centre
     recording.log("world/camera", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
     pinhole = rr.Pinhole(image_from_camera=matrix, resolution=(camera.width, camera.height))
@@ -86,4 +98,6 @@ def _log_photo(recording: rr.RecordingStream, request: ExportRequest) -> None:
 
 def _text(request: ExportRequest) -> str:
     result = request.result
-    return "\n".join((f"grade: {result.grade or 'none'}", repr(result), *result.warnings, *result.notes))
+    return "\n".join(
+        (f"grade: {result.grade or 'none'}", repr(result), *result.warnings, *result.notes)
+    )

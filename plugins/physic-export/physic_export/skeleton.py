@@ -1,4 +1,6 @@
-"""Skeletons of other programs: the names of their bones, and the T-pose from which they retarget."""
+"""Skeletons of other programs: the names of their bones, and the T-pose from which they
+retarget.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ if TYPE_CHECKING:
     from physic_core.visual.rig import Rig
 
 BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
-"""SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine bones; the
-HumanBodyBones of Unity's humanoid avatar."""
+"""SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine
+bones; the HumanBodyBones of Unity's humanoid avatar.
+"""
 
 _MIXAMO = {
     "pelvis": "Hips",
@@ -70,7 +73,8 @@ def bone_names(style: str) -> tuple[str, ...]:
 
 def _name(joint: str, style: str) -> str:
     side, _, limb = joint.partition("_")
-    finger, number = limb[:-1], limb[-1:]
+    finger = limb[:-1]
+    number = limb[-1:]
     if style == "smplx":
         return joint
     if style == "unreal":
@@ -89,10 +93,11 @@ def _name(joint: str, style: str) -> str:
 
 
 def with_ends(rig: Rig) -> Rig:
-    """Return a rig of Mixamo's names with the joints that end its chains: crown, toes and finger tips.
+    """Return a rig of Mixamo's names with the joints that end its chains: crown, toes and finger
+    tips.
 
-    They move no vertex. Each lies where the skin of its parent ends, in the direction of the parent's bone; that of the
-    head lies above it.
+    They move no vertex. Each lies where the skin of its parent ends, in the direction of the
+    parent's bone; that of the head lies above it.
     """
     prefix = rig.names[0].removesuffix("Hips")
     ends = {f"{prefix}Head": f"{prefix}HeadTop_End"}
@@ -102,12 +107,16 @@ def with_ends(rig: Rig) -> Rig:
             ends[f"{prefix}{side}Hand{finger}3"] = f"{prefix}{side}Hand{finger}4"
     parents = tuple(rig.names.index(name) for name in ends)
     bind = np.linalg.inv(rig.inverse_bind)
-    rest, poses, offsets = bind[:, :3, 3], [], []
+    rest = bind[:, :3, 3]
+    poses = []
+    offsets = []
     for parent in parents:
         before = rest[rig.parents[parent]]
         along = np.array([0.0, 1.0, 0.0]) if parent == parents[0] else rest[parent] - before
         along = along / np.linalg.norm(along)
-        length = ((rig.vertices[rig.weights[:, parent] > 0.5] - rest[parent]) @ along).max(initial=_SHORTEST_M)
+        length = ((rig.vertices[rig.weights[:, parent] > 0.5] - rest[parent]) @ along).max(
+            initial=_SHORTEST_M
+        )
         pose = bind[parent].copy()
         pose[:3, 3] += length * along
         poses.append(np.linalg.inv(pose))
@@ -124,7 +133,8 @@ def with_ends(rig: Rig) -> Rig:
 
 
 def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
-    """Return a rig in the T-pose: upright, at the place of the pose, facing as it does, with the soles at height 0.
+    """Return a rig in the T-pose: upright, at the place of the pose, facing as it does, with the
+    soles at height 0.
 
     Args:
         rig: in the pose.
@@ -149,6 +159,8 @@ def skinned(rig: Rig) -> NDArray[np.float64]:
     bones = (rig.world() @ rig.inverse_bind)[:, :3]
     moved = rig.weights @ bones.reshape(len(bones), 12)
     points: NDArray[np.float64] = np.einsum(
-        "vij,vj->vi", moved.reshape(-1, 3, 4), np.pad(rig.vertices, ((0, 0), (0, 1)), constant_values=1.0)
+        "vij,vj->vi",
+        moved.reshape(-1, 3, 4),
+        np.pad(rig.vertices, ((0, 0), (0, 1)), constant_values=1.0),
     )
     return points

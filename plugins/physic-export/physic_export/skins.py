@@ -1,4 +1,6 @@
-"""Colours of the bodies in a file: those of the photo with guessed clothes, plain, or of contact."""
+"""Colours of the bodies in a file: those of the photo with guessed clothes, plain, or of
+contact.
+"""
 
 from __future__ import annotations
 
@@ -63,12 +65,16 @@ class TexturedBodies:
     textures: dict[int, BodyTexture]
 
     def contact_image(self, result: Reconstruction, index: int) -> UInt8Array:
-        """Return contact of a person as a texture (N, N, 3): the colour of what is touched, or that of the body."""
+        """Return contact of a person as a texture (N, N, 3): the colour of what is touched, or that
+        of the body.
+        """
         person = result.people[index]
         nearest = np.take_along_axis(
             np.asarray(result.faces)[self.raster.faces], self.raster.corners.argmax(1)[:, None], 1
         )[:, 0]
-        image: UInt8Array = self.raster.image(contact_colors(person, result.contact_partners)[nearest])
+        image: UInt8Array = self.raster.image(
+            contact_colors(person, result.contact_partners)[nearest]
+        )
         return image
 
 
@@ -82,14 +88,24 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
     result = request.result
     model = body_of_result(result, request.body_file)
     if any(len(person.vertices) != model.num_vertices for _, person in request.chosen()):
-        raise InputError(f"the bodies of the result do not have the {model.num_vertices} vertices of its body model")
-    source = "embedded" if model.name == "embedded" else str(request.body_file or result.config["body_model"]["path"])
+        raise InputError(
+            f"the bodies of the result do not have the {model.num_vertices} vertices of its body "
+            f"model"
+        )
+    source = (
+        "embedded"
+        if model.name == "embedded"
+        else str(request.body_file or result.config["body_model"]["path"])
+    )
     mesh, raster = _mesh(source, size)
-    dressed, textures = dressed_bodies(result), dict[int, BodyTexture]()
+    dressed = dressed_bodies(result)
+    textures = dict[int, BodyTexture]()
     for index, _ in request.chosen():
         image, filled = dressed_texture(result, index, raster, darken=False)
         colors = np.clip(np.round(dressed.fill[index]), 0, 255).astype(np.uint8)
-        textures[index] = BodyTexture(image, filled, colors, dressed.filled[index], dressed.shown[index])
+        textures[index] = BodyTexture(
+            image, filled, colors, dressed.filled[index], dressed.shown[index]
+        )
     return TexturedBodies(mesh, raster, textures)
 
 
@@ -130,8 +146,11 @@ class Skins:
         return np.tile(np.array(BODY_RGB, np.uint8), (len(person.vertices), 1))
 
     def pictures(self) -> dict[str, bytes]:
-        """Return name -> picture of each person: the photo's colours, where they are filled, and contact."""
-        made, stem = dict[str, bytes](), self.request.stem
+        """Return name -> picture of each person: the photo's colours, where they are filled, and
+        contact.
+        """
+        made = dict[str, bytes]()
+        stem = self.request.stem
         if self.textured is None:
             return made
         for index in self.request.people:
@@ -144,10 +163,14 @@ class Skins:
 
 
 def skins_of(request: ExportRequest) -> Skins:
-    """Return the colours of the bodies of a request; without texture coordinates they are plain, and a note says so."""
+    """Return the colours of the bodies of a request; without texture coordinates they are plain,
+    and a note says so.
+    """
     if not request.people:
         return Skins(request, None)
     try:
-        return Skins(request, textured_bodies(request, int(request.options.get("texture_size", 512))))
+        return Skins(
+            request, textured_bodies(request, int(request.options.get("texture_size", 512)))
+        )
     except PhysicError as error:
         return Skins(request, None, (f"the bodies have no texture: {error}",))

@@ -1,8 +1,9 @@
-"""Closed convex collision meshes of a scene: flat patches of its surface, thickened away from the camera.
+"""Closed convex collision meshes of a scene: flat patches of its surface, thickened away from the
+camera.
 
-Physics engines collide with the convex hull of a mesh, so that a room as one mesh would be a solid block. The pixels
-are divided like a quadtree until the surface in each square is flat; each patch with its thickness is then nearly
-convex, and its hull is the collision shape.
+Physics engines collide with the convex hull of a mesh, so that a room as one mesh would be a solid
+block. The pixels are divided like a quadtree until the surface in each square is flat; each patch
+with its thickness is then nearly convex, and its hull is the collision shape.
 """
 
 from __future__ import annotations
@@ -26,17 +27,25 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-THICKNESS_M, THINNEST_M = 0.1, 0.01
-"""Depth of a tile behind the surface, where only people are known, and the least, where a person is right behind it."""
+THICKNESS_M = 0.1
+THINNEST_M = 0.01
+"""Depth of a tile behind the surface, where only people are known, and the least, where a person is
+right behind it.
+"""
 
-FLAT_M, FLAT_SHARE = 0.02, 0.01
-"""Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if that is more."""
+FLAT_M = 0.02
+FLAT_SHARE = 0.01
+"""Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if
+that is more.
+"""
 
 PRESSED_M = 0.002
 """Depth of a tile in a body that a simulator resolves without a push that is felt."""
 
 MIN_FILLED = 0.8
-"""Minimum share of a square that the surface covers, so that no tile spans a hole or an edge in depth."""
+"""Minimum share of a square that the surface covers, so that no tile spans a hole or an edge in
+depth.
+"""
 
 FLOOR_M = 0.04
 """Points lower than this over the floor are the floor, which is an infinite plane of its own."""
@@ -91,26 +100,40 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
     kept = []
     for tile in tiles:
         facets = ConvexHull(tile.vertices).equations
-        points = np.concatenate([tile.vertices, tile.vertices[tile.faces].mean(1), tile.vertices.mean(0)[None]])
-        low, high = points.min(0), points.max(0)
-        near = [(body, own) for body, own in hulls if (body.max(0) > low).all() and (body.min(0) < high).all()]
+        points = np.concatenate(
+            [tile.vertices, tile.vertices[tile.faces].mean(1), tile.vertices.mean(0)[None]]
+        )
+        low = points.min(0)
+        high = points.max(0)
+        near = [
+            (body, own)
+            for body, own in hulls
+            if (body.max(0) > low).all() and (body.min(0) < high).all()
+        ]
         if all(max(_depth(points, own), _depth(body, facets)) <= PRESSED_M for body, own in near):
             kept.append(tile)
     return kept
 
 
 def _depth(points: Array, facets: Array) -> float:
-    """Return how far the deepest of points (n, 3) is behind all facets of a hull; negative if all are outside."""
+    """Return how far the deepest of points (n, 3) is behind all facets of a hull; negative if all
+    are outside.
+    """
     return float(-(points @ facets[:, :3].T + facets[:, 3]).max(1).min())
 
 
 def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, float] | None:
-    """Return the median and the 95 % quantile of the distance from the scene's points to the tiles, metres.
+    """Return the median and the 95 % quantile of the distance from the scene's points to the tiles,
+    metres.
 
-    It is measured along the rays of the camera, over the points above the floor whose ray meets a tile.
+    It is measured along the rays of the camera, over the points above the floor whose ray meets a
+    tile.
     """
-    scene, floor = result.scene, result.scene.floor
-    points = scene.points[scene.valid & is_near(scene.points, scene_reach(result))].astype(np.float64)
+    scene = result.scene
+    floor = result.scene.floor
+    points = scene.points[scene.valid & is_near(scene.points, scene_reach(result))].astype(
+        np.float64
+    )
     if floor is not None:
         points = points[points @ np.asarray(floor.normal, np.float64) + floor.offset > 2 * FLOOR_M]
     if not tiles or not len(points):
@@ -118,7 +141,9 @@ def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, f
     points = points[:: max(1, len(points) // _MAX_VERTICES)]
     starts = np.cumsum([0, *(len(tile.vertices) for tile in tiles)])
     faces = np.concatenate([tile.faces + start for tile, start in zip(tiles, starts, strict=False)])
-    hits = RayCaster(np.concatenate([tile.vertices for tile in tiles]), faces).first(np.zeros(3), points)
+    hits = RayCaster(np.concatenate([tile.vertices for tile in tiles]), faces).first(
+        np.zeros(3), points
+    )
     met = hits.face >= 0
     apart = np.abs(hits.distance[met] - 1) * np.linalg.norm(points[met], axis=1)
     return (float(np.median(apart)), float(np.quantile(apart, 0.95))) if len(apart) else None
@@ -133,7 +158,9 @@ def _cells(surface: SceneMesh) -> NDArray[np.int64]:
     return lowest
 
 
-def _top_squares(cells: NDArray[np.int64], faces: NDArray[np.int64], side: int) -> list[NDArray[np.int64]]:
+def _top_squares(
+    cells: NDArray[np.int64], faces: NDArray[np.int64], side: int
+) -> list[NDArray[np.int64]]:
     """Divide faces by the square of ``side`` cells that they lie in."""
     square = cells[faces] // side
     key = square[:, 0] * (1 << 20) + square[:, 1]
@@ -150,7 +177,9 @@ def _divide(
     colors: Array,
     patches: list[tuple[Array, Array]],
 ) -> None:
-    """Append points and colour of the faces in one square; divide the square in four if they are not flat."""
+    """Append points and colour of the faces in one square; divide the square in four if they are
+    not flat.
+    """
     used = np.unique(faces[inside])
     filled = len(inside) / (2 * side * side)
     flat = max(FLAT_M, FLAT_SHARE * float(points[used, 2].mean()))
@@ -175,14 +204,19 @@ def _deviation(points: Array) -> float:
 
 def _skin(result: Reconstruction) -> tuple[Array, Array]:
     """Return vertices and outward normals (n, 3) of all people with a body."""
-    bodies = [np.asarray(one.vertices, np.float64) for one in result.people if np.isfinite(one.vertices).all()]
+    bodies = [
+        np.asarray(one.vertices, np.float64)
+        for one in result.people
+        if np.isfinite(one.vertices).all()
+    ]
     faces = np.asarray(result.faces, np.int64)
     normals = [vertex_normals(body, faces) for body in bodies]
     return np.concatenate([np.zeros((0, 3)), *bodies]), np.concatenate([np.zeros((0, 3)), *normals])
 
 
 def _depth_to_skin(points: Array, axis: Array, skin: Array, normals: Array, tree: cKDTree) -> float:
-    """Return the distance along an axis from a patch to the skin behind it that faces it; infinite without such skin.
+    """Return the distance along an axis from a patch to the skin behind it that faces it; infinite
+    without such skin.
 
     Skin that a body presses into the patch from its front faces along the axis, and does not count.
     """
@@ -191,18 +225,24 @@ def _depth_to_skin(points: Array, axis: Array, skin: Array, normals: Array, tree
     near = np.asarray(tree.query_ball_point(middle, reach), np.int64)
     near = near[(normals[near] @ axis) < 0]
     depth = (skin[near] - middle) @ axis
-    near, depth = near[depth > 0], depth[depth > 0]
+    near = near[depth > 0]
+    depth = depth[depth > 0]
     across = np.linalg.svd(axis[None])[2][1:].T
     try:
         edges = ConvexHull((points - middle) @ across).equations
     except QhullError:  # all points on one line
         return math.inf
-    inside = (edges[:, :2] @ ((skin[near] - middle) @ across).T + edges[:, 2:]).max(0, initial=-math.inf) < 0
+    inside = (edges[:, :2] @ ((skin[near] - middle) @ across).T + edges[:, 2:]).max(
+        0, initial=-math.inf
+    ) < 0
     return float(depth[inside].min(initial=math.inf))
 
 
-def _thicken(points: Array, color: Array, skin: Array, normals: Array, tree: cKDTree) -> Tile | None:
-    """Return the convex hull of points and of the same points moved away from the camera; None if it is degenerate.
+def _thicken(
+    points: Array, color: Array, skin: Array, normals: Array, tree: cKDTree
+) -> Tile | None:
+    """Return the convex hull of points and of the same points moved away from the camera; None if
+    it is degenerate.
 
     Args:
         points: (P, 3) of the surface.
@@ -220,7 +260,8 @@ def _thicken(points: Array, color: Array, skin: Array, normals: Array, tree: cKD
         return None
     new = np.full(len(both), -1)
     new[hull.vertices] = np.arange(len(hull.vertices))
-    faces, vertices = new[hull.simplices], both[hull.vertices]
+    faces = new[hull.simplices]
+    vertices = both[hull.vertices]
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inward = (normals * hull.equations[:, :3]).sum(1) < 0

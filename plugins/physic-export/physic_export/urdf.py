@@ -1,4 +1,6 @@
-"""URDF: each person as a robot with revolute joints, the pose of the photo beside it, and the scene; metres."""
+"""URDF: each person as a robot with revolute joints, the pose of the photo beside it, and the
+scene; metres.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,11 @@ _MESHES = "meshes"
 _GROUND_M = (100.0, 100.0, 1.0)
 """Sides of the box whose upper face is the floor: the format has no planes."""
 
-_SMALL_KG, _SMALL_KG_M2 = 0.01, 1e-4
-"""Mass and moment of inertia of the links between the axes of one joint, which simulators do not allow to be 0."""
+_SMALL_KG = 0.01
+_SMALL_KG_M2 = 1e-4
+"""Mass and moment of inertia of the links between the axes of one joint, which simulators do not
+allow to be 0.
+"""
 
 
 @dataclass
@@ -66,13 +71,15 @@ class _Robot:
 
 
 def export_urdf(request: ExportRequest) -> ExportedFiles:
-    """Return a URDF file per person, a JSON file with the pose of the photo, the scene, and the meshes of all.
+    """Return a URDF file per person, a JSON file with the pose of the photo, the scene, and the
+    meshes of all.
 
-    The robot has the 22 segments and 51 hinges of :mod:`physic_export.humanoid`; the link ``pelvis`` is the root. All
-    joints at 0 are a T-pose. A joint with several axes is several revolute joints with light links between them. The
-    JSON file has ``base``, the place of the pelvis in the frame of the export, and ``joints``, the angle of each joint
-    in radians. ``robot_scene.urdf`` is in the frame of the export: the surface of the scene, and what collides, its
-    convex tiles and a box under the floor.
+    The robot has the 22 segments and 51 hinges of :mod:`physic_export.humanoid`; the link
+    ``pelvis`` is the root. All joints at 0 are a T-pose. A joint with several axes is several
+    revolute joints with light links between them. The JSON file has ``base``, the place of the
+    pelvis in the frame of the export, and ``joints``, the angle of each joint in radians.
+    ``robot_scene.urdf`` is in the frame of the export: the surface of the scene, and what collides,
+    its convex tiles and a box under the floor.
     """
     files: dict[str, bytes] = {}
     people = people_of(request)
@@ -98,7 +105,9 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     robot = _Robot(stem, _root("scene", collides=True))
     link = ElementTree.SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
-        ElementTree.SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
+        ElementTree.SubElement(link, "visual").append(
+            robot.mesh("surface", (surface.vertices, surface.faces))
+        )
     for number, tile in enumerate(tiles):
         mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
         ElementTree.SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
@@ -111,7 +120,8 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
 def _root(name: str, collides: bool) -> ElementTree.Element:
     """Return a robot without links; in MuJoCo, its links collide or do not."""
     root = ElementTree.Element("robot", name=name)
-    # For MuJoCo, which otherwise looks for meshes beside the file, and melts the root into the world.
+    # For MuJoCo, which otherwise looks for meshes beside the file, and melts the root into the
+    # world.
     mujoco = ElementTree.SubElement(root, "mujoco")
     ElementTree.SubElement(mujoco, "compiler", strippath="false", fusestatic="false")
     if not collides:
@@ -129,7 +139,9 @@ def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, obje
             "quaternion_wxyz": [round(value, 8) for value in (quaternion[3], *quaternion[:3])],
         },
         "joints": {
-            f"{segment.name}_{hinge.axis}": round(hinge.angle, 6) for segment in segments for hinge in segment.hinges
+            f"{segment.name}_{hinge.axis}": round(hinge.angle, 6)
+            for segment in segments
+            for hinge in segment.hinges
         },
     }
 
@@ -139,20 +151,34 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
     robot = _Robot(stem, _root(name, collides=False))
     mass = sum(one.mass for one in segments)
     for segment in segments:
-        above, place = segments[segment.parent].name, segment.zero
+        above = segments[segment.parent].name
+        place = segment.zero
         for number, hinge in enumerate(segment.hinges, 1):
-            joint = ElementTree.SubElement(robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute")
-            below = segment.name if number == len(segment.hinges) else f"{segment.name}_after_{hinge.axis}"
+            joint = ElementTree.SubElement(
+                robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute"
+            )
+            below = (
+                segment.name
+                if number == len(segment.hinges)
+                else f"{segment.name}_after_{hinge.axis}"
+            )
             ElementTree.SubElement(joint, "parent", link=above)
             ElementTree.SubElement(joint, "child", link=below)
             ElementTree.SubElement(joint, "origin", _origin(place))
             ElementTree.SubElement(joint, "axis", xyz=numbers(hinge.resting, 8))
-            limits = {"lower": f"{hinge.low:.6f}", "upper": f"{hinge.high:.6f}", "velocity": f"{_FASTEST_RAD_S:g}"}
-            ElementTree.SubElement(joint, "limit", limits, effort=f"{max_torque(segment.name, mass):.3f}")
+            limits = {
+                "lower": f"{hinge.low:.6f}",
+                "upper": f"{hinge.high:.6f}",
+                "velocity": f"{_FASTEST_RAD_S:g}",
+            }
+            ElementTree.SubElement(
+                joint, "limit", limits, effort=f"{max_torque(segment.name, mass):.3f}"
+            )
             if below != segment.name:
                 link = ElementTree.SubElement(robot.root, "link", name=below)
                 _add_inertia(link, _SMALL_KG, np.zeros(3), np.eye(3) * _SMALL_KG_M2)
-            above, place = below, np.eye(4)
+            above = below
+            place = np.eye(4)
         _add_link(robot, segment)
     return robot
 
@@ -199,7 +225,9 @@ def _add_inertia(link: ElementTree.Element, mass: float, center: Array, inertia:
     ElementTree.SubElement(made, "origin", xyz=numbers(center), rpy="0 0 0")
     ElementTree.SubElement(made, "mass", value=f"{mass:.4f}")
     names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    ElementTree.SubElement(made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()})
+    ElementTree.SubElement(
+        made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()}
+    )
 
 
 def _origin(place: Array) -> dict[str, str]:

@@ -51,22 +51,31 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     skeleton.CreateRestTransformsAttr(_matrices(rest))
     animation = UsdSkel.Animation.Define(stage, f"{path}/animation")
     animation.CreateJointsAttr(joints)
-    translations, rotations = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
+    translations = animation.CreateTranslationsAttr()
+    rotations = animation.CreateRotationsAttr()
     animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
     for time, posed in ((None, rig), (0, standing), (1, rig)):
         places = Vt.Vec3fArray.FromNumpy(posed.offsets.astype(np.float32))
         turns = rotmat_to_quat(posed.rotations)
-        quaternions = Vt.QuatfArray([Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns])
+        quaternions = Vt.QuatfArray(
+            [Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns]
+        )
         for attribute, value in ((translations, places), (rotations, quaternions)):
             attribute.Set(value) if time is None else attribute.Set(value, time)
-    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets(
+        [animation.GetPath()]
+    )
     binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
     indices, weights = skin_influences(rig.weights)
     count = indices.shape[1]
-    binding.CreateJointIndicesPrimvar(False, count).Set(Vt.IntArray.FromNumpy(indices.reshape(-1).astype(np.int32)))
-    binding.CreateJointWeightsPrimvar(False, count).Set(Vt.FloatArray.FromNumpy(weights.reshape(-1)))
+    binding.CreateJointIndicesPrimvar(False, count).Set(
+        Vt.IntArray.FromNumpy(indices.reshape(-1).astype(np.int32))
+    )
+    binding.CreateJointWeightsPrimvar(False, count).Set(
+        Vt.FloatArray.FromNumpy(weights.reshape(-1))
+    )
 
 
 def _paths(rig: Rig) -> list[str]:
@@ -85,24 +94,31 @@ def _matrices(matrices: NDArray[np.floating[Any]]) -> Any:
 
 
 _APERTURE = 36.0
-"""Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length matters."""
+"""Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length
+matters.
+"""
 
 
 def export_usd(request: ExportRequest) -> ExportedFiles:
-    """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``, and its pictures.
+    """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``, and its
+    pictures.
 
-    - ``/physic/person_0``, ...: a SkelRoot with ``mesh``, ``skeleton`` and ``animation`` (T-pose at time 0, the pose at
-      time 1, where the stage starts), and the posed mesh ``collider``, which is not drawn. The variant set ``skin`` has
-      "photo", "neutral" and "contact". The primvars ``contact`` and ``filled`` are in 0-1 per vertex.
-    - ``/physic/scene``: a mesh. ``/physic/floor``: the plane, which is not drawn; ``/physic/drawn_floor``: a mesh of
-      the floor where the scene does not show it.
-    - ``/physic/camera``: the photo's field of view and principal point; ``/physic/camera_1``, ... of further photos.
+    - ``/physic/person_0``, ...: a SkelRoot with ``mesh``, ``skeleton`` and ``animation`` (T-pose at
+      time 0, the pose at time 1, where the stage starts), and the posed mesh ``collider``, which is
+      not drawn. The variant set ``skin`` has "photo", "neutral" and "contact". The primvars
+      ``contact`` and ``filled`` are in 0-1 per vertex.
+    - ``/physic/scene``: a mesh. ``/physic/floor``: the plane, which is not drawn;
+      ``/physic/drawn_floor``: a mesh of the floor where the scene does not show it.
+    - ``/physic/camera``: the photo's field of view and principal point; ``/physic/camera_1``, ...
+      of further photos.
 
-    Scene, floor and people are static colliders, exact or, for people, by their convex decomposition.
+    Scene, floor and people are static colliders, exact or, for people, by their convex
+    decomposition.
     """
     from pxr import Usd, UsdGeom, UsdUtils
 
-    frame, skins = request.frame, skins_of(request)
+    frame = request.frame
+    skins = skins_of(request)
     pictures = skins.pictures()
     notes = list(skins.notes)
     try:
@@ -112,7 +128,10 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         rigged = {}
         notes.append(f"the bodies have no skeleton: {error}")
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{request.stem}{'.usdc' if request.suffix == '.usdz' else request.suffix}"
+        path = (
+            Path(folder)
+            / f"{request.stem}{'.usdc' if request.suffix == '.usdz' else request.suffix}"
+        )
         stage = Usd.Stage.CreateNew(str(path))
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if frame.up == "z" else UsdGeom.Tokens.y)
@@ -120,7 +139,10 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         stage.SetStartTimeCode(1)
         stage.SetEndTimeCode(1)
         stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
-        legend = {name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for name, rgb in contact_legend(request.result).items()}
+        legend = {
+            name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}"
+            for name, rgb in contact_legend(request.result).items()
+        }
         stage.SetMetadata("customLayerData", {"contact_colors": legend})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
@@ -137,16 +159,20 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         if request.suffix == ".usdz":
             packed = path.with_suffix(".usdz")
             UsdUtils.CreateNewUsdzPackage(str(path), str(packed))
-            path, pictures = packed, {}
+            path = packed
+            pictures = {}
         content = path.read_bytes()
     return ExportedFiles({f"{request.stem}{request.suffix}": content, **pictures}, tuple(notes))
 
 
 def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Rig | None) -> None:
-    """Add a person: a mesh in the bind pose with a skeleton, or posed without one, and its collider."""
+    """Add a person: a mesh in the bind pose with a skeleton, or posed without one, and its
+    collider.
+    """
     from pxr import Sdf, UsdGeom, UsdPhysics, UsdShade, UsdSkel, Vt
 
-    path, stem = f"/physic/{mesh.name}", skins.request.stem
+    path = f"/physic/{mesh.name}"
+    stem = skins.request.stem
     top = UsdSkel.Root.Define(stage, path) if rig is not None else UsdGeom.Xform.Define(stage, path)
     drawn = mesh
     if rig is not None:  # in the bind pose
@@ -166,8 +192,12 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
         _add_extents(top, made, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
     if skins.textured is not None:
-        looks["photo"] = _add_material(stage, f"{path}/looks/photo", picture=f"{stem}_{mesh.name}.jpg")
-        looks["contact"] = _add_material(stage, f"{path}/looks/contact", picture=f"{stem}_{mesh.name}_contact.png")
+        looks["photo"] = _add_material(
+            stage, f"{path}/looks/photo", picture=f"{stem}_{mesh.name}.jpg"
+        )
+        looks["contact"] = _add_material(
+            stage, f"{path}/looks/contact", picture=f"{stem}_{mesh.name}_contact.png"
+        )
     variants = top.GetPrim().GetVariantSets().AddVariantSet("skin")
     UsdShade.MaterialBindingAPI.Apply(made.GetPrim())
     for name, material in looks.items():
@@ -182,10 +212,11 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
 
 
 def _add_extents(root: Any, mesh: Any, posed: NDArray[Any]) -> None:
-    """State the bounds of a person: at time 0 those of the T-pose, at time 1 those of the pose (V, 3).
+    """State the bounds of a person: at time 0 those of the T-pose, at time 1 those of the pose (V,
+    3).
 
-    Without them, OpenUSD widens the bounds of the joints by the distance from the mesh in its bind pose to the resting
-    joints, which is the distance of the person from the origin.
+    Without them, OpenUSD widens the bounds of the joints by the distance from the mesh in its bind
+    pose to the resting joints, which is the distance of the person from the origin.
     """
     from pxr import Usd, UsdGeom, UsdSkel
 
@@ -215,9 +246,12 @@ def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
     scene = scene_mesh(request)
     if scene is None or scene.uv is None:
         return {}
-    made, name = _add_mesh(stage, "/physic/scene", scene), f"{request.stem}_scene.jpg"
+    made = _add_mesh(stage, "/physic/scene", scene)
+    name = f"{request.stem}_scene.jpg"
     _add_uv(made, scene.uv, scene.faces)
-    UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(_add_material(stage, "/physic/looks/scene", picture=name))
+    UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(
+        _add_material(stage, "/physic/looks/scene", picture=name)
+    )
     _collide(made, UsdPhysics.Tokens.none)
     return {name: encode_image(request.result.scene.colors, "JPEG")}
 
@@ -263,7 +297,9 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     made.CreateExtentAttr(_extent(mesh.vertices))
     made.CreateDoubleSidedAttr(True)
     primvars = UsdGeom.PrimvarsAPI(made)
-    color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
+    color = primvars.CreatePrimvar(
+        "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
+    )
     color.Set(vectors(linear_from_srgb(mesh.colors)))
     return made
 
@@ -286,7 +322,9 @@ def _add_uv(mesh: Any, uv: NDArray[Any], corners: NDArray[np.int64]) -> None:
     primvar.SetIndices(Vt.IntArray.FromNumpy(corners.reshape(-1).astype(np.int32)))
 
 
-def _add_material(stage: Any, path: str, picture: str = "", color: tuple[int, int, int] = (255, 255, 255)) -> Any:
+def _add_material(
+    stage: Any, path: str, picture: str = "", color: tuple[int, int, int] = (255, 255, 255)
+) -> Any:
     """Add a matte material with a picture, or with an sRGB colour."""
     from pxr import Gf, Sdf, UsdShade
 
@@ -307,7 +345,9 @@ def _add_material(stage: Any, path: str, picture: str = "", color: tuple[int, in
         texture.CreateInput("sourceColorSpace", kinds.Token).Set("sRGB")
         for side in ("wrapS", "wrapT"):
             texture.CreateInput(side, kinds.Token).Set("clamp")
-        texture.CreateInput("st", kinds.Float2).ConnectToSource(reader.CreateOutput("result", kinds.Float2))
+        texture.CreateInput("st", kinds.Float2).ConnectToSource(
+            reader.CreateOutput("result", kinds.Float2)
+        )
         diffuse.ConnectToSource(texture.CreateOutput("rgb", kinds.Float3))
     material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", kinds.Token))
     return material
@@ -323,8 +363,12 @@ def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> No
     made.CreateFocalLengthAttr(focal)
     made.CreateHorizontalApertureAttr(_APERTURE)
     made.CreateVerticalApertureAttr(height)
-    made.CreateHorizontalApertureOffsetAttr(_APERTURE * ((camera.width - 1) / 2 - camera.cx) / camera.width)
-    made.CreateVerticalApertureOffsetAttr(height * (camera.cy - (camera.height - 1) / 2) / camera.height)
+    made.CreateHorizontalApertureOffsetAttr(
+        _APERTURE * ((camera.width - 1) / 2 - camera.cx) / camera.width
+    )
+    made.CreateVerticalApertureOffsetAttr(
+        height * (camera.cy - (camera.height - 1) / 2) / camera.height
+    )
     made.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
     # USD multiplies row vectors from the left.
     made.AddTransformOp().Set(Gf.Matrix4d(*pose.T.reshape(-1).tolist()))

@@ -32,7 +32,9 @@ def result(saved_pair: Path) -> Reconstruction:
 def export(result: Reconstruction, tmp_path: Path) -> Callable[..., Exported]:
     """Export the result, or another one, to a file name in a new folder."""
 
-    def write(name: str, format: str | None = None, *, of: Reconstruction = result, **options: object) -> Exported:
+    def write(
+        name: str, format: str | None = None, *, of: Reconstruction = result, **options: object
+    ) -> Exported:
         return export_reconstruction(of, tmp_path / name, format, **options)  # type: ignore[arg-type]
 
     return write

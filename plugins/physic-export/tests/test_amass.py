@@ -42,10 +42,14 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
     """The same people as bodies of the file, as a run with [body_model] path gives them."""
     people = []
     for person in result.people:
-        parameters = convert_with_residuals(Bodies(person.parameters, "embedded"), model).bodies.parameters
+        parameters = convert_with_residuals(
+            Bodies(person.parameters, "embedded"), model
+        ).bodies.parameters
         vertices, joints = alone(model, parameters)
         contact = np.zeros(len(vertices), bool)
-        own = replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact)
+        own = replace(
+            person, parameters=parameters, vertices=vertices, joints=joints, contact=contact
+        )
         people.append(replace(own, contact_partner=np.full(len(vertices), -1, np.int16)))
     faces = model.faces.numpy().astype(np.int32)
     people = [replace(person, faces=faces) for person in people]
@@ -59,30 +63,40 @@ def alone(model: BodyModel, parameters: BodyParameters) -> Iterator[np.ndarray]:
 
 
 @pytest.mark.parametrize("up", ["z", "camera"])
-def test_our_reader_gives_the_same_bodies(converted: Reconstruction, model: BodyModel, tmp_path: Path, up: str):
+def test_our_reader_gives_the_same_bodies(
+    converted: Reconstruction, model: BodyModel, tmp_path: Path, up: str
+):
     done = converted.export(str(tmp_path / "a.npz"), up=up)
     frame = export_frame(converted.scene.floor, up)
     for path, person in zip(done.files, converted.people, strict=True):
         vertices, joints = alone(model, read_amass(path))
-        np.testing.assert_allclose(vertices, transform_points(frame.from_camera, person.vertices), atol=1e-5)
+        np.testing.assert_allclose(
+            vertices, transform_points(frame.from_camera, person.vertices), atol=1e-5
+        )
         with np.load(path) as arrays:
             pelvis = arrays["pelvis"] + arrays["trans"][0]
             assert float(arrays["fit_error_m"]) == 0
         np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
 
 
-def test_smplfitter_poses_the_same_body_from_the_file(converted: Reconstruction, file: Path, tmp_path: Path):
+def test_smplfitter_poses_the_same_body_from_the_file(
+    converted: Reconstruction, file: Path, tmp_path: Path
+):
     from smplfitter.pt import BodyModel as Peer
 
     np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
     peer = Peer("smplx", "female", model_root=str(file.parent), num_betas=20)
     with np.load(converted.export(str(tmp_path / "a.npz"), person=0).files[0]) as arrays:
         poses, trans = (torch.from_numpy(arrays[name]).float() for name in ("poses", "trans"))
-        shape = torch.from_numpy(np.concatenate([arrays["betas"], arrays["expression"][0]]))[None].float()
+        shape = torch.from_numpy(np.concatenate([arrays["betas"], arrays["expression"][0]]))[
+            None
+        ].float()
     assert torch.equal(poses[0], poses[1])
     theirs = peer(pose_rotvecs=poses[:1], shape_betas=shape, trans=trans[:1])["vertices"][0].numpy()
     matrix = export_frame(converted.scene.floor, "z").from_camera
-    np.testing.assert_allclose(theirs, transform_points(matrix, converted.people[0].vertices), atol=1e-5)
+    np.testing.assert_allclose(
+        theirs, transform_points(matrix, converted.people[0].vertices), atol=1e-5
+    )
 
 
 def test_embedded_bodies_are_fitted_and_the_error_is_stated(
@@ -107,12 +121,16 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
     assert np.abs(joints[0] - transform_points(matrix, result.people[1].joints[0])).max() < 0.06
 
 
-def test_without_a_file_the_message_says_what_is_needed_and_why(result: Reconstruction, tmp_path: Path):
+def test_without_a_file_the_message_says_what_is_needed_and_why(
+    result: Reconstruction, tmp_path: Path
+):
     with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X"):
         result.export(str(tmp_path / "a.npz"))
 
 
-def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction, other: OtherBody, tmp_path: Path):
+def test_another_file_than_that_of_the_run_is_refused(
+    converted: Reconstruction, other: OtherBody, tmp_path: Path
+):
     arrays = smplx_file_arrays(other)
     taller = tmp_path / "SMPLX_MALE.npz"
     np.savez(taller, **(arrays | {"v_template": 1.1 * arrays["v_template"]}))

@@ -39,17 +39,25 @@ def upright(result: Reconstruction, lean: float = 0.0) -> Reconstruction:
         result: with a floor.
         lean: angle of the body forward over its feet, radians.
     """
-    model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
+    model = load_body("embedded").to(dtype=torch.float64)
+    floor = result.scene.floor
     up = np.asarray(floor.normal, np.float64)
     forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
     forward /= np.linalg.norm(forward)
     rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
-    body = np.stack([np.cross(up, forward), up, forward], 1) @ Rotation.from_euler("x", lean).as_matrix()
+    body = (
+        np.stack([np.cross(up, forward), up, forward], 1)
+        @ Rotation.from_euler("x", lean).as_matrix()
+    )
     rotations[0, 0] = torch.from_numpy(body)
     for joint in (JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")):
         rotations[0, joint] = torch.from_numpy(Rotation.from_euler("x", -lean).as_matrix())
-    betas, transl = torch.zeros(1, 16, dtype=torch.float64), np.array([0.0, 0.0, 3.0])
-    low = (model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up + floor.offset).min()
+    betas = torch.zeros(1, 16, dtype=torch.float64)
+    transl = np.array([0.0, 0.0, 3.0])
+    low = (
+        model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up
+        + floor.offset
+    ).min()
     place = torch.from_numpy((transl - low * up)[None])
     posed = model(rotations, betas, place)
     person = replace(
@@ -62,7 +70,9 @@ def upright(result: Reconstruction, lean: float = 0.0) -> Reconstruction:
     soles = person.vertices @ up + floor.offset < 0.01
     partner = np.where(soles, 0, -1).astype(np.int16)
     person = replace(person, contact=soles, contact_partner=partner)
-    return replace(result, people=(person,), scene=empty, contact_partners=(ContactPartner("floor"),))
+    return replace(
+        result, people=(person,), scene=empty, contact_partners=(ContactPartner("floor"),)
+    )
 
 
 def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_path: Path):
@@ -71,7 +81,9 @@ def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_p
     model = mujoco.MjModel.from_xml_path(str(standing.export(str(tmp_path / "a.xml")).files[0]))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
-    height, angles, worst = data.qpos[2], data.qpos[7:].copy(), 0.0
+    height = data.qpos[2]
+    angles = data.qpos[7:].copy()
+    worst = 0.0
     while data.time < 2.0:
         mujoco.mj_step(model, data)
         worst = max(worst, float(np.abs(data.qpos[7:] - angles).max()))
@@ -87,13 +99,18 @@ def leaning(result: Reconstruction) -> Reconstruction:
     return replace(leaning, people=(replace(leaning.people[0], support=feet),))
 
 
-def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning: Reconstruction, tmp_path: Path):
+def test_an_exported_body_is_turned_over_its_soles_which_stay(
+    leaning: Reconstruction, tmp_path: Path
+):
     import mujoco
 
-    soles, centres = [], []
+    soles = []
+    centres = []
     for name, turned in (("as_it_is.xml", False), ("turned.xml", True)):
         done = leaning.export(str(tmp_path / name), keep_lean=not turned)
-        turns = [found[1] for note in done.notes if (found := re.search(r"by ([\d.]+) degrees", note))]
+        turns = [
+            found[1] for note in done.notes if (found := re.search(r"by ([\d.]+) degrees", note))
+        ]
         assert len(turns) == turned
         assert all(3.0 < float(angle) < 8.0 for angle in turns)
         model = mujoco.MjModel.from_xml_path(str(done.files[0]))
@@ -138,12 +155,15 @@ def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_hig
 ):
     import mujoco
 
-    person, up = leaning.people[0], np.asarray(leaning.scene.floor.normal, np.float64)
+    person = leaning.people[0]
+    up = np.asarray(leaning.scene.floor.normal, np.float64)
     lifted = replace(person, contacts=person.support.contacts)
     raised = replace(leaning.scene.floor, offset=leaning.scene.floor.offset + 0.05)
     higher = replace(leaning, people=(lifted,), scene=replace(leaning.scene, floor=raised))
     assert (person.vertices @ up + raised.offset).min() > 0.04
-    model = mujoco.MjModel.from_xml_path(str(higher.export(str(tmp_path / "a.xml"), keep_lean=True).files[0]))
+    model = mujoco.MjModel.from_xml_path(
+        str(higher.export(str(tmp_path / "a.xml"), keep_lean=True).files[0])
+    )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     soles = [i for i in range(model.ngeom) if re.search(r"(ankle|foot)_\d", model.geom(i).name)]
@@ -167,7 +187,9 @@ def test_who_sits_is_not_turned(leaning: Reconstruction, tmp_path: Path):
 
 def test_tiles_that_reach_into_a_body_are_left_out_also_those_within_it():
     body = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
-    small, beside, through = (cube(low, high) for low, high in ((0.4, 0.5), (1.001, 1.2), (0.9, 1.3)))
+    small, beside, through = (
+        cube(low, high) for low, high in ((0.4, 0.5), (1.001, 1.2), (0.9, 1.3))
+    )
     assert tiles_without([small, beside, through], [body]) == [beside]
 
 

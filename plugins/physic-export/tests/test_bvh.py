@@ -19,7 +19,8 @@ def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
     stack: list[str] = []
     joints: list[tuple[str, str | None, np.ndarray, int]] = []
     channels: list[str] = []
-    pending, offset = "", np.zeros(3)
+    pending = ""
+    offset = np.zeros(3)
     for word in words:
         if word in ("ROOT", "JOINT", "End"):
             pending = next(words)
@@ -44,12 +45,14 @@ def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
         pose[:3, 3] = place
         for _ in range(count):
             channel, value = next(numbers)
-            axis, step = "XYZ".index(channel[0]), np.eye(4)
+            axis = "XYZ".index(channel[0])
+            step = np.eye(4)
             if channel.endswith("position"):
                 step[axis, 3] = value
             else:
                 i, j = [(1, 2), (2, 0), (0, 1)][axis]
-                c, s = np.cos(np.deg2rad(value)), np.sin(np.deg2rad(value))
+                c = np.cos(np.deg2rad(value))
+                s = np.sin(np.deg2rad(value))
                 step[[i, i, j, j], [i, j, i, j]] = c, -s, s, c
             pose = pose @ step
         poses[name] = pose if parent is None else poses[parent] @ pose
@@ -63,18 +66,27 @@ def test_joints_are_where_the_result_has_them(export, result: Reconstruction, up
     for path, person in zip(files, result.people, strict=True):
         found = read_bvh(path, 1)
         wanted = transform_points(matrix, person.joints)
-        np.testing.assert_allclose([found[name] for name in bone_names("mixamo")], wanted, atol=1e-4)
+        np.testing.assert_allclose(
+            [found[name] for name in bone_names("mixamo")], wanted, atol=1e-4
+        )
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, result: Reconstruction, up: str, axis: int):
+def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(
+    export, result: Reconstruction, up: str, axis: int
+):
     path = export("a.bvh", up=up, person=0, names="smplx").files[0]
-    stands, posed = read_bvh(path, 0), read_bvh(path, 1)
-    arms = [stands[f"left_{name}"] - stands[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")]
+    stands = read_bvh(path, 0)
+    posed = read_bvh(path, 1)
+    arms = [
+        stands[f"left_{name}"] - stands[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")
+    ]
     assert np.linalg.norm(arms[2]) > 1.1
     for arm in arms:
         assert abs(arm[axis]) < 0.02
-        assert arm @ arms[2] == pytest.approx(np.linalg.norm(arm) * np.linalg.norm(arms[2]), rel=1e-3)
+        assert arm @ arms[2] == pytest.approx(
+            np.linalg.norm(arm) * np.linalg.norm(arms[2]), rel=1e-3
+        )
     assert 0.05 < stands["left_ankle"][axis] < 0.12
     flat = [a for a in range(3) if a != axis]
     np.testing.assert_allclose(stands["pelvis"][flat], posed["pelvis"][flat], atol=1e-5)

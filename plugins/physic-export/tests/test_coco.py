@@ -15,7 +15,8 @@ from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
 from physic_testing.worlds import build_world
 
-pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # of pycocotools
+# of pycocotools
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 
 
 def opened(file: Path):
@@ -27,7 +28,8 @@ def opened(file: Path):
 @pytest.fixture
 def thrice(result: Reconstruction) -> Reconstruction:
     """The result of a photo file of three times its size."""
-    width, height = result.intrinsics.width, result.intrinsics.height
+    width = result.intrinsics.width
+    height = result.intrinsics.height
     return replace(result, file_size=(3 * width, 3 * height), photo_name="a.jpg")
 
 
@@ -56,13 +58,21 @@ def test_pycocotools_decodes_the_masks(export, thrice: Reconstruction):
         assert data.anns[index + 1]["area"] == mask.sum()
 
 
-def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(export, result: Reconstruction):
+def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(
+    export, result: Reconstruction
+):
     (category,) = opened(export("a.json", "coco").files[0]).loadCats([1])
     names = category["keypoints"]
     assert len(names) == len(skeleton_named(result.skeleton))
     links = {frozenset(names[place - 1] for place in pair) for pair in category["skeleton"]}
     sides = ("left", "right")
-    for pair in [("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"), ("shoulder", "hip")]:
+    for pair in [
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("hip", "knee"),
+        ("knee", "ankle"),
+        ("shoulder", "hip"),
+    ]:
         assert {frozenset(f"{side}_{name}" for name in pair) for side in sides} <= links
     assert frozenset({"left_hip", "right_hip"}) in links
 
@@ -77,21 +87,27 @@ def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, resul
     wanted = lens.file_pixels(person.keypoints[seen], camera)
     np.testing.assert_allclose(triples[seen, :2], wanted, atol=1e-3)
     mask = data.annToMask(data.anns[1]).astype(bool)
-    columns, rows = np.rint(lens.file_pixels(np.argwhere(person.mask)[:, ::-1], camera)).astype(int).T
+    columns, rows = (
+        np.rint(lens.file_pixels(np.argwhere(person.mask)[:, ::-1], camera)).astype(int).T
+    )
     there = (rows >= 0) & (rows < mask.shape[0]) & (columns >= 0) & (columns < mask.shape[1])
     assert mask[rows[there], columns[there]].mean() > 0.98
     assert mask.sum() == pytest.approx(0.81 * person.mask.sum(), rel=0.1)
 
 
 def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result: Reconstruction):
-    hidden = replace(result.people[0], mask=np.zeros_like(result.people[0].mask), box=np.zeros(4, np.float32))
+    hidden = replace(
+        result.people[0], mask=np.zeros_like(result.people[0].mask), box=np.zeros(4, np.float32)
+    )
     done = export("a.json", "coco", of=replace(result, people=(hidden, *result.people[1:])))
     assert [one["person"] for one in opened(done.files[0]).anns.values()] == [1]
     assert any(note.startswith("person 0") for note in done.notes)
 
 
 def test_two_formats_have_the_suffix_json(export):
-    with pytest.raises(ConfigError, match="coco of physic-export or nerfstudio of physic-export: state which"):
+    with pytest.raises(
+        ConfigError, match="coco of physic-export or nerfstudio of physic-export: state which"
+    ):
         export("a.json")
 
 

@@ -1,4 +1,6 @@
-"""COLMAP: the binary model has the camera and the points of the result; its pixels are counted from the corner."""
+"""COLMAP: the binary model has the camera and the points of the result; its pixels are counted from
+the corner.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ class Model:
     """A model of one image, read field by field as COLMAP's page "Output format" lists them."""
 
     def __init__(self, folder: Path) -> None:
-        cameras, images, points = ((folder / f"{name}.bin").read_bytes() for name in ("cameras", "images", "points3D"))
+        cameras, images, points = (
+            (folder / f"{name}.bin").read_bytes() for name in ("cameras", "images", "points3D")
+        )
         count, self.camera_id, self.model, *self.size = struct.unpack_from("<QiiQQ", cameras)
         assert count == 1
         self.params = struct.unpack_from("<4d", cameras, 32)
@@ -33,7 +37,9 @@ class Model:
         end = images.index(b"\0", 72)
         self.name = images[72:end].decode()
         (number,) = struct.unpack_from("<Q", images, end + 1)
-        self.pixels = [struct.unpack_from("<ddq", images, end + 9 + 24 * place) for place in range(number)]
+        self.pixels = [
+            struct.unpack_from("<ddq", images, end + 9 + 24 * place) for place in range(number)
+        ]
         assert end + 9 + 24 * number == len(images)
         (number,) = struct.unpack_from("<Q", points)
         rows = [struct.unpack_from("<Q3d3BdQii", points, 8 + 59 * place) for place in range(number)]
@@ -46,7 +52,9 @@ def up(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
-def test_each_pixel_sees_its_point_which_is_that_of_the_result(export, result: Reconstruction, tmp_path: Path, up: str):
+def test_each_pixel_sees_its_point_which_is_that_of_the_result(
+    export, result: Reconstruction, tmp_path: Path, up: str
+):
     export("", "colmap", up=up)
     model = Model(tmp_path / "sparse" / "0")
     camera = result.intrinsics
@@ -85,13 +93,17 @@ def test_pycolmap_reads_the_model(export, result: Reconstruction, tmp_path: Path
     pycolmap = pytest.importorskip("pycolmap")
     export("", "colmap", up="z")
     model = pycolmap.Reconstruction(str(tmp_path / "sparse" / "0"))
-    image, back = model.images[1], np.linalg.inv(export_frame(result.scene.floor, "z").from_camera)
+    image = model.images[1]
+    back = np.linalg.inv(export_frame(result.scene.floor, "z").from_camera)
     assert model.cameras[1].params.tolist() == list(Model(tmp_path / "sparse" / "0").params)
     for pixel in image.points2D[::500]:
         point = model.points3D[pixel.point3D_id].xyz
         assert np.abs(image.project_point(point) - pixel.xy).max() < 1e-3
         column, row = (pixel.xy - 0.5).astype(int)
-        assert np.abs(transform_points(back, point[None])[0] - result.scene.points[row, column]).max() < 1e-6
+        assert (
+            np.abs(transform_points(back, point[None])[0] - result.scene.points[row, column]).max()
+            < 1e-6
+        )
 
 
 def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_path: Path):
@@ -101,7 +113,9 @@ def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_p
         export("a.bin")
 
 
-def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(result: Reconstruction, tmp_path: Path):
+def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(
+    result: Reconstruction, tmp_path: Path
+):
     out = tmp_path / "out"
     result.save(str(out), "numbers")
     before = {file.name for file in out.iterdir()}
@@ -113,8 +127,11 @@ def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(result: R
     assert [file.name for file in (out / "images").iterdir()] == ["mine.jpg"]
 
 
-def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(result: Reconstruction, tmp_path: Path):
-    out, moved = tmp_path / "out", tmp_path / "moved"
+def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(
+    result: Reconstruction, tmp_path: Path
+):
+    out = tmp_path / "out"
+    moved = tmp_path / "moved"
     result.save(str(out), "numbers")
     assert CliRunner().invoke(main, ["export", str(out), "--to", "colmap"]).exit_code == 0
     (out / "sparse" / "0").rename(moved)

@@ -16,7 +16,9 @@ from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
 
-def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, result: Reconstruction, tmp_path: Path):
+def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(
+    export, result: Reconstruction, tmp_path: Path
+):
     export("a.png")
     depth = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
     assert depth.dtype == np.uint16
@@ -26,7 +28,9 @@ def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, resul
     np.testing.assert_array_equal(depth > 0, valid)
     v, u = np.nonzero(valid)
     z = depth[valid] * camera["depth"]["unit_m"]
-    points = np.stack([(u - camera["cx"]) / camera["fx"] * z, (v - camera["cy"]) / camera["fy"] * z, z], 1)
+    points = np.stack(
+        [(u - camera["cx"]) / camera["fx"] * z, (v - camera["cy"]) / camera["fy"] * z, z], 1
+    )
     assert np.abs(points - result.scene.points[valid]).max() < 0.00051
 
 
@@ -39,7 +43,9 @@ def test_each_person_has_a_mask(export, result: Reconstruction, tmp_path: Path):
         np.testing.assert_array_equal(mask, 255 * result.people[int(index)].mask)
 
 
-def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result: Reconstruction, tmp_path: Path):
+def test_what_16_bits_cannot_hold_is_unknown_and_said(
+    export, result: Reconstruction, tmp_path: Path
+):
     points = result.scene.points.copy()
     points[:12] *= 65.6 / points[:12, :, 2:]
     done = export("a.png", of=replace(result, scene=replace(result.scene, points=points)))
@@ -55,7 +61,9 @@ def test_depth_without_the_scene_is_refused(export, name: str):
 
 
 @pytest.mark.parametrize("up", ["z", "y", "camera"])
-def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result: Reconstruction, tmp_path: Path, up: str):
+def test_rays_of_nerfstudio_meet_the_points_of_the_scene(
+    export, result: Reconstruction, tmp_path: Path, up: str
+):
     export("a.json", "nerfstudio", up=up)
     data = json.loads((tmp_path / "a.json").read_text())
     (frame,) = data["frames"]
@@ -66,7 +74,8 @@ def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result: Reconst
     z = depth[valid] * 0.001  # the default of nerfstudio's parsers
     assert data["depth_unit_scale_factor"] == 0.001
     # Nerfstudio's rays pass through pixel + 0.5; its cameras look along -z with y up.
-    x, y = (u + 0.5 - data["cx"]) / data["fl_x"], (v + 0.5 - data["cy"]) / data["fl_y"]
+    x = (u + 0.5 - data["cx"]) / data["fl_x"]
+    y = (v + 0.5 - data["cy"]) / data["fl_y"]
     points = transform_points(np.array(frame["transform_matrix"]), np.stack([x * z, -y * z, -z], 1))
     back = transform_points(np.linalg.inv(export_frame(result.scene.floor, up).from_camera), points)
     assert np.abs(back - result.scene.points[valid]).max() < 0.00051

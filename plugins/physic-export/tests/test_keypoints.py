@@ -1,4 +1,6 @@
-"""Keypoints: the table has the detected points in px of the photo file, and a run with it finds the same people."""
+"""Keypoints: the table has the detected points in px of the photo file, and a run with it finds the
+same people.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,33 @@ def rows_of(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(export, result: Reconstruction, tmp_path: Path):
-    width, height = result.intrinsics.width, result.intrinsics.height
+def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(
+    export, result: Reconstruction, tmp_path: Path
+):
+    width = result.intrinsics.width
+    height = result.intrinsics.height
     export("a.csv", of=replace(result, file_size=(3 * width, 3 * height)))
     rows = rows_of(tmp_path / "a.csv")
     assert list(rows[0]) == ["person", "joint", "x", "y", "confidence"]
     seen = [np.flatnonzero(person.keypoint_confidence) for person in result.people]
     names = skeleton_named(result.skeleton).names
-    assert [(int(row["person"]), row["joint"]) for row in rows] == [(i, names[j]) for i in (0, 1) for j in seen[i]]
+    assert [(int(row["person"]), row["joint"]) for row in rows] == [
+        (i, names[j]) for i in (0, 1) for j in seen[i]
+    ]
     shown = np.array([(float(row["x"]), float(row["y"])) for row in rows])
-    points = np.concatenate([person.keypoints[j] for person, j in zip(result.people, seen, strict=True)])
+    points = np.concatenate(
+        [person.keypoints[j] for person, j in zip(result.people, seen, strict=True)]
+    )
     assert shown == pytest.approx(3 * points + 1, abs=0.006)
 
 
-def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(export, result: Reconstruction, tmp_path: Path):
+def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(
+    export, result: Reconstruction, tmp_path: Path
+):
     lens = Lens(result.intrinsics, (0.1, 0.0, 0.0, 0.0, 0.0))
     export("a.csv", of=replace(result, lens=lens))
-    row, person = rows_of(tmp_path / "a.csv")[0], result.people[0]
+    row = rows_of(tmp_path / "a.csv")[0]
+    person = result.people[0]
     first = person.keypoints[np.flatnonzero(person.keypoint_confidence)[0]]
     expected = lens.file_pixels(first, result.intrinsics)
     assert [float(row["x"]), float(row["y"])] == pytest.approx(expected.tolist(), abs=0.006)

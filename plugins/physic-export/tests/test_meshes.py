@@ -16,14 +16,17 @@ from physic_core.visual.palette import BODY_RGB, contact_colors, contact_legend
 
 
 def wanted_vertices(result: Reconstruction, person: int, up: str) -> np.ndarray:
-    return transform_points(export_frame(result.scene.floor, up).from_camera, result.people[person].vertices)
+    return transform_points(
+        export_frame(result.scene.floor, up).from_camera, result.people[person].vertices
+    )
 
 
 def test_plyfile_reads_points_colours_normals_and_contact(export, result: Reconstruction):
     plyfile = pytest.importorskip("plyfile")
     data = plyfile.PlyData.read(str(export("a.ply", up="camera").files[0]))
     rows = data["vertex"].data
-    scene, own = rows["object"] == -1, rows["object"] == 1
+    scene = rows["object"] == -1
+    own = rows["object"] == 1
     valid = result.scene.valid
     points = np.stack([rows[name] for name in "xyz"], 1)
     np.testing.assert_array_equal(points[scene], result.scene.points[valid])
@@ -44,23 +47,32 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result: Recons
     ]
     floor = result.scene.floor
     numbers = next(c for c in data.comments if c.startswith("floor")).split()
-    np.testing.assert_allclose([float(numbers[k]) for k in (1, 4, 7, 10)], [*floor.normal, floor.offset], atol=1e-5)
+    np.testing.assert_allclose(
+        [float(numbers[k]) for k in (1, 4, 7, 10)], [*floor.normal, floor.offset], atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.obj"])
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result: Reconstruction, name: str, up: str):
+def test_trimesh_reads_closed_bodies_whose_normals_point_out(
+    export, result: Reconstruction, name: str, up: str
+):
     path = export(name, up=up, scene=False, person=0, skin="contact").files[0]
     mesh = trimesh.load(path, process=False, force="mesh", skip_materials=True)
     wanted = wanted_vertices(result, 0, up)
     assert cKDTree(mesh.vertices).query(wanted)[0].max() < 2e-5
-    assert mesh.volume == pytest.approx(trimesh.Trimesh(wanted, result.faces, process=False).volume, rel=1e-3)
+    assert mesh.volume == pytest.approx(
+        trimesh.Trimesh(wanted, result.faces, process=False).volume, rel=1e-3
+    )
     assert mesh.volume > 0
     legend = contact_legend(result)
     assert legend
     head = path.read_bytes()[:2000].decode("ascii", "replace")
     for label, (red, green, blue) in legend.items():
-        assert f"{'comment' if name == 'a.ply' else '#'} contact: {label} is sRGB {red} {green} {blue}\n" in head
+        assert (
+            f"{'comment' if name == 'a.ply' else '#'} contact: {label} is sRGB {red} {green} "
+            f"{blue}\n" in head
+        )
 
 
 @pytest.mark.parametrize(
@@ -72,7 +84,9 @@ def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result: Rec
 )
 def test_vertex_colours_are_those_of_the_skin(export, result: Reconstruction, skin: str, wanted):
     text = export("a.obj", scene=False, person=0, skin=skin).files[0].read_text()
-    colors = np.array([line.split()[4:] for line in text.splitlines() if line.startswith("v ")], float)
+    colors = np.array(
+        [line.split()[4:] for line in text.splitlines() if line.startswith("v ")], float
+    )
     np.testing.assert_allclose(255 * colors, wanted(result.people[0], result), atol=0.2)
 
 
@@ -82,7 +96,13 @@ def test_an_obj_has_a_picture_for_each_material(export, result: Reconstruction):
     materials = next(file for file in done.files if file.suffix == ".mtl").read_text()
     pictures = {line.split()[1] for line in materials.splitlines() if line.startswith("map_Kd")}
     assert pictures == {
-        *("a_scene.jpg", "a_person_0.jpg", "a_person_1.jpg", "a_person_0_contact.png", "a_person_1_contact.png")
+        *(
+            "a_scene.jpg",
+            "a_person_0.jpg",
+            "a_person_1.jpg",
+            "a_person_0_contact.png",
+            "a_person_1_contact.png",
+        )
     }
     assert names == pictures | {"a.obj", "a.mtl", "a_person_0_filled.png", "a_person_1_filled.png"}
     used = [line for line in done.files[0].read_text().splitlines() if line.startswith("usemtl")]

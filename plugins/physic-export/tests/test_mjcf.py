@@ -1,4 +1,6 @@
-"""MJCF: closed convex meshes, what falls on floor and furniture stays there, and actuators hold the photo's pose."""
+"""MJCF: closed convex meshes, what falls on floor and furniture stays there, and actuators hold the
+photo's pose.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def rays_of(result: Reconstruction) -> np.ndarray:
     """(H, W, 3) the point of each pixel at a depth of 1."""
     camera = result.intrinsics
     rows, columns = np.indices(result.scene.valid.shape)
-    return np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1)
+    return np.stack(
+        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1
+    )
 
 
 def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstruction):
@@ -51,10 +55,17 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
         assert mesh.volume > 0
     floor = result.scene.floor
     heights = result.scene.points @ floor.normal + floor.offset
-    # The surface above the floor is in the tiles, which have no more than the tolerance in front of it.
-    above = result.scene.points[result.scene.valid & (heights > 2 * FLOOR_M)][::40].astype(np.float64)
-    every = trimesh.util.concatenate([trimesh.Trimesh(tile.vertices, tile.faces, process=False) for tile in tiles])
-    hits = trimesh.ray.ray_pyembree.RayMeshIntersector(every).intersects_first(np.zeros_like(above), above)
+    # The surface above the floor is in the tiles, which have no more than the tolerance in front of
+    # it.
+    above = result.scene.points[result.scene.valid & (heights > 2 * FLOOR_M)][::40].astype(
+        np.float64
+    )
+    every = trimesh.util.concatenate(
+        [trimesh.Trimesh(tile.vertices, tile.faces, process=False) for tile in tiles]
+    )
+    hits = trimesh.ray.ray_pyembree.RayMeshIntersector(every).intersects_first(
+        np.zeros_like(above), above
+    )
     corner = every.triangles[hits, 0]
     apart = np.abs(((corner - above) * every.face_normals[hits]).sum(1))[hits >= 0]
     assert (hits >= 0).mean() > 0.97
@@ -64,7 +75,8 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
 def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, export):
     """A table of 1 m x 0.6 m, 0.5 m over the floor, stands alone in front of the camera."""
     mujoco = pytest.importorskip("mujoco")
-    scene, floor = result.scene, result.scene.floor
+    scene = result.scene
+    floor = result.scene.floor
     rays = rays_of(result)
     depth = (0.5 - floor.offset) / (rays @ np.asarray(floor.normal, np.float64))
     points = rays * depth[..., None]
@@ -77,7 +89,8 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
     bodies = (
         f'<body name="seat" pos="{seat[0]} {seat[1]} {seat[2] + 0.2}"><freejoint/>'
         f'<geom type="box" size="{RADIUS} {RADIUS} {RADIUS}"/></body>'
-        f'<body name="floor" pos="{free[0]} {free[1]} 0.6"><freejoint/><geom type="sphere" size="{RADIUS}"/></body>'
+        f'<body name="floor" pos="{free[0]} {free[1]} 0.6"><freejoint/><geom type="sphere" '
+        f'size="{RADIUS}"/></body>'
     )
     file.write_text(file.read_text().replace("</worldbody>", f"{bodies}</worldbody>"))
     model = mujoco.MjModel.from_xml_path(str(file))
@@ -88,7 +101,9 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
     assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
 
 
-def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
+def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
+    result: Reconstruction, export
+):
     _, model, data = opened(export("a.xml", rigid=True).files[0])
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
     matrix = export_frame(result.scene.floor, "z").from_camera
@@ -98,11 +113,14 @@ def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result
         assert model.body(f"person_{index}").mocapid[0] == index
         skin = model.geom(f"person_{index}_skin").id
         mesh = model.geom_dataid[skin]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        first = model.mesh_vertadr[mesh]
+        count = model.mesh_vertnum[mesh]
         local = model.mesh_vert[first : first + count]
         posed = local @ data.geom_xmat[skin].reshape(3, 3).T + data.geom_xpos[skin]
         np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
-        collide = [i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")]
+        collide = [
+            i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")
+        ]
         assert sum(model.geom_contype[i] > 0 for i in collide) == 14
 
 
@@ -112,14 +130,18 @@ def joint_places(model, data, person: int) -> np.ndarray:
     return np.stack([data.body(name).xpos for name in names])
 
 
-def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Reconstruction, file: Path):
+def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(
+    result: Reconstruction, file: Path
+):
     mujoco, model, data = opened(file)
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         wanted = transform_points(matrix, person.joints[:22])
         np.testing.assert_allclose(joint_places(model, data, index), wanted, atol=1e-4)
         volume = trimesh.Trimesh(person.vertices, result.faces, process=False).volume
-        assert model.body_subtreemass[model.body(f"person_{index}").id] == pytest.approx(1010 * volume, rel=1e-3)
+        assert model.body_subtreemass[model.body(f"person_{index}").id] == pytest.approx(
+            1010 * volume, rel=1e-3
+        )
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     angles = data.qpos[model.jnt_qposadr[hinges]]
     assert hinges.sum() == 2 * 51
@@ -133,7 +155,8 @@ def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
     mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
     np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
     roots = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
-    model.dof_armature[roots[:, None] + np.arange(6)] = 1e7  # a pelvis that nothing moves; gravity bends the rest
+    # a pelvis that nothing moves; gravity bends the rest
+    model.dof_armature[roots[:, None] + np.arange(6)] = 1e7
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     joints = model.actuator_trnid[:, 0]
     wanted = data.qpos[model.jnt_qposadr[joints]].copy()
@@ -154,10 +177,15 @@ def test_the_scene_is_one_textured_mesh_that_does_not_collide(result: Reconstruc
     height, width = result.scene.valid.shape
     assert (model.tex_height[0], model.tex_width[0]) == (height, width)
     mesh = int(scene.dataid[0])
-    first, start = model.mesh_vertadr[mesh], model.mesh_texcoordadr[mesh]
-    points = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ data.geom_xmat[scene.id].reshape(3, 3).T
+    first = model.mesh_vertadr[mesh]
+    start = model.mesh_texcoordadr[mesh]
+    points = (
+        model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+        @ data.geom_xmat[scene.id].reshape(3, 3).T
+    )
     points += data.geom_xpos[scene.id]
-    camera, up = result.intrinsics, export_frame(result.scene.floor, "z").from_camera
+    camera = result.intrinsics
+    up = export_frame(result.scene.floor, "z").from_camera
     seen = transform_points(np.linalg.inv(up), points)
     columns = seen[:, 0] / seen[:, 2] * camera.fx + camera.cx
     rows = seen[:, 1] / seen[:, 2] * camera.fy + camera.cy
@@ -176,7 +204,9 @@ def corners(model, mesh: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_people_do_not_collide_with_themselves(file: Path):
     _, model, _ = opened(file)
-    first, second, floor = (model.geom(name) for name in ("person_0_head", "person_1_head", "floor"))
+    first, second, floor = (
+        model.geom(name) for name in ("person_0_head", "person_1_head", "floor")
+    )
 
     def collide(one, other) -> bool:
         return bool(one.contype[0] & other.conaffinity[0] or other.contype[0] & one.conaffinity[0])
@@ -193,7 +223,9 @@ def test_no_tile_reaches_a_person_behind_it(result: Reconstruction):
     walled = replace(result, scene=replace(scene, points=wall, valid=np.ones_like(scene.valid)))
     alone = convex_tiles(replace(walled, people=()))
     tiles = convex_tiles(walled)
-    assert max(tile.vertices[:, 2].max() for tile in alone) == pytest.approx(nearest + 0.05, abs=1e-3)
+    assert max(tile.vertices[:, 2].max() for tile in alone) == pytest.approx(
+        nearest + 0.05, abs=1e-3
+    )
     for one, other in zip(tiles, alone, strict=True):
         assert one.vertices[:, 2].min() == pytest.approx(other.vertices[:, 2].min(), abs=1e-6)
     skin = result.people[0].vertices
@@ -220,7 +252,9 @@ def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstructi
 
 def test_the_error_of_the_collision_mesh_is_stated(export):
     (note,) = export("a.xml").notes
-    assert re.search(r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note)
+    assert re.search(
+        r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note
+    )
 
 
 def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, file: Path):

@@ -25,20 +25,31 @@ def physic(*arguments: object) -> Result:
 
 
 def without_floor(result: Reconstruction) -> Reconstruction:
-    return replace(result, scene=replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32)))
+    return replace(
+        result, scene=replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
+    )
 
 
 def without_body(result: Reconstruction, index: int) -> Reconstruction:
     person = result.people[index]
-    lost = replace(person, vertices=np.full_like(person.vertices, np.nan), contact=np.zeros_like(person.contact))
-    return replace(result, people=tuple(lost if i == index else p for i, p in enumerate(result.people)))
+    lost = replace(
+        person,
+        vertices=np.full_like(person.vertices, np.nan),
+        contact=np.zeros_like(person.contact),
+    )
+    return replace(
+        result, people=tuple(lost if i == index else p for i, p in enumerate(result.people))
+    )
 
 
 def test_the_list_names_every_format_with_suffix_and_needs():
     done = physic("export", "--list")
     assert done.exit_code == 0
     lines = done.output.splitlines()
-    assert [line.split()[0] for line in lines] == ["format", *sorted(each.name for each in physic_exporters())]
+    assert [line.split()[0] for line in lines] == [
+        "format",
+        *sorted(each.name for each in physic_exporters()),
+    ]
     assert "SMPL-X file of yours (--body-model)" in lines[1]
 
 
@@ -59,7 +70,9 @@ def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suff
 @pytest.mark.parametrize(
     ("name", "option"), [("mixamo", "--to bvh --names mixamo"), ("photo", "--to glb --skin photo")]
 )
-def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(name: str, option: str):
+def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
+    name: str, option: str
+):
     with pytest.raises(ConfigError, match=f"'{name}' is an option: .*{option}"):
         find_exporter(name)
 
@@ -68,7 +81,13 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
     ("kind", "change", "name", "options", "message"),
     [
         (ConfigError, None, "a.bvh", {"person": 2}, "no person 2"),
-        (ConfigError, lambda result: without_body(result, 0), "a.bvh", {"person": 0}, "person 0 has no body"),
+        (
+            ConfigError,
+            lambda result: without_body(result, 0),
+            "a.bvh",
+            {"person": 0},
+            "person 0 has no body",
+        ),
         (
             InputError,
             lambda result: without_body(without_body(result, 0), 1),
@@ -96,7 +115,9 @@ def test_what_a_format_needs(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction, export, tmp_path: Path):
+def test_a_person_without_a_body_is_left_out_with_a_note(
+    result: Reconstruction, export, tmp_path: Path
+):
     done = export("a.bvh", of=without_body(result, 0))
     assert done.files == (tmp_path / "a.bvh",)
     assert done.notes[0] == "person 0 has no body and is skipped"
@@ -146,7 +167,11 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
 def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):
     done = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert done.exit_code == 0, done.output
-    names = [Path(line.split("  (")[0]).name for line in done.output.splitlines() if not line.startswith("note:")]
+    names = [
+        Path(line.split("  (")[0]).name
+        for line in done.output.splitlines()
+        if not line.startswith("note:")
+    ]
     assert names == ["mujoco.xml", "mujoco_scene.png"]
     again = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert (again.exit_code, again.output.startswith("Error: ")) == (2, True)

@@ -30,7 +30,9 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruct
         assert 0.15 < texture.shown < 0.5
         assert (texture.filled < 128).any()
         assert (texture.filled > 128).any()
-        np.testing.assert_allclose(texture.image[texture.filled == 0], np.tile(color, ((texture.filled == 0).sum(), 1)))
+        np.testing.assert_allclose(
+            texture.image[texture.filled == 0], np.tile(color, ((texture.filled == 0).sum(), 1))
+        )
         # What the photo does not show is filled with colours of the same person.
         assert np.abs(texture.image.astype(int) - color).max() <= 3
         assert np.abs(texture.vertex_colors.astype(int) - color).max() <= 3

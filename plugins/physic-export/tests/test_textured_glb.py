@@ -20,7 +20,9 @@ pygltflib = pytest.importorskip("pygltflib")
 
 @pytest.fixture(scope="module")
 def tree(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
-    path = result.export(str(tmp_path_factory.mktemp("textured") / "a.glb"), names="unity", texture_size="512").files[0]
+    path = result.export(
+        str(tmp_path_factory.mktemp("textured") / "a.glb"), names="unity", texture_size="512"
+    ).files[0]
     return pygltflib.GLTF2().load(str(path))
 
 
@@ -34,8 +36,15 @@ def test_each_person_has_a_picture_and_three_skins(tree):
         (mesh,) = (mesh for mesh in tree.meshes if mesh.name == f"person_{index}")
         (primitive,) = mesh.primitives
         mapped = primitive.extensions["KHR_materials_variants"]["mappings"]
-        names = {variants[entry["variants"][0]]: tree.materials[entry["material"]].name for entry in mapped}
-        assert names == {"photo": f"person_{index}", "neutral": "body", "contact": f"person_{index}_contact"}
+        names = {
+            variants[entry["variants"][0]]: tree.materials[entry["material"]].name
+            for entry in mapped
+        }
+        assert names == {
+            "photo": f"person_{index}",
+            "neutral": "body",
+            "contact": f"person_{index}_contact",
+        }
         assert tree.materials[primitive.material].name == f"person_{index}"
         assert primitive.attributes.TEXCOORD_0 is not None
         assert primitive.attributes._FILLED is not None
@@ -58,7 +67,11 @@ def test_the_animation_has_a_t_pose_and_the_pose(tree):
     skin = tree.skins[0]
     # Blender gives keys of STEP constant interpolation, so that keys set after them would jump.
     assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
-    rotated = [c for c in animation.channels if c.target.path == "rotation" and c.target.node in skin.joints]
+    rotated = [
+        c
+        for c in animation.channels
+        if c.target.path == "rotation" and c.target.node in skin.joints
+    ]
     assert len(rotated) == 55
     for channel in rotated:
         sampler = animation.samplers[channel.sampler]
@@ -85,7 +98,8 @@ def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result: 
     ((_, rig),) = rigs(request)
     whole = with_ends(replace(rig, names=bone_names("mixamo")))
     up = np.array([0.0, 1.0, 0.0])
-    plain, standing = t_pose(rig, up), t_pose(whole, up)
+    plain = t_pose(rig, up)
+    standing = t_pose(whole, up)
     np.testing.assert_allclose(skinned(standing), skinned(plain), atol=1e-9)
     places = dict(zip(standing.names, standing.world()[:, :3, 3], strict=True))
     body = skinned(standing)
@@ -102,12 +116,14 @@ LeftIndexIntermediate LeftIndexDistal LeftMiddleProximal LeftMiddleIntermediate 
 LeftRingIntermediate LeftRingDistal LeftLittleProximal LeftLittleIntermediate LeftLittleDistal RightThumbProximal
 RightThumbIntermediate RightThumbDistal RightIndexProximal RightIndexIntermediate RightIndexDistal RightMiddleProximal
 RightMiddleIntermediate RightMiddleDistal RightRingProximal RightRingIntermediate RightRingDistal RightLittleProximal
-RightLittleIntermediate RightLittleDistal"""
-"""HumanBodyBones of Unity 2020.1 to 2023.1, docs.unity3d.com/ScriptReference/HumanBodyBones.html, without LastBone."""
+RightLittleIntermediate RightLittleDistal"""  # noqa: E501
+"""HumanBodyBones of Unity 2020.1 to 2023.1, docs.unity3d.com/ScriptReference/HumanBodyBones.html,
+without LastBone.
+"""
 
 UNREAL = """pelvis spine_01 spine_02 spine_03 clavicle_l upperarm_l lowerarm_l hand_l index_01_l index_02_l index_03_l
 middle_01_l middle_02_l middle_03_l pinky_01_l pinky_02_l pinky_03_l ring_01_l ring_02_l ring_03_l thumb_01_l thumb_02_l
-thumb_03_l neck_01 head thigh_l calf_l foot_l ball_l"""
+thumb_03_l neck_01 head thigh_l calf_l foot_l ball_l"""  # noqa: E501
 """Bones of Unreal Engine's mannequin, left side, without twist and IK bones."""
 
 
@@ -130,11 +146,17 @@ def test_every_bone_has_a_name_of_its_own(style: str):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("a.glb", {"names": "rigify"}, "the option 'names' of the format glb is one of smplx, mixamo, unreal, unity, "),
+        (
+            "a.glb",
+            {"names": "rigify"},
+            "the option 'names' of the format glb is one of smplx, mixamo, unreal, unity, ",
+        ),
         ("a.bvh", {"rigid": True}, "the format bvh has no option 'rigid': its options are names"),
     ],
 )
-def test_an_option_that_a_format_does_not_have_is_an_error(export, tmp_path: Path, name: str, options, message: str):
+def test_an_option_that_a_format_does_not_have_is_an_error(
+    export, tmp_path: Path, name: str, options, message: str
+):
     with pytest.raises(ConfigError) as raised:
         export(name, options.pop("format", None), **options)
     assert str(raised.value).startswith(message)

@@ -1,4 +1,6 @@
-"""URDF: MuJoCo reads the robots, and with the angles beside them they have the pose of the photo."""
+"""URDF: MuJoCo reads the robots, and with the angles beside them they have the pose of the
+photo.
+"""
 
 from __future__ import annotations
 
@@ -40,13 +42,16 @@ def read(folder: Path, person: int, angles: bool = True):
     return model, data, pose
 
 
-def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result: Reconstruction, folder: Path):
+def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(
+    result: Reconstruction, folder: Path
+):
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         model, data, pose = read(folder, index)
         assert model.njnt == 51
         w, x, y, z = pose["base"]["quaternion_wxyz"]
-        turn, place = Rotation.from_quat([x, y, z, w]), np.array(pose["base"]["position_m"])
+        turn = Rotation.from_quat([x, y, z, w])
+        place = np.array(pose["base"]["position_m"])
         wanted = transform_points(matrix, person.joints[:22])
         np.testing.assert_allclose(place, wanted[0], atol=1e-5)
         made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
@@ -98,21 +103,25 @@ def test_the_masses_are_those_of_the_mjcf_file(result: Reconstruction, folder: P
     model, _, _ = read(folder, 0)
     other = mujoco.MjModel.from_xml_path(str(export("b.xml", scene=False).files[0]))
     for name in ("left_hip", "head", "right_foot"):
-        one, same = model.body(name), other.body(f"person_0_{name}")
+        one = model.body(name)
+        same = other.body(f"person_0_{name}")
         assert one.mass[0] == pytest.approx(same.mass[0], rel=1e-3)
         np.testing.assert_allclose(one.inertia, same.inertia, rtol=0.01)
         np.testing.assert_allclose(one.ipos, same.ipos, atol=1e-3)
     root = ElementTree.parse(folder / "a_0.urdf").getroot()
     total = sum(float(mass.get("value", "nan")) for mass in root.iter("mass"))
     volume = trimesh.Trimesh(result.people[0].vertices, result.faces, process=False).volume
-    assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)  # 30 light links between the axes of joints
+    # 30 light links between the axes of joints
+    assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)
 
 
 def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder: Path):
     mujoco = pytest.importorskip("mujoco")
     model, data, _ = read(folder, 0)
     masses = ElementTree.parse(folder / "a_0.urdf").findall("link/inertial/mass")
-    assert model.body_mass.sum() == pytest.approx(sum(float(mass.get("value")) for mass in masses), abs=1e-3)
+    assert model.body_mass.sum() == pytest.approx(
+        sum(float(mass.get("value")) for mass in masses), abs=1e-3
+    )
     model.opt.gravity[:] = 0
     before = data.qpos.copy()
     for _ in range(100):
@@ -124,7 +133,9 @@ def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravit
 def test_an_arm_collides_as_a_cylinder_with_round_ends(folder: Path):
     root = ElementTree.parse(folder / "a_0.urdf").getroot()
     (elbow,) = (link for link in root.iter("link") if link.get("name") == "left_elbow")
-    cylinder, first, second = (one for one in elbow.iter("collision") if one.find("geometry/mesh") is None)
+    cylinder, first, second = (
+        one for one in elbow.iter("collision") if one.find("geometry/mesh") is None
+    )
     shapes = [next(iter(one.find("geometry"))) for one in (cylinder, first, second)]
     assert [shape.tag for shape in shapes] == ["cylinder", "sphere", "sphere"]
     assert len({shape.get("radius") for shape in shapes}) == 1

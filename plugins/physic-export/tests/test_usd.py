@@ -16,7 +16,9 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
 
 @pytest.fixture(scope="module")
 def stage(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
-    return Usd.Stage.Open(str(result.export(str(tmp_path_factory.mktemp("usd") / "a.usdc")).files[0]))
+    return Usd.Stage.Open(
+        str(result.export(str(tmp_path_factory.mktemp("usd") / "a.usdc")).files[0])
+    )
 
 
 def test_the_usd_stage_is_in_metres_with_z_up(stage):
@@ -25,7 +27,13 @@ def test_the_usd_stage_is_in_metres_with_z_up(stage):
     assert stage.GetDefaultPrim().GetPath() == "/physic"
     tops = [str(prim.GetPath()) for prim in stage.GetDefaultPrim().GetChildren()]
     assert tops == [
-        *("/physic/person_0", "/physic/person_1", "/physic/scene", "/physic/looks", "/physic/floor"),
+        *(
+            "/physic/person_0",
+            "/physic/person_1",
+            "/physic/scene",
+            "/physic/looks",
+            "/physic/floor",
+        ),
         *("/physic/drawn_floor", "/physic/camera", "/physic/physics"),
     ]
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
@@ -52,7 +60,9 @@ def test_skinned_bodies_and_their_contact_are_those_of_the_result(stage, result:
         np.testing.assert_allclose(skinned_points(stage, index, 1), wanted, atol=1e-4)
         collider = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/collider")
         np.testing.assert_allclose(collider.GetPointsAttr().Get(), wanted, atol=1e-5)
-        np.testing.assert_array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3), result.faces)
+        np.testing.assert_array_equal(
+            np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3), result.faces
+        )
         contact = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("contact")
         assert contact.GetInterpolation() == "vertex"
         np.testing.assert_array_equal(contact.Get(), person.contact)
@@ -60,7 +70,8 @@ def test_skinned_bodies_and_their_contact_are_those_of_the_result(stage, result:
 
 def test_time_0_is_a_t_pose_on_the_floor(stage):
     points = skinned_points(stage, 0, 0)
-    low, high = points.min(0), points.max(0)
+    low = points.min(0)
+    high = points.max(0)
     assert low[2] == pytest.approx(0, abs=1e-4)
     assert np.linalg.norm((high - low)[:2]) > 1.5
     assert high[2] > 1.5
@@ -71,7 +82,9 @@ def test_the_bounds_of_a_person_are_those_of_its_surface(stage, index: int):
     for time in (0, 1):
         points = skinned_points(stage, index, time)
         cache = UsdGeom.BBoxCache(time, [UsdGeom.Tokens.default_])
-        box = cache.ComputeWorldBound(stage.GetPrimAtPath(f"/physic/person_{index}")).ComputeAlignedRange()
+        box = cache.ComputeWorldBound(
+            stage.GetPrimAtPath(f"/physic/person_{index}")
+        ).ComputeAlignedRange()
         np.testing.assert_allclose(box.GetMin(), points.min(0), atol=1e-3)
         np.testing.assert_allclose(box.GetMax(), points.max(0), atol=1e-3)
 
@@ -90,7 +103,8 @@ def test_skins_are_variants_with_materials(stage, export):
 
 
 def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstruction):
-    camera, intrinsics = UsdGeom.Camera.Get(stage, "/physic/camera").GetCamera(), result.intrinsics
+    camera = UsdGeom.Camera.Get(stage, "/physic/camera").GetCamera()
+    intrinsics = result.intrinsics
     frustum = camera.frustum
     matrix = export_frame(result.scene.floor, "z").from_camera
     projection = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
@@ -116,7 +130,8 @@ def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
 def test_the_validators_of_usd_find_nothing(export, suffix: str):
     path = str(export(f"a{suffix}").files[0])
-    if hasattr(UsdUtils, "ComplianceChecker"):  # what usdchecker ran, until it was replaced by the validators
+    # what usdchecker ran, until it was replaced by the validators
+    if hasattr(UsdUtils, "ComplianceChecker"):
         checker = UsdUtils.ComplianceChecker()
         checker.CheckCompliance(path)
         assert checker.GetErrors() + checker.GetFailedChecks() + checker.GetWarnings() == []

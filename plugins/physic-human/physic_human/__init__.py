@@ -1,1 +1,3 @@
-"""Backends of bodies, hands, contact and point maps that run published code or TorchScript files on the user's disk."""
+"""Backends of bodies, hands, contact and point maps that run published code or TorchScript files on
+the user's disk.
+"""

@@ -1,11 +1,12 @@
 """Estimate SMPL bodies with a checkout of CameraHMR (Patel and Black 2025), for the known camera.
 
-Only its networks are used. Boxes are the people's, crops are made here, and SMPL is evaluated from the user's own file,
-so neither detectron2 nor smplx is needed.
+Only its networks are used. Boxes are the people's, crops are made here, and SMPL is evaluated from
+the user's own file, so neither detectron2 nor smplx is needed.
 
-Three numbers (s, tx, ty) of the crop place a body. Its origin projects to ``centre + side / 2 * s * (tx, ty)``, and one
-metre is ``side / 2 * s`` px long there. The translation in the photo's camera projects to the same pixel, at the depth
-at which one metre is that long (CLIFF, Li et al. 2022, with the principal point instead of the image centre).
+Three numbers (s, tx, ty) of the crop place a body. Its origin projects to ``centre + side / 2 * s *
+(tx, ty)``, and one metre is ``side / 2 * s`` px long there. The translation in the photo's camera
+projects to the same pixel, at the depth at which one metre is that long (CLIFF, Li et al. 2022,
+with the principal point instead of the image centre).
 """
 
 from __future__ import annotations
@@ -24,7 +25,12 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox
 from physic_core.adapters.top_down import crop_around_box, padded_region, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
-from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl, pose_smpl_bodies
+from physic_human.user_smpl import (
+    SmplCheckoutBackend,
+    SmplCheckoutOptions,
+    open_smpl,
+    pose_smpl_bodies,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,12 +38,22 @@ if TYPE_CHECKING:
     import torch
 
     from physic_core.body.files import SmplBody
-    from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+    from physic_core.types import (
+        Bodies,
+        FloatArray,
+        Hints,
+        Intrinsics,
+        Keypoints,
+        People,
+        UInt8Array,
+    )
 
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
 
-def translation_from_crop(weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics) -> FloatArray:
+def translation_from_crop(
+    weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
+) -> FloatArray:
     """Convert weak-perspective cameras of crops to translations in the photo's camera frame.
 
     Args:
@@ -49,19 +65,24 @@ def translation_from_crop(weak: FloatArray, centres: FloatArray, sides: FloatArr
     Returns:
         (N, 3) metres, camera frame; NaN where s is not positive.
     """
-    s, shift = weak[:, 0].astype(np.float64), weak[:, 1:3].astype(np.float64)
+    s = weak[:, 0].astype(np.float64)
+    shift = weak[:, 1:3].astype(np.float64)
     per_metre = sides / 2 * np.where(s > _SMALLEST, s, np.nan)
-    focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+    focal = np.array([camera.fx, camera.fy])
+    centre = np.array([camera.cx, camera.cy])
     depth = np.sqrt(camera.fx * camera.fy) / per_metre
     pixels = centres + per_metre[:, None] * shift
     across = (pixels - centre) / focal * depth[:, None]
     return np.concatenate([across, depth[:, None]], axis=1)
 
 
-def camerahmr_inputs(centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics) -> dict[str, FloatArray]:
+def camerahmr_inputs(
+    centres: FloatArray, sides: FloatArray, focal: float, camera: Intrinsics
+) -> dict[str, FloatArray]:
     """Return the box and camera inputs of CameraHMR's network, float32: input name -> array.
 
-    The network assumes the principal point in the image centre, so boxes are shifted by the difference.
+    The network assumes the principal point in the image centre, so boxes are shifted by the
+    difference.
 
     Args:
         centres: (N, 2) px of the photo.
@@ -82,11 +103,9 @@ def camerahmr_inputs(centres: FloatArray, sides: FloatArray, focal: float, camer
 
 SIDE = 256
 """Side of the square input of both networks, px."""
-_CHECKPOINT, _CAMERA_CHECKPOINT, _MEAN = (
-    "camerahmr_checkpoint_cleaned.ckpt",
-    "cam_model_cleaned.ckpt",
-    "smpl_mean_params.npz",
-)
+_CHECKPOINT = "camerahmr_checkpoint_cleaned.ckpt"
+_CAMERA_CHECKPOINT = "cam_model_cleaned.ckpt"
+_MEAN = "smpl_mean_params.npz"
 _FLNET_NEEDS = ("loguru", "yacs")
 _WHITE = 255
 
@@ -96,28 +115,37 @@ class CameraHmrOptions(SmplCheckoutOptions):
 
     weights: str = Field(
         default="camerahmr",
-        description="a name of `physic weights list`, or a folder with camerahmr_checkpoint_cleaned.ckpt, "
+        description="a name of `physic weights list`, or a folder with "
+        "camerahmr_checkpoint_cleaned.ckpt, "
         "smpl_mean_params.npz and cam_model_cleaned.ckpt",
     )
     smpl_file: str = Field(
-        default="", description="your SMPL_NEUTRAL.npz or .pkl: gives the joints and the surface of a body"
+        default="",
+        description="your SMPL_NEUTRAL.npz or .pkl: gives the joints and the surface of a body",
     )
     seen_confidence: SeenConfidence = 0.5
     margin: float = Field(
-        default=1.0, ge=1, le=2, description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's"
+        default=1.0,
+        ge=1,
+        le=2,
+        description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's",
     )
     focal: Literal["given", "own"] = Field(
         default="given",
-        description="focal length that the network gets: the camera's, or the estimate of CameraHMR's own FLNet; "
+        description="focal length that the network gets: the camera's, or the estimate of "
+        "CameraHMR's own FLNet; "
         "bodies are placed in the given camera either way",
     )
     channels: Literal["rgb", "bgr"] = Field(
         default="rgb",
-        description="order of the channels for both networks; they were trained on rgb, and one revision of "
+        description="order of the channels for both networks; they were trained on rgb, and one "
+        "revision of "
         "CameraHMR's demo feeds bgr by mistake",
     )
     focal_channels: Literal["rgb", "bgr", ""] = Field(
-        default="", description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as channels"
+        default="",
+        description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as "
+        "channels",
     )
 
 
@@ -147,25 +175,35 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
 
     def build(self, device: str) -> Any:
         """Build the networks and load their weights."""
-        checkpoint, mean = self.file(_CHECKPOINT), self.file(_MEAN)
+        checkpoint = self.file(_CHECKPOINT)
+        mean = self.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)
         constants: Any = self.checkout.load("core.constants")
-        constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
+        # its own path begins at the folder that Python was started in
+        constants.SMPL_MEAN_PARAMS_FILE = str(mean)
         kind = self.checkout.attribute("CameraHMR")
         if self.options.focal == "own":
             camera_kind = self.checkout.attribute("FLNet", "core.cam_model.fl_net")
             with self.inference():
-                self._focal_network = self.load_checkpoint(camera_kind(), self.file(_CAMERA_CHECKPOINT))
+                self._focal_network = self.load_checkpoint(
+                    camera_kind(), self.file(_CAMERA_CHECKPOINT)
+                )
         with self.inference():
             return self.load_checkpoint(kind(), checkpoint)
 
     def close(self) -> None:
         """Release the networks and the SMPL model."""
         super().close()
-        self._focal_network, self._body = None, None
+        self._focal_network = None
+        self._body = None
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Return SMPL bodies of N people, metres, camera frame.
 
@@ -177,30 +215,49 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         if not len(people) or body is None:
             return empty_bodies("smpl")
         regions = [padded_region(box, 1.0, self.options.margin) for box in people.boxes]
-        centres, sides = np.array([r[0] for r in regions]), np.array([r[1][0] for r in regions])
-        focal = self._own_focal(image) if self.options.focal == "own" else math.sqrt(intrinsics.fx * intrinsics.fy)
+        centres = np.array([r[0] for r in regions])
+        sides = np.array([r[1][0] for r in regions])
+        focal = (
+            self._own_focal(image)
+            if self.options.focal == "own"
+            else math.sqrt(intrinsics.fx * intrinsics.fy)
+        )
         crops = np.concatenate([self._crop(image, box) for box in people.boxes])
-        root, pose, betas, weak = self.run({"img": crops, **camerahmr_inputs(centres, sides, focal, intrinsics)})
-        rotations = np.concatenate([root.reshape(-1, 1, 3, 3), pose.reshape(len(root), -1, 3, 3)], axis=1)
+        root, pose, betas, weak = self.run(
+            {"img": crops, **camerahmr_inputs(centres, sides, focal, intrinsics)}
+        )
+        rotations = np.concatenate(
+            [root.reshape(-1, 1, 3, 3), pose.reshape(len(root), -1, 3, 3)], axis=1
+        )
         if rotations.shape[1] != 24:
             raise BackendError(
-                f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
+                f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint "
+                f"and code of its SMPL-X "
                 "branch are not supported"
             )
         place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
         bodies = pose_smpl_bodies(body, rotations, betas, place)
         return replace(
-            bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
+            bodies,
+            observed=observed_joints(
+                keypoints, image.shape[0], image.shape[1], self.options.seen_confidence
+            ),
         )
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
-        """Run the network: root (M, 1, 3, 3), pose (M, 23, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
+        """Run the network: root (M, 1, 3, 3), pose (M, 23, 3, 3), betas (M, 10) and weak
+        perspective (M, 3).
+        """
         answer = self.network(inputs)
         try:
-            return [*(answer[0][name] for name in ("global_orient", "body_pose", "betas")), answer[1]]
+            return [
+                *(answer[0][name] for name in ("global_orient", "body_pose", "betas")),
+                answer[1],
+            ]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a "
+                f"camera: take the checkout "
                 f"of {self.project.homepage}"
             ) from error
 
@@ -208,7 +265,9 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         """Crop and normalise a person: (1, 3, 256, 256), black outside the image."""
         crop = crop_around_box(box, SIDE, SIDE, padding=self.options.margin, grid="halves")
         return normalized_nchw(
-            _reorder_channels(resample_crop(image, crop), self.options.channels), IMAGENET_MEAN, IMAGENET_STD
+            _reorder_channels(resample_crop(image, crop), self.options.channels),
+            IMAGENET_MEAN,
+            IMAGENET_STD,
         )
 
     def _own_focal(self, image: UInt8Array) -> float:
@@ -220,7 +279,9 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             fields = to_numpy(self._focal_network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])
         if not 0.02 < vertical < 3.1:
-            raise BackendError(f"CameraHMR's FLNet sees an impossible vertical field of view of {vertical:.3g} rad")
+            raise BackendError(
+                f"CameraHMR's FLNet sees an impossible vertical field of view of {vertical:.3g} rad"
+            )
         return float(image.shape[0] / (2 * math.tan(vertical / 2)))
 
 

@@ -29,14 +29,23 @@ _LOG = logging.getLogger(__name__)
 class CheckoutOptions(TorchOptions):
     """Settings shared by all backends that run a checkout."""
 
-    weights: str = Field(default="", description="a name of `physic weights list`, or a path of your own")
-    checkout: str = Field(
-        default="", description="folder of your checkout of the project, its root; empty where it is installed"
+    weights: str = Field(
+        default="", description="a name of `physic weights list`, or a path of your own"
     )
-    batch: int = Field(default=8, ge=1, le=1024, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
+    checkout: str = Field(
+        default="",
+        description="folder of your checkout of the project, its root; empty where it is installed",
+    )
+    batch: int = Field(
+        default=8,
+        ge=1,
+        le=1024,
+        description="people or hands at once; 8 takes about 4 GB with a ViT-H",
+    )
     trust_checkpoint: bool = Field(
         default=False,
-        description="read a checkpoint that holds Python objects beside its tensors: this can run code in the file, so "
+        description="read a checkpoint that holds Python objects beside its tensors: this can run "
+        "code in the file, so "
         "only for files whose origin you trust",
     )
 
@@ -44,8 +53,8 @@ class CheckoutOptions(TorchOptions):
 class CheckoutBackend(TorchBackend):
     """Base class of a backend that runs a checkout of a published repository.
 
-    ``preprocess`` returns arrays (N, ...) by name, and ``postprocess`` gets the joined outputs of :meth:`ask`; there
-    are none if N is 0.
+    ``preprocess`` returns arrays (N, ...) by name, and ``postprocess`` gets the joined outputs of
+    :meth:`ask`; there are none if N is 0.
 
     Attributes:
         project: the checkout with the code; the option ``checkout`` is its folder.
@@ -79,7 +88,9 @@ class CheckoutBackend(TorchBackend):
     def load(self, device: str = "cpu") -> None:
         """Build the network on a device, unless it is built."""
         if "needs_cuda" in self.capabilities and not device.startswith("cuda"):
-            raise DeviceError(f"{self.project.name}'s own code runs on a GPU only, got '{device}': use 'cuda'")
+            raise DeviceError(
+                f"{self.project.name}'s own code runs on a GPU only, got '{device}': use 'cuda'"
+            )
         super().load(device)
 
     def close(self) -> None:
@@ -88,7 +99,9 @@ class CheckoutBackend(TorchBackend):
         self.checkout.close()
 
     def run(self, inputs: Mapping[str, NDArray[Any]]) -> list[FloatArray]:
-        """Run the network in batches, and return its joined outputs; none without rows, for which it is not run."""
+        """Run the network in batches, and return its joined outputs; none without rows, for which
+        it is not run.
+        """
         self.network  # noqa: B018 -- raises an error if it is not loaded
         if not len(next(iter(inputs.values()))):
             return []
@@ -102,8 +115,12 @@ class CheckoutBackend(TorchBackend):
         """
         raise NotImplementedError
 
-    def load_checkpoint(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
-        """Load a checkpoint, whose tensors may be under a key, into a network; return it on its device."""
+    def load_checkpoint(
+        self, network: torch.nn.Module, path: Path, key: str = "state_dict"
+    ) -> torch.nn.Module:
+        """Load a checkpoint, whose tensors may be under a key, into a network; return it on its
+        device.
+        """
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
         load_parameters(network, state.get(key, state), path)
         return network.eval().to(self.device)
@@ -121,7 +138,11 @@ class CheckoutBackend(TorchBackend):
             self.checkout.activated(),
             torch.cuda.device(self.device) if self.device != "cpu" else contextlib.nullcontext(),
             torch.no_grad(),
-            torch.autocast(self.device.partition(":")[0], dtype=self.dtype, enabled=self.dtype is not torch.float32),
+            torch.autocast(
+                self.device.partition(":")[0],
+                dtype=self.dtype,
+                enabled=self.dtype is not torch.float32,
+            ),
             contextlib.redirect_stdout(said),
         ):
             yield
@@ -132,7 +153,9 @@ class CheckoutBackend(TorchBackend):
         import torch
 
         with self.inference():
-            return self.ask({name: torch.from_numpy(value).to(self.device) for name, value in part.items()})
+            return self.ask(
+                {name: torch.from_numpy(value).to(self.device) for name, value in part.items()}
+            )
 
 
 def read_checkpoint(path: Path, *, trusted: bool) -> Any:
@@ -154,7 +177,9 @@ def read_checkpoint(path: Path, *, trusted: bool) -> Any:
     except pickle.UnpicklingError as error:
         raise checkpoint_error(path, error, trusted=trusted) from error
     except Exception as error:  # zip files that end too early, files of something else
-        raise BackendError(f"{path} is not a complete checkpoint of torch: {type(error).__name__}: {error}") from error
+        raise BackendError(
+            f"{path} is not a complete checkpoint of torch: {type(error).__name__}: {error}"
+        ) from error
 
 
 def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendError:
@@ -162,7 +187,8 @@ def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendE
     if trusted:
         return BackendError(f"{path} is not a PyTorch checkpoint: {error}")
     return BackendError(
-        f"{path} holds Python objects beside its tensors, and reading those can run code: if you trust its origin, "
+        f"{path} holds Python objects beside its tensors, and reading those can run code: if you "
+        f"trust its origin, "
         "set the option trust_checkpoint = true"
     )
 

@@ -1,7 +1,7 @@
 """Predict contact on SMPL vertices with a checkout of DECO (Tripathi et al. 2023).
 
-It was trained on images read by OpenCV. So channels are in the order blue, green, red, but mean and standard deviation
-of ImageNet keep their RGB order.
+It was trained on images read by OpenCV. So channels are in the order blue, green, red, but mean and
+standard deviation of ImageNet keep their RGB order.
 """
 
 from __future__ import annotations
@@ -33,10 +33,15 @@ BOX_GROWTH = 0.1
 _WHITE = 255
 
 
-def enlarged_box_slices(box: FloatArray, height: int, width: int, growth: float = BOX_GROWTH) -> tuple[slice, slice]:
-    """Enlarge a box (4,) x0 y0 x1 y1 px, clip it to the image, and return its row and column slices."""
+def enlarged_box_slices(
+    box: FloatArray, height: int, width: int, growth: float = BOX_GROWTH
+) -> tuple[slice, slice]:
+    """Enlarge a box (4,) x0 y0 x1 y1 px, clip it to the image, and return its row and column
+    slices.
+    """
     x0, y0, x1, y1 = (float(v) for v in box)
-    dx, dy = growth * (x1 - x0), growth * (y1 - y0)
+    dx = growth * (x1 - x0)
+    dy = growth * (y1 - y0)
     return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
 
 
@@ -53,7 +58,8 @@ def contact_crop(
         image: (H, W, 3) uint8 RGB.
         box: (4,) x0 y0 x1 y1 px, half open.
         growth: the box is enlarged by this share of its size on every side.
-        fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a square.
+        fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a
+            square.
     """
     import cv2
 
@@ -61,10 +67,15 @@ def contact_crop(
     cut = np.ascontiguousarray(image[rows, columns, ::-1])
     height, width = cut.shape[:2]
     scale = INPUT_SIDE / max(height, width)
-    size = (INPUT_SIDE, INPUT_SIDE) if fit == "squash" else (max(int(width * scale), 1), max(int(height * scale), 1))
+    size = (
+        (INPUT_SIDE, INPUT_SIDE)
+        if fit == "squash"
+        else (max(int(width * scale), 1), max(int(height * scale), 1))
+    )
     small = cv2.resize(cut, size, interpolation=cv2.INTER_CUBIC)
     square = np.full((INPUT_SIDE, INPUT_SIDE, 3), _WHITE, np.uint8)
-    left, top = (INPUT_SIDE - size[0]) // 2, (INPUT_SIDE - size[1]) // 2
+    left = (INPUT_SIDE - size[0]) // 2
+    top = (INPUT_SIDE - size[1]) // 2
     square[top : top + size[1], left : left + size[0]] = small
     # The RGB mean and deviation are applied to BGR channels, as in the training of these networks.
     found: FloatArray = normalized_nchw(square, IMAGENET_MEAN, IMAGENET_STD)[0]
@@ -84,15 +95,21 @@ class DecoOptions(SmplCheckoutOptions):
     """Settings of DECO."""
 
     weights: str = Field(
-        default="deco", description="a name of `physic weights list`, or the path of your deco_best.pth"
+        default="deco",
+        description="a name of `physic weights list`, or the path of your deco_best.pth",
     )
     smpl_file: str = Field(
-        default="", description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your body model"
+        default="",
+        description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your "
+        "body model",
     )
-    growth: Share = Field(default=BOX_GROWTH, description="of a person's box on every side, in its own sizes")
+    growth: Share = Field(
+        default=BOX_GROWTH, description="of a person's box on every side, in its own sizes"
+    )
     fit: Literal["letterbox", "squash"] = Field(
         default="letterbox",
-        description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",
+        description="how a box becomes a square: with white, as in the PhySIC paper's code, or "
+        "stretched, as in DECO's",
     )
 
 
@@ -121,7 +138,8 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         kind = self.checkout.attribute("DECO")
         self._rest = load_rest_mesh(self.options.smpl_file)
         with self.inference():
-            # Encoder, whether it looks at the context too, device; older versions always do, and have no such argument.
+            # Encoder, whether it looks at the context too, device; older versions always do, and
+            # have no such argument.
             takes_context = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if takes_context else kind("hrnet", device)
             return self.load_checkpoint(network, path, "deco")
@@ -131,10 +149,14 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         super().close()
         self._rest = None
 
-    def preprocess(self, image: UInt8Array, people: People, bodies: Bodies) -> dict[str, FloatArray]:
+    def preprocess(
+        self, image: UInt8Array, people: People, bodies: Bodies
+    ) -> dict[str, FloatArray]:
         """Crop the people."""
         options = self.options
-        crops = [contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes]
+        crops = [
+            contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes
+        ]
         return {"img": np.array(crops, np.float32)}
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
@@ -148,5 +170,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         """Return the contact probability (N, 6890) on SMPL vertices of N people."""
         found = outputs[0] if outputs else np.zeros((0, SMPL_VERTICES), np.float32)
         if found.shape != (len(people), SMPL_VERTICES):
-            raise BackendError(f"DECO returned {found.shape}, expected ({len(people)}, {SMPL_VERTICES})")
+            raise BackendError(
+                f"DECO returned {found.shape}, expected ({len(people)}, {SMPL_VERTICES})"
+            )
         return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)

@@ -1,13 +1,16 @@
-"""Boxes of hands from keypoints, the user's MANO file, and the output of right-hand networks (MANO) as Hands.
+"""Boxes of hands from keypoints, the user's MANO file, and the output of right-hand networks (MANO)
+as Hands.
 
-Whole-body skeletons have 21 points per hand, and the box is their bounding box. Other skeletons have a wrist and an
-elbow. There the hand is assumed beyond the wrist, in the direction of the forearm, with three quarters of its length.
+Whole-body skeletons have 21 points per hand, and the box is their bounding box. Other skeletons
+have a wrist and an elbow. There the hand is assumed beyond the wrist, in the direction of the
+forearm, with three quarters of its length.
 
-Left hands are mirrored for the network. MANO orders its joints as SMPL-X does (index, middle, pinky, ring, thumb, each
-from its base). Its rotation matrices are relative to the flat hand, as here.
+Left hands are mirrored for the network. MANO orders its joints as SMPL-X does (index, middle,
+pinky, ring, thumb, each from its base). Its rotation matrices are relative to the flat hand, as
+here.
 
-The published pickles need chumpy, which does not work with new versions of Python. Unpickling a file can run any code
-in it. So published code gets a copy that contains only NumPy arrays.
+The published pickles need chumpy, which does not work with new versions of Python. Unpickling a
+file can run any code in it. So published code gets a copy that contains only NumPy arrays.
 """
 
 from __future__ import annotations
@@ -33,9 +36,11 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray, Keypoints
 
 _HAND_POINTS = 21
-_BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
-"""Distance of the hand centre from the wrist, and side of its box, in forearm lengths; and the minimum forearm length
-in upper-arm lengths, since a forearm that points at the camera looks short.
+_BEYOND = 0.33
+_LENGTH = 0.75
+_UPPER_ARM = 0.9
+"""Distance of the hand centre from the wrist, and side of its box, in forearm lengths; and the
+minimum forearm length in upper-arm lengths, since a forearm that points at the camera looks short.
 """
 _EDGE = 0.5
 """Offset from pixel-centre coordinates to half-open box coordinates, px."""
@@ -61,17 +66,22 @@ class HandBoxes:
         return len(self.person)
 
 
-def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0) -> HandBoxes:
+def hand_boxes(
+    keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0
+) -> HandBoxes:
     """Compute the boxes of the visible hands from keypoints.
 
     Args:
         keypoints: of N people, in any skeleton; one without arms gives no hands.
-        least_confidence: minimum of the mean over the 21 points of a hand, or of the lower one of wrist and elbow.
+        least_confidence: minimum of the mean over the 21 points of a hand, or of the lower one of
+            wrist and elbow.
         least_size_px: minimum of the longer side, px; smaller hands are skipped.
     """
     found: list[tuple[int, bool, FloatArray, float]] = []
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
-    for person, (points, sure) in enumerate(zip(keypoints.points, keypoints.confidence, strict=True)):
+    for person, (points, sure) in enumerate(
+        zip(keypoints.points, keypoints.confidence, strict=True)
+    ):
         for side in SIDES:
             hand = _from_points(points, sure, row, side) or _from_arm(points, sure, row, side)
             if hand is None:
@@ -90,7 +100,9 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
 def _from_points(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
-    """Return the bounding box of 21 hand keypoints and their mean confidence; None for fewer keypoints."""
+    """Return the bounding box of 21 hand keypoints and their mean confidence; None for fewer
+    keypoints.
+    """
     of_side = {name: i for name, i in row.items() if name.startswith(side)}
     hand = [i for name, i in of_side.items() if is_finger(name) or name == f"{side}_hand_root"]
     if len(hand) < _HAND_POINTS:
@@ -102,7 +114,9 @@ def _from_points(
 def _from_arm(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
-    """Return the corners of a square box beyond the wrist, and the lower confidence of wrist and elbow."""
+    """Return the corners of a square box beyond the wrist, and the lower confidence of wrist and
+    elbow.
+    """
     names = [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist")]
     if not all(name in row for name in names):
         return None
@@ -112,16 +126,19 @@ def _from_arm(
     forearm = float(np.linalg.norm(along))
     if sure[shoulder] > 0:
         forearm = max(forearm, _UPPER_ARM * float(np.linalg.norm(points[elbow] - points[shoulder])))
-    middle, half = place + _BEYOND * along, _LENGTH * forearm / 2
+    middle = place + _BEYOND * along
+    half = _LENGTH * forearm / 2
     return np.concatenate([middle - half, middle + half]), float(min(sure[wrist], sure[elbow]))
 
 
 @contextmanager
 def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
-    """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file, encoding="latin1")`` and smplx.
+    """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file,
+    encoding="latin1")`` and smplx.
 
-    The copy exists only inside the block, in a new folder that only the user can open. It is a pickle, so it is not
-    cached. It has the name of the original, by which smplx recognises right hands.
+    The copy exists only inside the block, in a new folder that only the user can open. It is a
+    pickle, so it is not cached. It has the name of the original, by which smplx recognises right
+    hands.
 
     Args:
         path: the user's file, a published ``.pkl`` or ``.npz``.
@@ -149,7 +166,9 @@ JOINTS_PER_HAND = 15
 
 def empty_hands(count: int) -> Hands:
     """Return Hands of ``count`` people without a detected hand."""
-    return Hands(np.zeros((count, 2, JOINTS_PER_HAND, 3), np.float32), np.zeros((count, 2), np.float32))
+    return Hands(
+        np.zeros((count, 2, JOINTS_PER_HAND, 3), np.float32), np.zeros((count, 2), np.float32)
+    )
 
 
 def hands_from_mano(
@@ -170,20 +189,22 @@ def hands_from_mano(
         right: (M,) whether it is the right hand.
         fingers: (M, 15, 3) rotation vectors, (M, 45), or (M, 15, 3, 3) matrices, as of right hands.
         confidence: (M,) in [0, 1].
-        wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), rotation of the hand from the T-pose to the camera frame of the
-            network's input image; None if the network does not estimate it.
-        left_in_mirror: whether left hands are results of mirrored images, still as right hands; False if they are
-            already mirrored back.
+        wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), rotation of the hand from the T-pose to the
+            camera frame of the network's input image; None if the network does not estimate it.
+        left_in_mirror: whether left hands are results of mirrored images, still as right hands;
+            False if they are already mirrored back.
 
     Returns:
-        Hands of N people. A hand with non-finite values counts as not detected. Of several results for the same hand,
-        the most confident one is used.
+        Hands of N people. A hand with non-finite values counts as not detected. Of several results
+        for the same hand, the most confident one is used.
 
     Raises:
         ValueError: the shapes do not match.
     """
     found = len(person)
-    rotvecs = to_rotvecs(np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), JOINTS_PER_HAND)
+    rotvecs = to_rotvecs(
+        np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), JOINTS_PER_HAND
+    )
     wrist_rotvecs = None if wrists is None else _wrist_rotvecs(wrists, found)
     mirror = ~np.asarray(right, bool) & left_in_mirror
     rotvecs[mirror] = mirror_rotvecs(rotvecs[mirror])
@@ -192,7 +213,8 @@ def hands_from_mano(
         wrist_rotvecs[mirror] = mirror_rotvecs(wrist_rotvecs[mirror])
         valid &= np.isfinite(wrist_rotvecs).all(axis=1)
     none = empty_hands(count)
-    out, sure = none.rotvecs, none.confidence
+    out = none.rotvecs
+    sure = none.confidence
     turned = np.zeros((count, 2, 3), np.float32)
     for i in np.flatnonzero(valid):
         place = (int(person[i]), int(bool(right[i])))

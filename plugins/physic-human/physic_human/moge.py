@@ -1,7 +1,9 @@
-"""Estimate depth and point maps with a checkout of MoGe 1 (Wang et al. 2025), the paper's, or of MoGe-3 (2026).
+"""Estimate depth and point maps with a checkout of MoGe 1 (Wang et al.
 
-The networks return points up to a scale and a shift along z, MoGe-3 also the scale in metres. Focal length and shift
-are computed here.
+2025), the paper's, or of MoGe-3 (2026).
+
+The networks return points up to a scale and a shift along z, MoGe-3 also the scale in metres. Focal
+length and shift are computed here.
 """
 
 from __future__ import annotations
@@ -25,7 +27,12 @@ from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import DepthMap, Pointmap
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, load_parameters, read_checkpoint
+from physic_human.checkout_backend import (
+    CheckoutBackend,
+    CheckoutOptions,
+    load_parameters,
+    read_checkpoint,
+)
 
 if TYPE_CHECKING:
     import torch
@@ -40,14 +47,17 @@ _TOO_FLAT = "saw a scene too flat to tell the focal length"
 class MogeOptions(CheckoutOptions):
     """Settings of all MoGe backends."""
 
-    resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
+    resolution_level: int = Field(
+        default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest"
+    )
 
 
 class Moge1Options(MogeOptions):
     """Settings of MoGe 1."""
 
     weights: str = Field(
-        default="moge-1-vitl", description="a name of `physic weights list`, or the path of a model.pt"
+        default="moge-1-vitl",
+        description="a name of `physic weights list`, or the path of a model.pt",
     )
 
 
@@ -55,19 +65,23 @@ class Moge3Options(MogeOptions):
     """Settings of MoGe-3."""
 
     weights: str = Field(
-        default="moge-3-vitl", description="a name of `physic weights list`, or the path of a model.pt"
+        default="moge-3-vitl",
+        description="a name of `physic weights list`, or the path of a model.pt",
     )
     refine_steps: int = Field(
         default=0,
         ge=0,
         le=10,
-        description="steps of the refiner, 3 in the published code: they need a GPU and the package flex_gemm",
+        description="steps of the refiner, 3 in the published code: they need a GPU and the "
+        "package flex_gemm",
     )
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along z is known."""
+    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along
+    z is known.
+    """
 
     points: FloatArray
     valid: BoolArray
@@ -78,7 +92,9 @@ class _Solved:
         """Return the point map, up to a scale, of the network ``name``."""
         if self.determined:
             return Pointmap(self.points, self.valid, "scale", self.camera)
-        return Pointmap(self.points, self.valid, "scale_shift", self.camera, (f"{name} {_TOO_FLAT}",))
+        return Pointmap(
+            self.points, self.valid, "scale_shift", self.camera, (f"{name} {_TOO_FLAT}",)
+        )
 
 
 class _Moge(CheckoutBackend):
@@ -94,7 +110,9 @@ class _Moge(CheckoutBackend):
         return image
 
     def _forward(self, image: UInt8Array, **settings: Any) -> Any:
-        """Run the network on red, green and blue from 0 to 1: it subtracts mean and divides by deviation itself."""
+        """Run the network on red, green and blue from 0 to 1: it subtracts mean and divides by
+        deviation itself.
+        """
         low, high = self.network.num_tokens_range
         tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
         pixels: torch.Tensor = picture_tensor(image, device=self.device)
@@ -102,7 +120,8 @@ class _Moge(CheckoutBackend):
             return self.network.forward(pixels, tokens, **settings)
 
     def _checked(self, output: Any, image: UInt8Array, *more: str) -> tuple[NDArray[Any], ...]:
-        """Return points (H, W, 3), the probability of a surface (H, W), and further outputs of one image.
+        """Return points (H, W, 3), the probability of a surface (H, W), and further outputs of one
+        image.
 
         Raises:
             BackendError: an output is missing or has another size.
@@ -117,22 +136,31 @@ class _Moge(CheckoutBackend):
         points, chance, *rest = (np.asarray(to_numpy(output[name])[0]) for name in names)
         if points.shape != image.shape or chance.shape != image.shape[:2]:
             raise BackendError(
-                f"{self.title} returned points {points.shape} and a mask {chance.shape} for {image.shape}"
+                f"{self.title} returned points {points.shape} and a mask {chance.shape} for "
+                f"{image.shape}"
             )
         return points, chance, *rest
 
-    def _solve(self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0) -> _Solved:
+    def _solve(
+        self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0
+    ) -> _Solved:
         """Place the points on the rays of the given camera, or else of the estimated one."""
         height, width = mask.shape
         found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
-        source = self.title if found.determined else f"default: {self.title} saw a scene too flat to tell"
+        source = (
+            self.title
+            if found.determined
+            else f"default: {self.title} saw a scene too flat to tell"
+        )
         camera = given or found.intrinsics(width, height, source)
         settled, valid = points_on_rays(points[..., 2], mask, found, camera, scale)
         return _Solved(settled, valid, camera, found.determined)
 
 
 class Moge1(_Moge, RelativePointmap):
-    """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else the estimated one."""
+    """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else
+    the estimated one.
+    """
 
     written_for = 1
     title = "MoGe"
@@ -150,7 +178,8 @@ class Moge1(_Moge, RelativePointmap):
         """Build the network and load its weights."""
         kind = self.checkout.attribute("MoGeModel")
         with self.inference():
-            return kind.from_pretrained(str(self.file())).eval().to(device)  # an existing path: nothing is fetched
+            # an existing path: nothing is fetched
+            return kind.from_pretrained(str(self.file())).eval().to(device)
 
     def run(self, inputs: Any) -> Any:
         """Run the network with the number of tokens of the resolution level."""
@@ -178,8 +207,12 @@ class _Moge3(_Moge):
     )
 
     def needs(self) -> tuple[str, ...]:
-        """Return the packages that the checkout imports; the refiner has a package of GPU kernels."""
-        return (*self.project.needs, "flex_gemm") if self.options.refine_steps else self.project.needs
+        """Return the packages that the checkout imports; the refiner has a package of GPU
+        kernels.
+        """
+        return (
+            (*self.project.needs, "flex_gemm") if self.options.refine_steps else self.project.needs
+        )
 
     def build(self, device: str) -> Any:
         """Build the network, without its refiner if no step is wanted, and load its weights.
@@ -190,15 +223,23 @@ class _Moge3(_Moge):
         """
         refines = bool(self.options.refine_steps)
         if refines and device == "cpu":
-            raise DeviceError(f"{self.title}'s refiner runs on a GPU only: set refine_steps = 0, or use 'cuda'")
+            raise DeviceError(
+                f"{self.title}'s refiner runs on a GPU only: set refine_steps = 0, or use 'cuda'"
+            )
         absent = [name for name in _TOOLS if importlib.util.find_spec(name) is None]
         with _stand_ins(*(() if refines else _KERNELS), *absent):
             kind = self.checkout.attribute("MoGeModel")
         path = self.file()
         checkpoint = read_checkpoint(path, trusted=self.options.trust_checkpoint)
         if not isinstance(checkpoint, dict) or not {"model_config", "model"} <= checkpoint.keys():
-            raise BackendError(f"{path} is no checkpoint of {self.title}: it lacks model_config or model")
-        config = checkpoint["model_config"] if refines else {**checkpoint["model_config"], "refiner": None}
+            raise BackendError(
+                f"{path} is no checkpoint of {self.title}: it lacks model_config or model"
+            )
+        config = (
+            checkpoint["model_config"]
+            if refines
+            else {**checkpoint["model_config"], "refiner": None}
+        )
         with self.inference(), warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".*refiner is not enabled")
             network = kind(**config)
@@ -206,9 +247,14 @@ class _Moge3(_Moge):
         return network.eval().to(device)
 
     def run(self, inputs: Any) -> Any:
-        """Run the network, or take its outputs for this image from the cache: both interfaces need them."""
+        """Run the network, or take its outputs for this image from the cache: both interfaces need
+        them.
+        """
         steps = self.options.refine_steps
-        made_of = f"{self.fingerprint()} {self.options.resolution_level} {steps} {self.dtype} {self.device}"
+        made_of = (
+            f"{self.fingerprint()} {self.options.resolution_level} {steps} {self.dtype} "
+            f"{self.device}"
+        )
 
         def compute() -> tuple[NDArray[Any], ...]:
             output = self._forward(inputs, refine_steps=steps)
@@ -219,7 +265,9 @@ class _Moge3(_Moge):
     def _solve_output(self, output: Any, given: Intrinsics | None, *, metric: bool) -> _Solved:
         points, chance, scale = output
         if not 0 < float(scale) < np.inf:
-            raise BackendError(f"{self.title} returned a scale of {float(scale)}, which has to be a number above 0")
+            raise BackendError(
+                f"{self.title} returned a scale of {float(scale)}, which has to be a number above 0"
+            )
         mask = (chance > 0.5) & np.isfinite(points).all(axis=-1)
         return self._solve(points, mask, given, float(scale) if metric else 1.0)
 
@@ -235,7 +283,9 @@ class Moge3Pointmap(_Moge3, RelativePointmap):
 
 
 class Moge3Depth(_Moge3, MetricDepth):
-    """Metric depth by MoGe-3, in the camera of ``hints``; if that camera is a default, in the estimated camera."""
+    """Metric depth by MoGe-3, in the camera of ``hints``; if that camera is a default, in the
+    estimated camera.
+    """
 
     written_for = 1
 
@@ -245,7 +295,11 @@ class Moge3Depth(_Moge3, MetricDepth):
         if known is not None and known.guessed:
             known = None
         solved = self._solve_output(output, known, metric=True)
-        notes = () if solved.determined else (f"{self.title} {_TOO_FLAT}: {solved.camera.fx:.0f} px is a guess",)
+        notes = (
+            ()
+            if solved.determined
+            else (f"{self.title} {_TOO_FLAT}: {solved.camera.fx:.0f} px is a guess",)
+        )
         return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=notes)
 
 
@@ -255,7 +309,9 @@ _TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used
 
 @contextmanager
 def _stand_ins(*names: str) -> Iterator[None]:
-    """Let code import names from modules that it does not use: each is an empty ``torch.nn.Module``."""
+    """Let code import names from modules that it does not use: each is an empty
+    ``torch.nn.Module``.
+    """
     import torch
 
     def attribute(name: str) -> Any:

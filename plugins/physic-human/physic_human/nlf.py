@@ -1,7 +1,8 @@
-"""Estimate bodies in metres for any camera with NLF (Sarandi and Pons-Moll 2024), from one TorchScript file.
+"""Estimate bodies in metres for any camera with NLF (Sarandi and Pons-Moll 2024), from one
+TorchScript file.
 
-The people's boxes are given to the network, so that the detector inside the file, which has its own licence and needs
-CUDA, is never called.
+The people's boxes are given to the network, so that the detector inside the file, which has its own
+licence and needs CUDA, is never called.
 """
 
 from __future__ import annotations
@@ -44,30 +45,43 @@ class NlfOptions(Options):
     """Settings of NLF."""
 
     weights: str = Field(
-        default="nlf-l", description="a name of `physic weights list`, or the path of a .torchscript file of your own"
+        default="nlf-l",
+        description="a name of `physic weights list`, or the path of a .torchscript file of your "
+        "own",
     )
-    body: Literal["smplx", "smpl"] = Field(default="smplx", description="body model that is fitted to its points")
+    body: Literal["smplx", "smpl"] = Field(
+        default="smplx", description="body model that is fitted to its points"
+    )
     smplx_file: str = Field(
         default="",
-        description="your SMPLX_NEUTRAL.npz, where body is smplx: gives the exact place, the surface, and checks that "
+        description="your SMPLX_NEUTRAL.npz, where body is smplx: gives the exact place, the "
+        "surface, and checks that "
         "NLF means the same body",
     )
     beta_regularizer: float = Field(
         default=10.0,
         ge=0,
         le=1e6,
-        description="pull of the shape to the mean body; 10 is NLF's own and leaves little of betas 3-10, 1 keeps more",
+        description="pull of the shape to the mean body; 10 is NLF's own and leaves little of "
+        "betas 3-10, 1 keeps more",
     )
-    beta_regularizer2: float = Field(default=0.0, ge=0, le=1e6, description="the same, only for the first two betas")
+    beta_regularizer2: float = Field(
+        default=0.0, ge=0, le=1e6, description="the same, only for the first two betas"
+    )
     augmentations: int = Field(
-        default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
+        default=1,
+        ge=1,
+        le=32,
+        description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier",
     )
     batch: int = Field(default=16, ge=1, le=1024, description="crops at once")
     seen_confidence: SeenConfidence = 0.5
 
 
 class Nlf(TorchBackend, BodyEstimator):
-    """Body estimator: SMPL-X (55 joints) or SMPL (24 joints) bodies by NLF, in the frame of the given camera."""
+    """Body estimator: SMPL-X (55 joints) or SMPL (24 joints) bodies by NLF, in the frame of the
+    given camera.
+    """
 
     written_for = 1
     Options: ClassVar[type[Options]] = NlfOptions
@@ -85,7 +99,10 @@ class Nlf(TorchBackend, BodyEstimator):
         if find_spec("torchvision") is None:
             lacking.append(_NO_TORCHVISION)
         if self.options.smplx_file and not Path(self.options.smplx_file).expanduser().is_file():
-            lacking.append(f"there is no file {self.options.smplx_file}: set smplx_file to your SMPLX_NEUTRAL.npz")
+            lacking.append(
+                f"there is no file {self.options.smplx_file}: set smplx_file to your "
+                f"SMPLX_NEUTRAL.npz"
+            )
         return tuple(lacking)
 
     def requirements(self) -> tuple[Requirement, ...]:
@@ -102,7 +119,8 @@ class Nlf(TorchBackend, BodyEstimator):
         network = open_torchscript(path, device)
         if not any(hasattr(network, name) for name in _METHODS):
             raise BackendError(
-                f"{path} is not a multi-person NLF, since it has none of the methods {', '.join(_METHODS)}: "
+                f"{path} is not a multi-person NLF, since it has none of the methods "
+                f"{', '.join(_METHODS)}: "
                 "take nlf_l_multi or nlf_s_multi"
             )
         self._checked = False
@@ -118,7 +136,12 @@ class Nlf(TorchBackend, BodyEstimator):
         self._body = None
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Return bodies of N people, metres, camera frame.
 
@@ -132,22 +155,33 @@ class Nlf(TorchBackend, BodyEstimator):
         found = self._ask(network, image, people.boxes, intrinsics)
         bodies = self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
         return replace(
-            bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
+            bodies,
+            observed=observed_joints(
+                keypoints, image.shape[0], image.shape[1], self.options.seen_confidence
+            ),
         )
 
-    def _ask(self, network: Any, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
+    def _ask(
+        self, network: Any, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics
+    ) -> dict[str, FloatArray]:
         """Run the network on the people's boxes; lengths in its own units."""
         import torch
 
         method = next(getattr(network, name) for name in _METHODS if hasattr(network, name))
-        ltwh = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float32)
+        ltwh = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(
+            np.float32
+        )
         # uint8, not floats: the network itself converts grey levels from 0 to 255 to linear light.
-        pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(self.device)
+        pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(
+            self.device
+        )
         with torch.no_grad():
             answer = method(
                 pixels,
                 [torch.from_numpy(ltwh).to(self.device)],
-                intrinsic_matrix=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None].to(self.device),
+                intrinsic_matrix=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None].to(
+                    self.device
+                ),
                 internal_batch_size=self.options.batch,
                 num_aug=self.options.augmentations,
                 beta_regularizer=self.options.beta_regularizer,
@@ -156,21 +190,36 @@ class Nlf(TorchBackend, BodyEstimator):
             )
         found: dict[str, FloatArray] = {
             key: to_numpy(answer[key][0])
-            for key in ("pose", "betas", "trans", "joints3d", "vertices3d", "joints3d_nonparam", "vertices3d_nonparam")
+            for key in (
+                "pose",
+                "betas",
+                "trans",
+                "joints3d",
+                "vertices3d",
+                "joints3d_nonparam",
+                "vertices3d_nonparam",
+            )
             if key in answer
         }
         joints = 55 if self.options.body == "smplx" else 24
-        wanted = {"pose": (len(boxes), 3 * joints), "trans": (len(boxes), 3), "joints3d": (len(boxes), joints, 3)}
+        wanted = {
+            "pose": (len(boxes), 3 * joints),
+            "trans": (len(boxes), 3),
+            "joints3d": (len(boxes), joints, 3),
+        }
         for key, shape in wanted.items():
             came = found[key].shape if key in found else None
             if came != shape:
                 raise BackendError(
-                    f"NLF returned {key} {'nothing' if came is None else came}, where {len(boxes)} people of "
-                    f"'{self.options.body}' are {shape}: the file may be of another version than those known here"
+                    f"NLF returned {key} {'nothing' if came is None else came}, where "
+                    f"{len(boxes)} people of "
+                    f"'{self.options.body}' are {shape}: the file may be of another version than "
+                    f"those known here"
                 )
         if not np.isfinite(found["joints3d"]).any():
             raise BackendError(
-                "NLF returned no numbers at all: its crop network computes in float16, which some GPUs (GTX 16xx) "
+                "NLF returned no numbers at all: its crop network computes in float16, which some "
+                "GPUs (GTX 16xx) "
                 "cannot; load it on the CPU"
             )
         return found
@@ -181,18 +230,25 @@ class Nlf(TorchBackend, BodyEstimator):
         joints = found["joints3d"] / _MM
         rotvecs = found["pose"].reshape(count, 55, 3)
         expression = np.zeros((count, _EXPRESSION), np.float32)
-        body, mesh = self._body, None
+        body = self._body
+        mesh = None
         if body is None:
             transl = _translations(found)
         else:
             from physic_core.geometry.tensors import tensor
 
-            rest = body.kinematics.rest_joints(tensor(np.concatenate([found["betas"], expression], axis=1)))
+            rest = body.kinematics.rest_joints(
+                tensor(np.concatenate([found["betas"], expression], axis=1))
+            )
             transl = joints[:, 0] - rest[:, 0].numpy()
-            faces, t_pose = body.faces.numpy().astype(np.int32), body(*body.zero_pose()).vertices[0].numpy()
+            faces = body.faces.numpy().astype(np.int32)
+            t_pose = body(*body.zero_pose()).vertices[0].numpy()
             mesh = Mesh("smplx", found["vertices3d"] / _MM, faces, t_pose)
         bodies = Bodies(
-            parameters_from_rotvecs(rotvecs, found["betas"], transl, expression), "smplx", joints=joints, mesh=mesh
+            parameters_from_rotvecs(rotvecs, found["betas"], transl, expression),
+            "smplx",
+            joints=joints,
+            mesh=mesh,
         )
         if body is not None and not self._checked:
             _check_reconstruction(body, bodies, found["vertices3d"] / _MM)
@@ -202,17 +258,21 @@ class Nlf(TorchBackend, BodyEstimator):
     def _as_smpl(self, found: dict[str, FloatArray]) -> Bodies:
         """Convert the network output to SMPL bodies."""
         return bodies_from_smpl(
-            found["pose"].reshape(-1, 24, 3), found["betas"], _translations(found), joints=found["joints3d"] / _MM
+            found["pose"].reshape(-1, 24, 3),
+            found["betas"],
+            _translations(found),
+            joints=found["joints3d"] / _MM,
         )
 
 
 def _translations(found: dict[str, FloatArray]) -> FloatArray:
     """Return translations (N, 3) in metres for every version of the file.
 
-    In v0.2.0 they are relative to the mean of the points to which the body was fitted. The distance from the pelvis to
-    the body's origin shows the version.
+    In v0.2.0 they are relative to the mean of the points to which the body was fitted. The distance
+    from the pelvis to the body's origin shows the version.
     """
-    pelvis, transl = found["joints3d"][:, 0] / _MM, found["trans"]
+    pelvis = found["joints3d"][:, 0] / _MM
+    transl = found["trans"]
     if np.nanmedian(np.linalg.norm(pelvis - transl, axis=1)) < _PELVIS_REACH_M:
         return transl
     if "joints3d_nonparam" in found and "vertices3d_nonparam" in found:
@@ -222,7 +282,8 @@ def _translations(found: dict[str, FloatArray]) -> FloatArray:
             return moved
     raise BackendError(
         f"NLF returned a body at {np.round(transl[0], 2).tolist()} m and its pelvis at "
-        f"{np.round(pelvis[0], 2).tolist()} m: the file may be of another version than those known here; "
+        f"{np.round(pelvis[0], 2).tolist()} m: the file may be of another version than those "
+        f"known here; "
         "with the option smplx_file the place is told from the pelvis alone"
     )
 
@@ -245,12 +306,14 @@ def _check_reconstruction(body: BodyModel, bodies: Bodies, vertices: FloatArray)
     gap = float(np.nanmean(np.linalg.norm(own - vertices, axis=2)) * _MM)
     if gap > _WORST_MM:
         raise BackendError(
-            f"rebuilt from its parameters by smplx_file, NLF's first body is {gap:.1f} mm off on average: "
+            f"rebuilt from its parameters by smplx_file, NLF's first body is {gap:.1f} mm off on "
+            f"average: "
             "give the neutral SMPL-X of version 1.1, for which it was trained"
         )
     _LOG.debug("NLF's vertices are rebuilt within %.2f mm", gap)
 
 
 _NO_TORCHVISION = (
-    "NLF needs torchvision, whose operators its file uses: pip install torchvision, the build that fits your torch"
+    "NLF needs torchvision, whose operators its file uses: pip install torchvision, "
+    "the build that fits your torch"
 )

@@ -1,7 +1,8 @@
 """Estimate MHR bodies in metres, in the given camera, with a checkout of SAM 3D Body (Meta 2025).
 
-Its code downloads DINOv3's main branch while it builds the network, and unpickles checkpoints. Here it gets the folder
-of the option ``dinov3_checkout``, and tensors only. The ViT-H weights need no DINOv3.
+Its code downloads DINOv3's main branch while it builds the network, and unpickles checkpoints. Here
+it gets the folder of the option ``dinov3_checkout``, and tensors only. The ViT-H weights need no
+DINOv3.
 """
 
 from __future__ import annotations
@@ -43,10 +44,11 @@ _lock = threading.RLock()
 
 @contextmanager
 def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[Any]]:
-    """Replace ``torch.hub.load`` and let ``torch.load`` read only tensors, in this thread and inside the block.
+    """Replace ``torch.hub.load`` and let ``torch.load`` read only tensors, in this thread and
+    inside the block.
 
-    Published code downloads and runs main branches, or unpickles objects. Other threads are not affected; a second
-    block waits for the first. Yields what ``torch.load`` has read so far.
+    Published code downloads and runs main branches, or unpickles objects. Other threads are not
+    affected; a second block waits for the first. Yields what ``torch.load`` has read so far.
 
     Args:
         hub: what is called in place of ``torch.hub.load``.
@@ -55,7 +57,9 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
     import torch
 
     with _lock:
-        here, hub_load, load = threading.get_ident(), torch.hub.load, torch.load
+        here = threading.get_ident()
+        hub_load = torch.hub.load
+        load = torch.load
 
         def own_hub_load(*args: Any, **options: Any) -> Any:
             own: Callable[..., Any] = hub if threading.get_ident() == here else hub_load
@@ -69,18 +73,24 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
             read.append(load(*args, **(options if trusted else options | {"weights_only": True})))
             return read[-1]
 
-        torch.hub.load, torch.load = own_hub_load, own_load
+        torch.hub.load = own_hub_load
+        torch.load = own_load
         try:
             yield read
         finally:
-            torch.hub.load, torch.load = hub_load, load
+            torch.hub.load = hub_load
+            torch.load = load
 
 
-_CHECKPOINT, _CONFIG, _MHR = "model.ckpt", "model_config.yaml", "assets/mhr_model.pt"
+_CHECKPOINT = "model.ckpt"
+_CONFIG = "model_config.yaml"
+_MHR = "assets/mhr_model.pt"
 _DINOV3 = "facebookresearch/dinov3"
 _DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
 _MADE_OTHERWISE = re.compile(r"\.mhr\.|\.hand_pose_comps_ori$|\.mask_token$")
-"""Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and an unused one."""
+"""Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and
+an unused one.
+"""
 _ESSENTIAL = re.compile(r"(backbone|decoder|decoder_hand)\.")
 """Parameters without which the checkpoint is of another network."""
 _LOG = logging.getLogger(__name__)
@@ -93,21 +103,27 @@ class Sam3dBodyOptions(CheckoutOptions):
 
     weights: str = Field(
         default="sam-3d-body-vith",
-        description="a name of `physic weights list`, or a folder with model.ckpt, model_config.yaml and "
+        description="a name of `physic weights list`, or a folder with model.ckpt, "
+        "model_config.yaml and "
         "assets/mhr_model.pt",
     )
     dinov3_checkout: str = Field(
         default="",
-        description="folder of your checkout of DINOv3, its root, for sam-3d-body-dinov3; empty where it is installed",
+        description="folder of your checkout of DINOv3, its root, for sam-3d-body-dinov3; empty "
+        "where it is installed",
     )
     seen_confidence: SeenConfidence = 0.5
     use_masks: bool = Field(
-        default=False, description="also give the people's masks to the network; helps if people overlap"
+        default=False,
+        description="also give the people's masks to the network; helps if people overlap",
     )
 
 
 class Sam3dBody(CheckoutBackend, BodyEstimator):
-    """Body estimator: MHR bodies by SAM 3D Body, as mesh and joints; all rotations are zero. Needs a GPU."""
+    """Body estimator: MHR bodies by SAM 3D Body, as mesh and joints; all rotations are zero.
+
+    Needs a GPU.
+    """
 
     written_for = 1
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
@@ -119,7 +135,16 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         package="sam_3d_body",
         homepage="https://github.com/facebookresearch/sam-3d-body",
         commit="b5c765a0d89d789985e186d396315e7590887b94",
-        needs=("torchvision", "pytorch_lightning", "yacs", "omegaconf", "braceexpand", "roma", "einops", "timm"),
+        needs=(
+            "torchvision",
+            "pytorch_lightning",
+            "yacs",
+            "omegaconf",
+            "braceexpand",
+            "roma",
+            "einops",
+            "timm",
+        ),
     )
 
     def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
@@ -140,7 +165,10 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repositories and their packages."""
-        return (*super().requirements(), *(self._dinov3.requirements() if self._needs_dinov3() else ()))
+        return (
+            *super().requirements(),
+            *(self._dinov3.requirements() if self._needs_dinov3() else ()),
+        )
 
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""
@@ -152,7 +180,9 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         self._dinov3.close()
 
     def _needs_dinov3(self) -> bool:
-        """Return whether the weights need DINOv3, by their config, or by their name if they are missing."""
+        """Return whether the weights need DINOv3, by their config, or by their name if they are
+        missing.
+        """
         try:
             text = self.file(_CONFIG).read_text("utf-8", errors="replace")
         except (WeightsMissingError, OSError):
@@ -161,7 +191,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
     def build(self, device: str) -> Any:
         """Build the network on a GPU and load its weights."""
-        checkpoint, mhr = self.file(_CHECKPOINT), self.file(_MHR)
+        checkpoint = self.file(_CHECKPOINT)
+        mhr = self.file(_MHR)
         build = self.checkout.attribute("load_sam_3d_body")
         kind = self.checkout.attribute("SAM3DBodyEstimator")
         trusted = self.options.trust_checkpoint
@@ -177,7 +208,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         """Replace ``torch.hub.load``: build a network from the user's DINOv3 checkout."""
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
-                f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend knows the checkout of "
+                f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend "
+                f"knows the checkout of "
                 f"{self.project.homepage} that uses {_DINOV3} alone"
             )
         make = self._dinov3.attribute(name)
@@ -186,7 +218,12 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             return make(*args, **(given | {"pretrained": False}))
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Return bodies of N people of the model "mhr", metres, camera frame.
 
@@ -202,20 +239,31 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         place = np.stack([np.asarray(one["pred_cam_t"], np.float32) for one in found])
         if not uses_principal_point(estimator.cfg):
             place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
-        vertices = np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found]) + place[:, None]
-        points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:MHR_KEYPOINTS] for one in found])
+        vertices = (
+            np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found])
+            + place[:, None]
+        )
+        points = np.stack(
+            [np.asarray(one["pred_keypoints_3d"], np.float32)[:MHR_KEYPOINTS] for one in found]
+        )
         zero = np.zeros((len(people), 22, 3), np.float32)
-        betas = np.stack([np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found])
+        betas = np.stack(
+            [np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found]
+        )
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
         return Bodies(
             parameters_from_rotvecs(zero, betas, place),
             "mhr",
-            observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
+            observed=observed_joints(
+                keypoints, image.shape[0], image.shape[1], self.options.seen_confidence
+            ),
             joints=joints_from_mhr70(points + place[:, None]),
             mesh=mesh,
         )
 
-    def _ask(self, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics) -> list[dict[str, Any]]:
+    def _ask(
+        self, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics
+    ) -> list[dict[str, Any]]:
         """Run the estimator on some people."""
         import torch
 
@@ -225,7 +273,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if uses_principal_point(estimator.cfg):
             camera[:2, 2] += 0.5  # it counts pixels from their edges
         else:
-            camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # the principal point that it assumes
+            # the principal point that it assumes
+            camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2
         with self._dinov3.activated(), self.inference():
             answer = estimator.process_one_image(
                 np.ascontiguousarray(image),  # arrays are RGB; it reads only files as BGR
@@ -237,13 +286,15 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if len(answer) != len(boxes) or not all(wanted <= one.keys() for one in answer):
             raise BackendError(
                 f"SAM 3D Body returned {len(answer)} people for {len(boxes)} boxes, or one without "
-                f"{', '.join(sorted(wanted))}: take the checkout of https://github.com/facebookresearch/sam-3d-body"
+                f"{', '.join(sorted(wanted))}: take the checkout of "
+                f"https://github.com/facebookresearch/sam-3d-body"
             )
         return list(answer)
 
 
 def uses_principal_point(config: Any) -> bool:
-    """Return whether ``model_config.yaml`` tells the network to place bodies relative to the principal point.
+    """Return whether ``model_config.yaml`` tells the network to place bodies relative to the
+    principal point.
 
     Otherwise it places them relative to the centre of the photo, which is the default.
     """
@@ -255,8 +306,9 @@ def uses_principal_point(config: Any) -> bool:
 def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> None:
     """Compare the parameters of a network with what was read from ``path``.
 
-    Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other parameters. Other missing
-    parameters than those of backbone and decoders are a warning: they may be ones that its code does not use.
+    Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other
+    parameters. Other missing parameters than those of backbone and decoders are a warning: they may
+    be ones that its code does not use.
 
     Raises:
         BackendError: a parameter of the backbone or a decoder is not there, or has another shape.
@@ -266,22 +318,29 @@ def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> 
     absent = [
         name
         for name, value in own.items()
-        if not _MADE_OTHERWISE.search(name) and getattr(state.get(name), "shape", None) != value.shape
+        if not _MADE_OTHERWISE.search(name)
+        and getattr(state.get(name), "shape", None) != value.shape
     ]
     if not absent:
         return
     essential = [name for name in absent if _ESSENTIAL.match(name)]
     shown = essential or absent
-    text = f"{path} is missing {len(shown)} of {len(own)} parameters of the network, {', '.join(shown[:3])}"
+    text = (
+        f"{path} is missing {len(shown)} of {len(own)} parameters of the network, "
+        f"{', '.join(shown[:3])}"
+    )
     if essential:
         raise BackendError(
-            f"{text}, ...: it is the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
+            f"{text}, ...: it is the checkpoint of another network, or of another version of SAM "
+            f"3D Body or of DINOv3"
         )
     _LOG.warning("%s: these keep random numbers, so look at the bodies", text)
 
 
 def _principal_point_shift(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:
-    """Return the shift (2,) of bodies in x and y, in units of z, from the image centre to the principal point."""
+    """Return the shift (2,) of bodies in x and y, in units of z, from the image centre to the
+    principal point.
+    """
     height, width = image.shape[:2]
     apart = np.array([width / 2 - intrinsics.cx, height / 2 - intrinsics.cy]) - 0.5
     return np.asarray(apart / intrinsics.fx, np.float32)

@@ -1,4 +1,6 @@
-"""The user's SMPL file: base classes of backends that need it, its T-pose, and posed bodies with joints and mesh."""
+"""The user's SMPL file: base classes of backends that need it, its T-pose, and posed bodies with
+joints and mesh.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, RestMesh
 
 _ADVICE = (
-    "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de (non-commercial) and "
+    "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de "
+    "(non-commercial) and "
     "download the model"
 )
 
@@ -29,13 +32,19 @@ def smpl_missing(path: str) -> tuple[str, ...]:
     """Describe a missing SMPL file."""
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
-    return () if Path(os.path.expanduser(path)).is_file() else (f"there is no file {path}: {_ADVICE}",)
+    return (
+        () if Path(os.path.expanduser(path)).is_file() else (f"there is no file {path}: {_ADVICE}",)
+    )
 
 
 def smpl_requirement(path: str) -> UserFile:
     """Return the SMPL file as a requirement."""
     return UserFile(
-        "smpl_file", "SMPL_NEUTRAL.pkl", _ADVICE, "https://smpl.is.tue.mpg.de", is_here=not smpl_missing(path)
+        "smpl_file",
+        "SMPL_NEUTRAL.pkl",
+        _ADVICE,
+        "https://smpl.is.tue.mpg.de",
+        is_here=not smpl_missing(path),
     )
 
 
@@ -63,8 +72,11 @@ def load_rest_mesh(path: str) -> RestMesh | None:
     return open_smpl(path).rest if path else None
 
 
-def pose_smpl_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
-    """Pose the SMPL model for N people, and return joints and mesh; people with non-finite parameters stay NaN.
+def pose_smpl_bodies(
+    body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray
+) -> Bodies:
+    """Pose the SMPL model for N people, and return joints and mesh; people with non-finite
+    parameters stay NaN.
 
     Args:
         body: of :func:`open_smpl`.
@@ -74,13 +86,20 @@ def pose_smpl_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, t
     """
     from scipy.spatial.transform import Rotation
 
-    count, rest = len(betas), body.rest
+    count = len(betas)
+    rest = body.rest
     rotvecs = to_rotvecs(rotations, SMPL_JOINTS)
-    sound = np.isfinite(rotvecs).all((1, 2)) & np.isfinite(betas).all(1) & np.isfinite(transl).all(1)
+    sound = (
+        np.isfinite(rotvecs).all((1, 2)) & np.isfinite(betas).all(1) & np.isfinite(transl).all(1)
+    )
     vertices = np.full((count, *rest.vertices.shape), np.nan, np.float32)
     joints = np.full((count, SMPL_JOINTS, 3), np.nan, np.float32)
     if sound.any():
-        turns = Rotation.from_rotvec(rotvecs[sound].reshape(-1, 3)).as_matrix().reshape(-1, SMPL_JOINTS, 3, 3)
+        turns = (
+            Rotation.from_rotvec(rotvecs[sound].reshape(-1, 3))
+            .as_matrix()
+            .reshape(-1, SMPL_JOINTS, 3, 3)
+        )
         given = (turns, betas[sound].astype(np.float64), transl[sound].astype(np.float64))
         vertices[sound], joints[sound] = body.vertices(*given), body.smpl_joints(*given)
     mesh = Mesh("smpl", vertices, rest.faces, rest.vertices.astype(np.float32))
@@ -94,7 +113,9 @@ class SmplCheckoutOptions(CheckoutOptions):
 
 
 class SmplCheckoutBackend(CheckoutBackend):
-    """Base class of a backend that runs a checkout and reads the file of its option ``smpl_file``."""
+    """Base class of a backend that runs a checkout and reads the file of its option
+    ``smpl_file``.
+    """
 
     options: SmplCheckoutOptions
 

@@ -1,7 +1,9 @@
-"""Estimate finger and wrist rotations with WiLoR (Potamias et al. 2025), by the network of WiLoR-mini.
+"""Estimate finger and wrist rotations with WiLoR (Potamias et al.
 
-Only its network is used. Boxes come from the people's keypoints and crops are made here, so neither the hand detector
-(AGPL) nor its downloads are needed.
+2025), by the network of WiLoR-mini.
+
+Only its network is used. Boxes come from the people's keypoints and crops are made here, so neither
+the hand detector (AGPL) nor its downloads are needed.
 """
 
 from __future__ import annotations
@@ -35,26 +37,38 @@ class WilorOptions(CheckoutOptions):
 
     weights: str = Field(
         default="wilor-mini",
-        description="a name of `physic weights list`, or a folder with wilor_final.ckpt, MANO_RIGHT.pkl and "
+        description="a name of `physic weights list`, or a folder with wilor_final.ckpt, "
+        "MANO_RIGHT.pkl and "
         "mano_mean_params.npz",
     )
     least_confidence: Share = Field(
-        default=0.5, description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper"
+        default=0.5,
+        description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",
     )
     least_size_px: float = Field(
-        default=24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess"
+        default=24.0,
+        ge=0,
+        le=100_000,
+        description="longer side of a hand; fingers below are a guess",
     )
     margin: float = Field(
-        default=2.5, ge=1, le=4, description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR"
+        default=2.5,
+        ge=1,
+        le=4,
+        description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR",
     )
     swap_channels: bool = Field(
         default=False,
-        description="swap red and blue, as the code of the PhySIC paper does by mistake; worse, only to compare",
+        description="swap red and blue, as the code of the PhySIC paper does by mistake; worse, "
+        "only to compare",
     )
 
 
 class Wilor(CheckoutBackend, HandEstimator):
-    """Hand estimator: MANO rotations by WiLoR of every hand with keypoints. Left hands are mirrored."""
+    """Hand estimator: MANO rotations by WiLoR of every hand with keypoints.
+
+    Left hands are mirrored.
+    """
 
     written_for = 1
     Options: ClassVar[type[Options]] = WilorOptions
@@ -72,7 +86,12 @@ class Wilor(CheckoutBackend, HandEstimator):
         checkpoint, mano, mean = (self.file(name) for name in _FILES)
         kind = self.checkout.attribute("WiLor")
         with chumpy_free_copy(mano, "mano") as plain, self.inference():
-            network = kind(mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=_SIDE)
+            network = kind(
+                mano_model_path=str(plain),
+                mano_mean_path=str(mean),
+                focal_length=_FOCAL,
+                image_size=_SIDE,
+            )
             return self.load_checkpoint(network, checkpoint)
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
@@ -82,27 +101,36 @@ class Wilor(CheckoutBackend, HandEstimator):
             BackendError: it is not loaded, or the output of the network has another form.
         """
         options = self.options
-        found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
+        found = hand_boxes(
+            keypoints,
+            least_confidence=options.least_confidence,
+            least_size_px=options.least_size_px,
+        )
         shown = zip(found.boxes, found.right, strict=True)
         crops = [self._hand_input(image, box, mirrored=not right) for box, right in shown]
         outputs = self.run({"img": np.array(crops)})
         if not outputs:
             return empty_hands(len(people))
         fingers, wrists = outputs
-        return hands_from_mano(len(people), found.person, found.right, fingers, found.confidence, wrists)
+        return hands_from_mano(
+            len(people), found.person, found.right, fingers, found.confidence, wrists
+        )
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""
         answer = self.network(inputs["img"])
         if not isinstance(answer, dict) or not {"hand_pose", "global_orient"} <= answer.keys():
             raise BackendError(
-                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases answer a dictionary with "
+                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases "
+                f"answer a dictionary with "
                 "hand_pose and global_orient: another revision of the checkout is needed"
             )
         return answer["hand_pose"], answer["global_orient"]
 
     def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
         """Crop a hand to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
-        crop = crop_around_box(box, _SIDE, _SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
+        crop = crop_around_box(
+            box, _SIDE, _SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored
+        )
         shown = resample_crop(image, crop, sigma=antialias_sigma(crop))
         return np.asarray(shown if self.options.swap_channels else shown[..., ::-1], np.float32)

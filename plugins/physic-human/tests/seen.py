@@ -1,8 +1,8 @@
 """What perfect networks would know: which world a photo shows, and which part of it a crop shows.
 
-A picture of coordinates stands in for the photo that crops are made of: red grows from left to right, green from top to
-bottom, blue is the same everywhere. So a crop says itself where it was taken, whether it is mirrored and in which order
-its channels come, whatever code made it.
+A picture of coordinates stands in for the photo that crops are made of: red grows from left to
+right, green from top to bottom, blue is the same everywhere. So a crop says itself where it was
+taken, whether it is mirrored and in which order its channels come, whatever code made it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,14 @@ from physic_core.body.bones import rotations_from_parameters
 from physic_testing.worlds import World, world_of
 
 BLUE = 64
-MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+MEAN = np.array([0.485, 0.456, 0.406])
+STD = np.array([0.229, 0.224, 0.225])
 
 
 def network_of(backend: Any) -> Any:
-    """Return the network that a backend has loaded from its checkout; stand-ins record there what they are shown."""
+    """Return the network that a backend has loaded from its checkout; stand-ins record there what
+    they are shown.
+    """
     return backend._network
 
 
@@ -37,7 +40,9 @@ def coordinates(height: int, width: int) -> np.ndarray:
 
 
 class OnWorlds:
-    """A checkout backend whose network is one that recognises worlds, so that no code or weights are needed."""
+    """A checkout backend whose network is one that recognises worlds, so that no code or weights
+    are needed.
+    """
 
     perfect_network: type[Any]
 
@@ -49,20 +54,29 @@ class OnWorlds:
 
 
 class SeesCrops:
-    """A network that is shown crops of the picture of coordinates, and is told which world the photo shows."""
+    """A network that is shown crops of the picture of coordinates, and is told which world the
+    photo shows.
+    """
 
     world: World | None = None
     size = (1, 1)
 
 
 class CropsOnWorlds(OnWorlds):
-    """The same, where the network is shown crops of the picture of coordinates and knows the world of the photo."""
+    """The same, where the network is shown crops of the picture of coordinates and knows the world
+    of the photo.
+    """
 
     def infer(self, image: np.ndarray, *estimates: Any) -> Any:
         network = network_of(self)
         if network is not None:
-            network.world, network.size = world_of(image), image.shape[:2]
-        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
+            network.world = world_of(image)
+            network.size = image.shape[:2]
+        shown = (
+            coordinates(*image.shape[:2])
+            if image.shape[2:] == (3,) and image.dtype == np.uint8
+            else image
+        )
         return super().infer(shown, *estimates)  # type: ignore[misc]
 
 
@@ -72,7 +86,8 @@ class Place:
 
     Attributes:
         origin: (2,) px of the photo at crop pixel (0, 0).
-        step: (2,) px of the photo from one crop pixel to the next; x is negative in a mirrored crop.
+        step: (2,) px of the photo from one crop pixel to the next; x is negative in a mirrored
+            crop.
         side: of the crop, px of the crop.
     """
 
@@ -90,19 +105,24 @@ class Place:
 
 
 def place_of(crop: np.ndarray, height: int, width: int) -> Place:
-    """From a crop (S, S, 3) of the picture of coordinates of a photo, red, green, blue in grey levels.
+    """From a crop (S, S, 3) of the picture of coordinates of a photo, red, green, blue in grey
+    levels.
 
     Raises:
         AssertionError: its channels come in another order.
     """
     inside = crop.min(axis=2) > 30
     assert inside.sum() > 50, "a crop of nothing"
-    assert abs(np.median(crop[inside][:, 2]) - BLUE) < 4, f"blue is {np.median(crop[inside], axis=0)}"
+    assert abs(np.median(crop[inside][:, 2]) - BLUE) < 4, (
+        f"blue is {np.median(crop[inside], axis=0)}"
+    )
     rows, columns = np.nonzero(inside)
-    origin, step = np.zeros(2), np.zeros(2)
+    origin = np.zeros(2)
+    step = np.zeros(2)
     for axis, (places, size) in enumerate(((columns, width), (rows, height))):
         values = (crop[inside][:, axis] - 40) / 200 * size
-        # Pixels at the border of the photo are mixed with what is outside, and count little in a robust fit.
+        # Pixels at the border of the photo are mixed with what is outside, and count little in a
+        # robust fit.
         step[axis], origin[axis] = np.polyfit(places, values, 1)
         error = np.abs(values - origin[axis] - step[axis] * places)
         near = error <= np.quantile(error, 0.8) + 1e-9
@@ -128,7 +148,8 @@ def pixels(points: np.ndarray, world: World) -> np.ndarray:
 
 @cache
 def smpl_arrays() -> dict[str, np.ndarray]:
-    """A made-up SMPL file: points on the embedded body's surface, its joints, its weights; no number is anybody's.
+    """A made-up SMPL file: points on the embedded body's surface, its joints, its weights; no
+    number is anybody's.
 
     Its origin is not its pelvis, as in the true one.
     """
@@ -136,13 +157,16 @@ def smpl_arrays() -> dict[str, np.ndarray]:
     body = load_body("embedded")
     rotations, betas, transl = body.zero_pose()
     posed = body(rotations, betas, transl)
-    vertices, joints = posed.vertices[0].numpy().astype(float), posed.joints[0].numpy().astype(float)
+    vertices = posed.vertices[0].numpy().astype(float)
+    joints = posed.joints[0].numpy().astype(float)
     weights = body.skin.weights.numpy().T
     faces = body.faces.numpy()
     outer = body.outer.numpy()
     faces = faces[outer[faces].all(axis=1)]
     corners = vertices[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     chosen = rng.choice(len(faces), 6890, p=area / area.sum())
     share = rng.dirichlet([2, 2, 2], 6890)
     template = np.einsum("vk,vki->vi", share, corners[chosen])
@@ -154,7 +178,8 @@ def smpl_arrays() -> dict[str, np.ndarray]:
     weights24[:, 15] += skin[:, 22:25].sum(axis=1)
     weights24[:, 22], weights24[:, 23] = skin[:, 25:40].sum(axis=1), skin[:, 40:].sum(axis=1)
     joints24 = joints[[*range(22), *hands]]
-    # Rows of weights that sum to 1 and give the joints: the nearest points, moved by the least change.
+    # Rows of weights that sum to 1 and give the joints: the nearest points, moved by the least
+    # change.
     regressor = np.zeros((24, 6890))
     for j, joint in enumerate(joints24):
         near = np.argsort(np.linalg.norm(template - joint, axis=1))[:200]
@@ -176,7 +201,10 @@ def smpl_arrays() -> dict[str, np.ndarray]:
         "J_regressor": regressor,
         "weights": weights24,
         "kintree_table": np.stack(
-            [[-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21], range(24)]
+            [
+                [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21],
+                range(24),
+            ]
         ).astype(np.int64),
     }
 
@@ -202,10 +230,17 @@ def smpl_pose(world: World) -> np.ndarray:
 
 
 def wrist_turns(world: World) -> np.ndarray:
-    """(N, 2, 3) rotation of each whole hand from the T-pose to the camera frame, left then right."""
+    """(N, 2, 3) rotation of each whole hand from the T-pose to the camera frame, left then
+    right.
+    """
     p = world.parameters
     body = load_body("embedded")
     given = (torch.from_numpy(np.array(value)) for value in (p.betas, p.transl))
     with torch.no_grad():
-        turns = body(rotations_from_parameters(p), *given, joints_only=True).world[:, [20, 21]].double().numpy()
+        turns = (
+            body(rotations_from_parameters(p), *given, joints_only=True)
+            .world[:, [20, 21]]
+            .double()
+            .numpy()
+        )
     return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 2, 3)

@@ -33,17 +33,27 @@ OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
 
 
 def test_it_is_the_published_formula_where_the_principal_point_is_the_middle() -> None:
-    s, tx, ty, side = 0.8, 0.1, -0.3, 150.0
+    s = 0.8
+    tx = 0.1
+    ty = -0.3
+    side = 150.0
     centre = np.array([402.0, 77.0])
-    found = translation_from_crop(np.array([[s, tx, ty]]), centre[None], np.array([side]), OFF_CENTRE)[0]
-    published = [tx + 2 * (centre[0] - 319.5) / (s * side), ty + 2 * (centre[1] - 239.5) / (s * side)]
+    found = translation_from_crop(
+        np.array([[s, tx, ty]]), centre[None], np.array([side]), OFF_CENTRE
+    )[0]
+    published = [
+        tx + 2 * (centre[0] - 319.5) / (s * side),
+        ty + 2 * (centre[1] - 239.5) / (s * side),
+    ]
     np.testing.assert_allclose(found, [*published, 2 * 900 / (side * s)])
 
 
 @pytest.mark.parametrize("stretch", [0.8, 1.0, 1.25])
 def test_a_body_is_seen_where_its_crop_has_it(stretch: float) -> None:
     camera = Intrinsics(900.0, stretch * 900.0, 300.0, 200.0, 640, 480)
-    weak, centres, sides = np.array([[0.9, 0.25, -0.5]]), np.array([[400.0, 100.0]]), np.array([160.0])
+    weak = np.array([[0.9, 0.25, -0.5]])
+    centres = np.array([[400.0, 100.0]])
+    sides = np.array([160.0])
     x, y, z = translation_from_crop(weak, centres, sides, camera)[0]
     seen = [camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy]
     np.testing.assert_allclose(seen, centres[0] + 80 * 0.9 * weak[0, 1:])
@@ -53,7 +63,8 @@ NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
 
 CHECKOUT = {
-    "core/constants.py": "SMPL_MEAN_PARAMS_FILE = 'data/chmr/smpl_mean_params.npz'\nNUM_POSE_PARAMS = 23\n",
+    "core/constants.py": "SMPL_MEAN_PARAMS_FILE = "
+    "'data/chmr/smpl_mean_params.npz'\nNUM_POSE_PARAMS = 23\n",
     "core/heads/smpl_head_cliff.py": """
 import pathlib
 from ..constants import SMPL_MEAN_PARAMS_FILE
@@ -75,7 +86,7 @@ class CameraHMR(torch.nn.Module):
         eye = torch.eye(3).expand(count, 24, 3, 3)
         parameters = {"global_orient": eye[:, :1], "body_pose": eye[:, 1:], "betas": self.gain * torch.ones(count, 10)}
         return parameters, torch.tensor([[0.9, 0.05, -0.1]]).expand(count, 3), batch["cam_int"][:, 0, 0]
-""",
+""",  # noqa: E501
     "core/cam_model/fl_net.py": """
 import torch
 
@@ -98,7 +109,8 @@ def people() -> People:
 
 @pytest.fixture
 def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable[..., CameraHmr]:
-    checkout, files = stub("chmr", CHECKOUT), tmp_path / "files"
+    checkout = stub("chmr", CHECKOUT)
+    files = tmp_path / "files"
     files.mkdir()
     state = {"gain": torch.ones(1), "smpl.faces": torch.zeros(3)}
     torch.save({"state_dict": state}, files / "camerahmr_checkpoint_cleaned.ckpt")
@@ -106,7 +118,11 @@ def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     (files / "smpl_mean_params.npz").write_bytes(b"")
 
     def make(**options: Any) -> CameraHmr:
-        given = {"checkout": str(checkout), "weights": str(files), "smpl_file": str(smpl_file)} | options
+        given = {
+            "checkout": str(checkout),
+            "weights": str(files),
+            "smpl_file": str(smpl_file),
+        } | options
         backend = CameraHmr(CameraHmrOptions(**given))
         assert all("pip install" in line for line in backend.missing())
         backend.load()
@@ -120,11 +136,15 @@ def ask(backend: CameraHmr, image: np.ndarray | None = None, camera: Intrinsics 
     return backend.infer(shown, people(), camera, NUM_KEYPOINTS, Hints())
 
 
-def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable[..., CameraHmr]) -> None:
+def test_crops_are_squares_of_the_longer_side_and_red_comes_first(
+    made: Callable[..., CameraHmr],
+) -> None:
     backend = made()
     ask(backend)
     seen = network_of(backend).seen[0]
-    for crop, middle, side in zip(seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True):
+    for crop, middle, side in zip(
+        seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True
+    ):
         place = place_of(normalised_back(crop), 200, 300)
         assert not place.mirrored
         np.testing.assert_allclose(place.at(0.5), middle, atol=0.8)
@@ -158,12 +178,18 @@ def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_p
     np.testing.assert_allclose(seen["cam_int"][:, 0, 0], 500)
     np.testing.assert_allclose(seen["img_size"], [[200, 300]] * 2)
     # What it computes is box_center - img_size / 2.
-    np.testing.assert_allclose(seen["box_center"][0] - [150, 100], [119.5 - 140, 89.5 - 105], atol=1e-4)
+    np.testing.assert_allclose(
+        seen["box_center"][0] - [150, 100], [119.5 - 140, 89.5 - 105], atol=1e-4
+    )
 
 
-def test_bodies_are_seen_where_the_crop_has_them(made: Callable[..., CameraHmr], smpl_file: Path) -> None:
+def test_bodies_are_seen_where_the_crop_has_them(
+    made: Callable[..., CameraHmr], smpl_file: Path
+) -> None:
     bodies = ask(made())
-    s, tx, ty = 0.9, 0.05, -0.1
+    s = 0.9
+    tx = 0.05
+    ty = -0.1
     place = bodies.parameters.transl[0]
     np.testing.assert_allclose(place[2], 2 * 500 / (100 * s), rtol=1e-5)
     seen = 500 * place[:2] / place[2] + [140, 105]
@@ -172,7 +198,8 @@ def test_bodies_are_seen_where_the_crop_has_them(made: Callable[..., CameraHmr],
     assert bodies.joints is not None
     assert bodies.mesh is not None
     pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
-    assert np.linalg.norm(bodies.joints[0, 0] - place - pelvis) < 0.06  # betas of 1 make the body 5 % larger
+    # betas of 1 make the body 5 % larger
+    assert np.linalg.norm(bodies.joints[0, 0] - place - pelvis) < 0.06
     assert np.isnan(bodies.joints[:, 22:]).all()
     assert bodies.mesh.rest is not None
     np.testing.assert_allclose(bodies.mesh.rest, smpl_arrays()["v_template"], atol=1e-6)
@@ -184,7 +211,9 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
     backend = made(focal="own", focal_channels="bgr")
     image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     bodies = ask(backend, image)
-    np.testing.assert_allclose(network_of(backend).seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5)
+    np.testing.assert_allclose(
+        network_of(backend).seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
+    )
     np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
     seen = normalised_back(backend._focal_network.seen[0])
     np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
@@ -195,7 +224,11 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
 def _rgb(image: np.ndarray) -> np.ndarray:
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
-    return np.asarray(normalized_nchw(np.full((256, 256, 3), image[0, 0], np.uint8), IMAGENET_MEAN, IMAGENET_STD)[0])
+    return np.asarray(
+        normalized_nchw(np.full((256, 256, 3), image[0, 0], np.uint8), IMAGENET_MEAN, IMAGENET_STD)[
+            0
+        ]
+    )
 
 
 def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
@@ -223,7 +256,11 @@ class PerfectHmr(SeesCrops):
         focal = batch["cam_int"][:, 0, 0].numpy()
         rows = [self.one(crop, f) for crop, f in zip(batch["img"].numpy(), focal, strict=True)]
         turns, weak = (torch.from_numpy(np.stack(part)).float() for part in zip(*rows, strict=True))
-        parameters = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:], "betas": torch.zeros(len(weak), 10)}
+        parameters = {
+            "global_orient": turns[:, :1],
+            "body_pose": turns[:, 1:],
+            "betas": torch.zeros(len(weak), 10),
+        }
         return parameters, weak, batch["cam_int"][:, 0, 0]
 
     def one(self, crop: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
@@ -232,11 +269,14 @@ class PerfectHmr(SeesCrops):
             return np.tile(np.diag([1.0, -1, -1]), (24, 1, 1)), np.array([0.9, 0, 0])
         middles = (self.world.boxes[:, :2] + self.world.boxes[:, 2:]) / 2
         row = int(np.linalg.norm(middles - place.at(0.5), axis=1).argmin())
-        side, middle = 256 * place.step[1], place.at(0.5)
+        side = 256 * place.step[1]
+        middle = place.at(0.5)
         origin = self.world.joints[row, 0].astype(float) - self.pelvis
         scale = 2 * focal / (side * origin[2])
         offset = (pixels(origin, self.world) - middle) / (side / 2) / scale
-        return Rotation.from_rotvec(smpl_pose(self.world)[row]).as_matrix(), np.array([scale, *offset])
+        return Rotation.from_rotvec(smpl_pose(self.world)[row]).as_matrix(), np.array(
+            [scale, *offset]
+        )
 
 
 class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
@@ -249,5 +289,8 @@ class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
 
 def test_camerahmr_conforms(smpl_file: Path) -> None:
     # The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
-    options, limits = {"smpl_file": str(smpl_file)}, {"MPJPE, mm": 105.0}
-    check_backend(CameraHmrOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits).raise_if_failed()
+    options = {"smpl_file": str(smpl_file)}
+    limits = {"MPJPE, mm": 105.0}
+    check_backend(
+        CameraHmrOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits
+    ).raise_if_failed()

@@ -26,8 +26,14 @@ def test_the_network_gets_the_channels_in_the_order_bgr() -> None:
 
 
 def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image() -> None:
-    assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (slice(30, 270), slice(90, 210))
-    assert enlarged_box_slices(np.array([0.0, 400, 640, 480]), 480, 640) == (slice(392, 480), slice(0, 640))
+    assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (
+        slice(30, 270),
+        slice(90, 210),
+    )
+    assert enlarged_box_slices(np.array([0.0, 400, 640, 480]), 480, 640) == (
+        slice(392, 480),
+        slice(0, 640),
+    )
 
 
 def test_the_rest_is_white_and_the_person_in_the_middle() -> None:
@@ -52,7 +58,9 @@ def test_the_crop_keeps_left_and_top() -> None:
     assert seen[30, 200].max() < 5
 
 
-@pytest.mark.parametrize("box", [[10.0, 10, 10, 10], [-50.0, -50, -20, -20], [900.0, 900, 950, 990], [3.0, 4, 3.4, 90]])
+@pytest.mark.parametrize(
+    "box", [[10.0, 10, 10, 10], [-50.0, -50, -20, -20], [900.0, 900, 950, 990], [3.0, 4, 3.4, 90]]
+)
 def test_boxes_without_pixels_still_give_a_crop(box: list[float]) -> None:
     crop = contact_crop(np.full((40, 60, 3), 7, np.uint8), np.array(box))
     assert crop.shape == (3, 256, 256)
@@ -80,12 +88,17 @@ class DECO(torch.nn.Module):
         return contact, torch.zeros(len(img), 133, 64, 64), torch.zeros(len(img), 26, 64, 64)
 """
 OLD_DECO = DECO.replace("encoder, context, device)", "encoder, device)").replace(
-    '(encoder, context, str(device)) == ("hrnet", True, "cpu")', '(encoder, str(device)) == ("hrnet", "cpu")'
+    '(encoder, context, str(device)) == ("hrnet", True, "cpu")',
+    '(encoder, str(device)) == ("hrnet", "cpu")',
 )
 
 
 def people(boxes: list[list[float]]) -> People:
-    return People(np.zeros((len(boxes), 200, 300), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
+    return People(
+        np.zeros((len(boxes), 200, 300), bool),
+        np.array(boxes, float).reshape(-1, 4),
+        np.ones(len(boxes)),
+    )
 
 
 @pytest.fixture
@@ -94,7 +107,11 @@ def deco(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
         checkout = stub("deco", {"models/deco.py": text, "utils/hrnet.py": "WIDTH = 32"})
         torch.save({"deco": {"gain": torch.ones(1)}, "epoch": 3}, tmp_path / "deco_best.pth")
         weights = str(tmp_path / "deco_best.pth")
-        given = {"checkout": str(checkout), "weights": weights, "smpl_file": str(smpl_file)} | options
+        given = {
+            "checkout": str(checkout),
+            "weights": weights,
+            "smpl_file": str(smpl_file),
+        } | options
         backend = Deco(DecoOptions(**given))
         backend.load()
         return backend
@@ -102,8 +119,12 @@ def deco(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     return make
 
 
-def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], smpl_file: Path) -> None:
-    found = deco().infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
+def test_deco_gives_smpls_labels_with_smpls_t_pose(
+    deco: Callable[..., Deco], smpl_file: Path
+) -> None:
+    found = deco().infer(
+        np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY
+    )
     assert found.topology == "smpl"
     assert found.probability.shape == (3, 6890)
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
@@ -114,7 +135,9 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], sm
 
 
 def test_older_versions_of_deco_get_their_own_arguments(deco: Callable[..., Deco]) -> None:
-    found = deco(OLD_DECO).infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY)
+    found = deco(OLD_DECO).infer(
+        np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY
+    )
     np.testing.assert_allclose(found.probability[0, 0], 0.75)
 
 
@@ -130,7 +153,11 @@ class PerfectDeco(SeesCrops):
     """Knows which vertices of the person in a crop touch."""
 
     def __call__(self, crops: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        return torch.from_numpy(np.stack([self.one(crop) for crop in crops.numpy()])), torch.zeros(1), torch.zeros(1)
+        return (
+            torch.from_numpy(np.stack([self.one(crop) for crop in crops.numpy()])),
+            torch.zeros(1),
+            torch.zeros(1),
+        )
 
     def one(self, crop: np.ndarray) -> np.ndarray:
         if self.world is None:
@@ -154,6 +181,10 @@ class DecoOnWorlds(CropsOnWorlds, Deco):
 
 
 def test_deco_conforms(smpl_file: Path) -> None:
-    # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders of the contact.
-    options, limits = {"smpl_file": str(smpl_file)}, {"F1": 0.89}
-    check_backend(DecoOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits).raise_if_failed()
+    # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders
+    # of the contact.
+    options = {"smpl_file": str(smpl_file)}
+    limits = {"F1": 0.89}
+    check_backend(
+        DecoOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits
+    ).raise_if_failed()

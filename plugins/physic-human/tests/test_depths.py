@@ -45,7 +45,7 @@ class MoGeModel(torch.nn.Module):
         points = torch.stack([z * (u - (width - 1) / 2) / 300, z * (v - (height - 1) / 2) / 300, z - 1.5], -1)
         mask = torch.where(u > 4, 0.9, 0.1)
         return {"points": points[None], "mask": mask[None]}
-"""
+"""  # noqa: E501
 
 
 @pytest.fixture
@@ -89,20 +89,32 @@ class PerfectMoge:
             v, u = np.mgrid[:height, :width]
             z = 3.0 + 1.5 * v / height + 0.5 * u / width
             points = (
-                np.stack([z * (u - (width - 1) / 2), z * (v - (height - 1) / 2), 1.2 * width * z], -1) / 1.2 / width
+                np.stack(
+                    [z * (u - (width - 1) / 2), z * (v - (height - 1) / 2), 1.2 * width * z], -1
+                )
+                / 1.2
+                / width
             )
         else:
-            apart = [np.abs(image.astype(int) - other).sum() for other in (world.image, world.empty_image)]
+            apart = [
+                np.abs(image.astype(int) - other).sum()
+                for other in (world.image, world.empty_image)
+            ]
             points = world.points(people=bool(apart[0] < apart[1])).astype(float)
         seen = np.isfinite(points).all(axis=-1)
         points = np.where(seen[..., None], points, 1.0) / 2.2 - [0, 0, 0.7]
-        return {"points": torch.from_numpy(points)[None], "mask": torch.from_numpy(np.where(seen, 0.95, 0.02))[None]}
+        return {
+            "points": torch.from_numpy(points)[None],
+            "mask": torch.from_numpy(np.where(seen, 0.95, 0.02))[None],
+        }
 
 
 class PerfectMoge3(PerfectMoge):
     """The same with the scale in metres."""
 
-    def forward(self, pixels: torch.Tensor, tokens: int, refine_steps: int = 3) -> dict[str, torch.Tensor]:
+    def forward(
+        self, pixels: torch.Tensor, tokens: int, refine_steps: int = 3
+    ) -> dict[str, torch.Tensor]:
         assert (tokens, refine_steps) == (2500, 0)
         return super().forward(pixels, tokens) | {"metric_scale": torch.full((1,), 2.2)}
 
@@ -160,35 +172,51 @@ class MoGeModel(torch.nn.Module):
         points = torch.stack([z * (u - (width - 1) / 2) / 300, z * (v - (height - 1) / 2) / 300, z - self.shift], -1)
         scale = {"metric_scale": torch.full((1,), 1.5)} if self.scale_head else {}
         return {"points": points[None], "mask": torch.where(u > 4, 0.9, 0.1)[None]} | scale
-"""
+"""  # noqa: E501
 
 
 @pytest.fixture
 def moge_3(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Moge3Depth]:
-    def make(state: dict[str, float] | None = None, refine_steps: int = 0, **config: object) -> Moge3Depth:
+    def make(
+        state: dict[str, float] | None = None, refine_steps: int = 0, **config: object
+    ) -> Moge3Depth:
         checkout = stub("moge3", {"moge/__init__.py": "", "moge/model/v3.py": MOGE_3})
-        tensors = {name: torch.full((1,), value) for name, value in (state or {"shift": 1.5}).items()}
-        torch.save({"model_config": {"refiner": {}, **config}, "model": tensors}, tmp_path / "model.pt")
-        options = {"checkout": str(checkout), "weights": str(tmp_path / "model.pt"), "refine_steps": refine_steps}
+        tensors = {
+            name: torch.full((1,), value) for name, value in (state or {"shift": 1.5}).items()
+        }
+        torch.save(
+            {"model_config": {"refiner": {}, **config}, "model": tensors}, tmp_path / "model.pt"
+        )
+        options = {
+            "checkout": str(checkout),
+            "weights": str(tmp_path / "model.pt"),
+            "refine_steps": refine_steps,
+        }
         return Moge3Depth(Moge3Options(**options))
 
     return make
 
 
-def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(moge_3: Callable[..., Moge3Depth]) -> None:
+def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(
+    moge_3: Callable[..., Moge3Depth],
+) -> None:
     backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
     assert backend.missing() == ()
     backend.load()
     assert not {"flex_gemm", "flex_gemm.nn", "flex_gemm.ops", "utils3d_moge"} & sys.modules.keys()
     found = backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
     v, u = np.mgrid[:60, :80]
-    np.testing.assert_allclose(found.depth[u > 4], 1.5 * (2.0 + 0.01 * u + 0.02 * v)[u > 4], rtol=0.01)
+    np.testing.assert_allclose(
+        found.depth[u > 4], 1.5 * (2.0 + 0.01 * u + 0.02 * v)[u > 4], rtol=0.01
+    )
     assert np.isnan(found.depth[u <= 4]).all()
     assert found.intrinsics is not None
     np.testing.assert_allclose(found.intrinsics.fx, 300, rtol=0.01)
 
 
-def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3: Callable[..., Moge3Depth]) -> None:
+def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(
+    moge_3: Callable[..., Moge3Depth],
+) -> None:
     backend = moge_3()
     backend.load()
     image = np.zeros((60, 80, 3), np.uint8)
@@ -222,7 +250,9 @@ def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(
         ({"refine_steps": 3}, "runs on a GPU only"),
     ],
 )
-def test_what_moge_3_cannot_do_is_refused(moge_3: Callable[..., Moge3Depth], made: Any, words: str) -> None:
+def test_what_moge_3_cannot_do_is_refused(
+    moge_3: Callable[..., Moge3Depth], made: Any, words: str
+) -> None:
     def use(backend: Moge3Depth) -> None:
         backend.load()
         backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
@@ -232,16 +262,20 @@ def test_what_moge_3_cannot_do_is_refused(moge_3: Callable[..., Moge3Depth], mad
 
 
 def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None:
-    """Their class with random weights, small, and their `infer` without the refiner, for a given focal length.
+    """Their class with random weights, small, and their `infer` without the refiner, for a given
+    focal length.
 
-    The points of such a network lie on no rays, so that no shift along z fits them: depths are compared up to one.
+    The points of such a network lie on no rays, so that no shift along z fits them: depths are
+    compared up to one.
     """
     with pytest.MonkeyPatch.context() as patch:
         for name in ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops"):
             module = ModuleType(name)
             module.__dict__["__getattr__"] = lambda _: torch.nn.Module
             patch.setitem(sys.modules, name, module)
-        v3 = pytest.importorskip("moge.model.v3", reason="needs microsoft/MoGe: pip install its checkout")
+        v3 = pytest.importorskip(
+            "moge.model.v3", reason="needs microsoft/MoGe: pip install its checkout"
+        )
     levels: dict[str, Any] = {"dim_res_blocks": [16, 8, 8, 8, 8], "num_res_blocks": [0, 1, 1, 1, 0]}
     levels |= {"res_block_in_norm": "none", "res_block_hidden_norm": "none"}
     levels |= {"resamplers": ["conv_transpose", "conv_transpose", "conv_transpose", "bilinear"]}
@@ -260,7 +294,8 @@ def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None
     for parameter in theirs.points_head.parameters():
         parameter.data *= 2.2  # so that depths vary
     torch.save(
-        {"model_config": config | {"refiner": {"in_channels": 3}}, "model": theirs.state_dict()}, tmp_path / "m.pt"
+        {"model_config": config | {"refiner": {"in_channels": 3}}, "model": theirs.state_dict()},
+        tmp_path / "m.pt",
     )
     image = np.random.default_rng(0).integers(0, 256, (90, 120, 3), np.uint8)
     camera = Intrinsics.from_focal(110.0, 120, 90)
@@ -272,7 +307,9 @@ def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None
     found = ours.infer(image, Hints(intrinsics=replace(camera, trust=CameraTrust.KNOWN)))
     seen = expected["mask"].numpy() & np.isfinite(found.depth)
     assert seen.mean() > 0.5
-    own, other = (depth[seen] - np.median(depth[seen]) for depth in (found.depth, expected["depth"].numpy()))
+    own, other = (
+        depth[seen] - np.median(depth[seen]) for depth in (found.depth, expected["depth"].numpy())
+    )
     rounding = 2 * np.finfo(np.float32).eps * np.nanmax(found.depth)
     assert other.std() > 100 * rounding
     np.testing.assert_allclose(own, other, atol=rounding)

@@ -1,4 +1,6 @@
-"""Hands: boxes from keypoints, the user's MANO file, rotations of right-hand networks, and WiLoR."""
+"""Hands: boxes from keypoints, the user's MANO file, rotations of right-hand networks, and
+WiLoR.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,17 @@ from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.truth import true_hands
 
-from .seen import CropsOnWorlds, Place, SeesCrops, coordinates, nearest, network_of, pixels, place_of, wrist_turns
+from .seen import (
+    CropsOnWorlds,
+    Place,
+    SeesCrops,
+    coordinates,
+    nearest,
+    network_of,
+    pixels,
+    place_of,
+    wrist_turns,
+)
 
 
 def blank(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:
@@ -36,7 +48,8 @@ def test_the_21_points_of_a_hand_give_its_box() -> None:
     given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
     given.confidence[0, 91:112] = 0.8
     found = hand_boxes(given)
-    np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])  # half open: counted from edges of pixels
+    # half open: counted from edges of pixels
+    np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])
     np.testing.assert_allclose(found.confidence, [0.8])
     assert found.right.tolist() == [False]
     assert not len(hand_boxes(given, least_confidence=0.9))
@@ -46,8 +59,11 @@ def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
     """As in the code of the PhySIC paper, which lowers no confidence before it chooses hands."""
     given = blank("coco_wholebody133", 133)
     given.points[0, 91:112] = np.linspace([50, 80], [90, 140], 21)
-    given.confidence[0, 91:112] = [0.95] * 15 + [0.3] * 6  # without those below 0.5 the mean is 0.68
-    np.testing.assert_allclose(hand_boxes(given, least_confidence=0.7).confidence, [0.764], atol=1e-3)
+    # without those below 0.5 the mean is 0.68
+    given.confidence[0, 91:112] = [0.95] * 15 + [0.3] * 6
+    np.testing.assert_allclose(
+        hand_boxes(given, least_confidence=0.7).confidence, [0.764], atol=1e-3
+    )
 
 
 def test_left_is_the_persons_left() -> None:
@@ -66,7 +82,9 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
         given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
         found = hand_boxes(given)
         assert found.right.tolist() == [True]
-        np.testing.assert_allclose(found.boxes[0], [233.5 - 37.5, 0.5 - 37.5, 233.5 + 37.5, 0.5 + 37.5])
+        np.testing.assert_allclose(
+            found.boxes[0], [233.5 - 37.5, 0.5 - 37.5, 233.5 + 37.5, 0.5 + 37.5]
+        )
         np.testing.assert_allclose(found.confidence, [0.7])
 
 
@@ -124,7 +142,10 @@ class Runs:
 def test_a_file_that_would_run_code_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "MANO_RIGHT.pkl"
     path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": Runs()}))
-    with pytest.raises(BodyModelError, match="could run code: it is not opened"), chumpy_free_copy(path, "mano"):
+    with (
+        pytest.raises(BodyModelError, match="could run code: it is not opened"),
+        chumpy_free_copy(path, "mano"),
+    ):
         pass
 
 
@@ -146,8 +167,13 @@ def test_a_file_that_cannot_be_read_is_named(mano: Path, monkeypatch: pytest.Mon
 
 
 RNG = np.random.default_rng(0)
-FINGERS, TURNED_WRISTS = RNG.normal(0, 0.4, (2, 15, 3)), RNG.normal(0, 1, (2, 1, 3))
-BOTH = {"person": np.array([1, 1]), "right": np.array([False, True]), "confidence": np.array([0.8, 0.9])}
+FINGERS = RNG.normal(0, 0.4, (2, 15, 3))
+TURNED_WRISTS = RNG.normal(0, 1, (2, 1, 3))
+BOTH = {
+    "person": np.array([1, 1]),
+    "right": np.array([False, True]),
+    "confidence": np.array([0.8, 0.9]),
+}
 
 
 def test_left_comes_first_and_is_mirrored_back() -> None:
@@ -155,7 +181,9 @@ def test_left_comes_first_and_is_mirrored_back() -> None:
     np.testing.assert_allclose(hands.rotvecs[1, 0], mirror_rotvecs(FINGERS[0]), atol=1e-6)
     np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
     assert hands.wrists is not None
-    np.testing.assert_allclose(hands.wrists[1], [mirror_rotvecs(TURNED_WRISTS[0, 0]), TURNED_WRISTS[1, 0]], atol=1e-6)
+    np.testing.assert_allclose(
+        hands.wrists[1], [mirror_rotvecs(TURNED_WRISTS[0, 0]), TURNED_WRISTS[1, 0]], atol=1e-6
+    )
     np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
     assert violations(HandEstimator, hands, people=2) == []
 
@@ -169,12 +197,16 @@ def test_mano_rotations_may_be_matrices_or_vectors() -> None:
     assert again.wrists is not None
     np.testing.assert_allclose(hands.rotvecs, again.rotvecs, atol=1e-6)
     np.testing.assert_allclose(
-        Rotation.from_rotvec(hands.wrists[1]).as_matrix(), Rotation.from_rotvec(again.wrists[1]).as_matrix(), atol=1e-6
+        Rotation.from_rotvec(hands.wrists[1]).as_matrix(),
+        Rotation.from_rotvec(again.wrists[1]).as_matrix(),
+        atol=1e-6,
     )
 
 
 def test_the_hand_with_the_higher_confidence_counts() -> None:
-    hands = hands_from_mano(1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3]))
+    hands = hands_from_mano(
+        1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3])
+    )
     np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
 
 
@@ -190,7 +222,9 @@ def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
     vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
     mirror = np.diag([-1.0, 1.0, 1.0])
     turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
-    np.testing.assert_allclose(Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12)
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12
+    )
 
 
 WRISTS = (20, 21)
@@ -244,7 +278,9 @@ WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO}
 
 
 def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
-    """One person with the 21 points of one or both hands on the edges of boxes, whole-body skeleton."""
+    """One person with the 21 points of one or both hands on the edges of boxes, whole-body
+    skeleton.
+    """
     given = Keypoints(np.zeros((1, 133, 2)), np.zeros((1, 133)), "coco_wholebody133")
     for side, box in boxes.items():
         first = 91 if side == "left" else 112
@@ -255,10 +291,13 @@ def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
 
 @pytest.fixture
 def make_wilor(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Wilor]:
-    """A backend on files of its own; ``code`` is that of its network, ``held`` what its checkpoint holds."""
+    """A backend on files of its own; ``code`` is that of its network, ``held`` what its checkpoint
+    holds.
+    """
 
     def make(code: str = WILOR, held: Any = None, **options: Any) -> Wilor:
-        checkout, folder = stub("wilor", WILOR_FILES | {"wilor_mini/models/wilor.py": code}), tmp_path / "files"
+        checkout = stub("wilor", WILOR_FILES | {"wilor_mini/models/wilor.py": code})
+        folder = tmp_path / "files"
         folder.mkdir(exist_ok=True)
         usual = {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}
         torch.save(held or usual, folder / "wilor_final.ckpt")
@@ -286,7 +325,9 @@ def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor: Callable[.
 
 def test_left_hands_are_mirrored_for_the_network_and_back(wilor: Wilor) -> None:
     picture = coordinates(200, 300)
-    hands = wilor.infer(picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
+    hands = wilor.infer(
+        picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]})
+    )
     left, right = (place_of(crop[..., ::-1], 200, 300) for crop in network_of(wilor).seen[0])
     assert left.mirrored
     assert not right.mirrored
@@ -302,7 +343,8 @@ def test_large_hands_are_blurred_before_downsampling(wilor: Wilor) -> None:
     stripes[:, ::2] = 255
     wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
     seen = network_of(wilor).seen[0][0][60:200, 60:200]
-    # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one pixel.
+    # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one
+    # pixel.
     assert seen.std() < 6
     assert abs(seen.mean() - 127.5) < 2
 
@@ -311,20 +353,26 @@ def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor: Wilor)
     wilor.options = wilor.options.model_copy(update={"batch": 1})
     image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     before = image.copy()
-    hands = wilor.infer(image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
+    hands = wilor.infer(
+        image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]})
+    )
     np.testing.assert_array_equal(image, before)
     assert [len(seen) for seen in network_of(wilor).seen] == [1, 1]
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
 def test_another_wilor_is_recognised_by_its_output(make_wilor: Callable[..., Wilor]) -> None:
-    backend = make_wilor(WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n")
+    backend = make_wilor(
+        WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
+    )
     backend.load()
     with pytest.raises(BackendError, match="WiLoR-mini's network returned tuple"):
         backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
 
 
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_wilor: Callable[..., Wilor]) -> None:
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(
+    make_wilor: Callable[..., Wilor],
+) -> None:
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         make_wilor(held=held).load()
@@ -332,7 +380,9 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_wilor: Callable[
 
 
 class PerfectWilor(SeesCrops):
-    """Answers the true hand at the place that a crop shows: right hands, and left ones as they look in a mirror."""
+    """Answers the true hand at the place that a crop shows: right hands, and left ones as they look
+    in a mirror.
+    """
 
     def hand(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """Fingers (15, 3) and the wrist (3,)."""
@@ -348,13 +398,18 @@ class PerfectWilor(SeesCrops):
     def __call__(self, x: torch.Tensor) -> dict[str, torch.Tensor]:
         found = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
         fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))
-        return {"hand_pose": torch.from_numpy(fingers), "global_orient": torch.from_numpy(wrists[:, None])}
+        return {
+            "hand_pose": torch.from_numpy(fingers),
+            "global_orient": torch.from_numpy(wrists[:, None]),
+        }
 
 
 class WilorOnWorlds(CropsOnWorlds, Wilor):
     perfect_network = PerfectWilor
 
 
-@parametrize_with_checks("hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"})
+@parametrize_with_checks(
+    "hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"}
+)
 def test_wilor_conforms(check: Callable[[], None]) -> None:
     check()

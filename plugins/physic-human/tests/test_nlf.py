@@ -1,4 +1,6 @@
-"""NLF: a TorchScript file with its methods, run for real, and the whole kit with perfect networks."""
+"""NLF: a TorchScript file with its methods, run for real, and the whole kit with perfect
+networks.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ class TinyNlf(torch.nn.Module):
 
     def __init__(self, relative: bool, joints: int) -> None:
         super().__init__()
-        self.relative, self.joints = relative, joints
+        self.relative = relative
+        self.joints = joints
 
     @torch.jit.export
     def estimate_smpl_batched(
@@ -109,7 +112,9 @@ def ask(backend: Nlf, image: np.ndarray | None = None, who: People | None = None
 
 @pytest.fixture
 def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
-    backend = Nlf(NlfOptions(weights=script(tmp_path), augmentations=3, beta_regularizer=1.5, batch=7))
+    backend = Nlf(
+        NlfOptions(weights=script(tmp_path), augmentations=3, beta_regularizer=1.5, batch=7)
+    )
     backend.load()
     return backend
 
@@ -139,7 +144,9 @@ def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> N
     assert bodies.parameters.expression.shape == (2, 10)
 
 
-def test_translations_of_old_files_get_their_middle_back(tmp_path: Path, torchvision: ModuleType) -> None:
+def test_translations_of_old_files_get_their_middle_back(
+    tmp_path: Path, torchvision: ModuleType
+) -> None:
     backend = Nlf(NlfOptions(weights=script(tmp_path, relative=True)))
     backend.load()
     np.testing.assert_allclose(ask(backend).parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-4)
@@ -179,14 +186,21 @@ def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.delitem(sys.modules, "torchvision", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
     backend = Nlf(NlfOptions(weights=script(tmp_path)))
-    said = r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator torchvision::nms"
+    said = (
+        r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator "
+        r"torchvision::nms"
+    )
     with pytest.raises(BackendError, match=said):
         backend.load()
 
 
-def test_missing_names_weights_torchvision_and_body_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_names_weights_torchvision_and_body_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    lacking = Nlf(NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")).missing()
+    lacking = Nlf(
+        NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")
+    ).missing()
     assert len(lacking) == 3
     assert "no.torchscript" in lacking[0]
     assert "pip install torchvision" in lacking[1]
@@ -208,7 +222,9 @@ def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> Non
 
 def test_nan_bodies_are_an_error(nlf: Nlf) -> None:
     class Broken:
-        def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, Any]:
+        def estimate_smpl_batched(
+            self, images: torch.Tensor, boxes: Any, **rest: Any
+        ) -> dict[str, Any]:
             nan = float("nan")
             return {
                 "pose": [torch.full((2, 165), nan)],
@@ -223,15 +239,23 @@ def test_nan_bodies_are_an_error(nlf: Nlf) -> None:
 
 
 class PerfectNlf:
-    """Knows the bodies of the world in the picture; a longer lens than the true one puts them farther away."""
+    """Knows the bodies of the world in the picture; a longer lens than the true one puts them
+    farther away.
+    """
 
     def estimate_parametric_batched(
-        self, images: torch.Tensor, boxes: list[torch.Tensor], intrinsic_matrix: torch.Tensor, **rest: Any
+        self,
+        images: torch.Tensor,
+        boxes: list[torch.Tensor],
+        intrinsic_matrix: torch.Tensor,
+        **rest: Any,
     ) -> dict[str, list[torch.Tensor]]:
         image = images[0].numpy().transpose(1, 2, 0)
         world = world_of(image)
-        ltwh, smpl = boxes[0].numpy(), rest["model_name"] == "smpl"
-        count, joints = len(ltwh), 24 if smpl else 55
+        ltwh = boxes[0].numpy()
+        smpl = rest["model_name"] == "smpl"
+        count = len(ltwh)
+        joints = 24 if smpl else 55
         if world is None:
             place = np.tile([0.0, 0.0, 4.0], (count, 1))
             offsets = np.linspace([0, -0.7, 0], [0, 0.7, 0], joints)
@@ -242,19 +266,26 @@ class PerfectNlf:
         k = intrinsic_matrix[0].numpy()
         moved = true[:, 0].copy()
         moved[:, 2] *= k[0, 0] / world.intrinsics.fx
-        uv = true[:, 0, :2] / true[:, 0, 2:] * world.intrinsics.fx + [world.intrinsics.cx, world.intrinsics.cy]
+        uv = true[:, 0, :2] / true[:, 0, 2:] * world.intrinsics.fx + [
+            world.intrinsics.cx,
+            world.intrinsics.cy,
+        ]
         moved[:, :2] = (uv - k[:2, 2]) * moved[:, 2:] / k[0, 0]
         shown = true + (moved - true[:, 0])[:, None]
         pose = np.zeros((count, joints, 3))
         pose[:, :22] = smpl_pose(world)[rows][:, :22]
         if not smpl:
             p = world.parameters
-            pose[:, 25:] = np.concatenate([p.left_hand_pose, p.right_hand_pose], axis=1).reshape(-1, 30, 3)[rows]
+            pose[:, 25:] = np.concatenate([p.left_hand_pose, p.right_hand_pose], axis=1).reshape(
+                -1, 30, 3
+            )[rows]
         given = np.concatenate([shown[:, :22], shown[:, [28, 43]]], axis=1) if smpl else shown
         return self._answer(pose, moved + np.array([0, 0.2, 0]), given)
 
     @staticmethod
-    def _answer(pose: np.ndarray, transl: np.ndarray, joints: np.ndarray) -> dict[str, list[torch.Tensor]]:
+    def _answer(
+        pose: np.ndarray, transl: np.ndarray, joints: np.ndarray
+    ) -> dict[str, list[torch.Tensor]]:
         outputs = {
             "pose": pose.reshape(len(pose), -1),
             "betas": np.zeros((len(pose), 10)),
@@ -278,7 +309,9 @@ def test_nlf_conforms(body: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def smplx_file(module_at: Callable[[str], ModuleType], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def smplx_file(
+    module_at: Callable[[str], ModuleType], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """A made-up SMPL-X file whose pelvis is not at its origin and moves with the shape."""
     bodies = module_at("tests/body/other_body.py")
     path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
@@ -290,13 +323,17 @@ class ExactNlf:
     """Poses the user's own SMPL-X file; ``shift`` mm moves its vertices alone."""
 
     def __init__(self, file: Path, shift: float) -> None:
-        self.body, self.shift = load_body(file), shift
+        self.body = load_body(file)
+        self.shift = shift
 
-    def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, list[torch.Tensor]]:
+    def estimate_smpl_batched(
+        self, images: torch.Tensor, boxes: Any, **rest: Any
+    ) -> dict[str, list[torch.Tensor]]:
         import roma
 
         pose = 0.2 * torch.randn(2, 55, 3, generator=torch.Generator().manual_seed(0))
-        betas, transl = torch.full((2, 10), 0.5), torch.tensor([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]])
+        betas = torch.full((2, 10), 0.5)
+        transl = torch.tensor([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]])
         with torch.no_grad():
             out = self.body(roma.rotvec_to_rotmat(pose), betas, transl)
         return {
@@ -321,7 +358,9 @@ def test_the_users_file_gives_the_exact_place_and_the_surface(
 ) -> None:
     backend = exact_backend(smplx_file, tmp_path, shift=0.0)
     bodies = ask(backend)
-    np.testing.assert_allclose(bodies.parameters.transl, [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]], atol=1e-5)
+    np.testing.assert_allclose(
+        bodies.parameters.transl, [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]], atol=1e-5
+    )
     assert bodies.mesh is not None
     assert bodies.mesh.vertices.shape == (2, 10475, 3)
     assert bodies.mesh.rest is not None

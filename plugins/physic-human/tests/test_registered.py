@@ -28,9 +28,14 @@ def test_a_backend_without_its_files_names_them_and_fails_no_check(offer: Any) -
 
 
 def test_weights_with_an_account_or_non_commercial_terms_are_marked() -> None:
-    sets = {one.weights.name: one.weights for one in read_library().sets if one.offer.distribution == "physic-human"}
+    sets = {
+        one.weights.name: one.weights
+        for one in read_library().sets
+        if one.offer.distribution == "physic-human"
+    }
     for name in ("camerahmr", "wilor-mini", "deco"):
-        assert sets[name].account == (name != "deco"), name  # DECO's own script fetches it without one
+        # DECO's own script fetches it without one
+        assert sets[name].account == (name != "deco"), name
         assert sets[name].commercial is False, name
     for one in sets.values():
         assert one.license, one.name

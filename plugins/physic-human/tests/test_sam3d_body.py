@@ -1,4 +1,6 @@
-"""SAM 3D Body: what its estimator is given, which keypoint is which joint, and the whole kit with a perfect one."""
+"""SAM 3D Body: what its estimator is given, which keypoint is which joint, and the whole kit with a
+perfect one.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ from .seen import OnWorlds, network_of
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
-# As the published code is in what it fetches, reads, sends to which device, and where it puts bodies.
+# As the published code is in what it fetches, reads, sends to which device, and where it puts
+# bodies.
 CHECKOUT = """
 import pathlib
 import re
@@ -86,7 +89,7 @@ class SAM3DBodyEstimator:
             }
             for box in bboxes
         ]
-"""
+"""  # noqa: E501
 
 DINOV3 = {
     "hubconf.py": "import omegaconf_of_its_evaluation",
@@ -128,13 +131,22 @@ def make_sam(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Sam3dBo
     checkout = stub("sam", {"sam_3d_body/__init__.py": CHECKOUT})
 
     def make(
-        backbone: str = "vit_hmr_512_384", decoder: str = "    TYPE: sam\n", held: Any = None, **options: Any
+        backbone: str = "vit_hmr_512_384",
+        decoder: str = "    TYPE: sam\n",
+        held: Any = None,
+        **options: Any,
     ) -> Sam3dBody:
         (files / "assets").mkdir(parents=True, exist_ok=True)
         (files / "assets/mhr_model.pt").write_bytes(b"")
-        torch.save({"state_dict": {"gain": torch.ones(1)}} if held is None else held, files / "model.ckpt")
-        (files / "model_config.yaml").write_text(f"MODEL:\n  BACKBONE:\n    TYPE: {backbone}\n  DECODER:\n{decoder}")
-        return Sam3dBody(Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1, **options))
+        torch.save(
+            {"state_dict": {"gain": torch.ones(1)}} if held is None else held, files / "model.ckpt"
+        )
+        (files / "model_config.yaml").write_text(
+            f"MODEL:\n  BACKBONE:\n    TYPE: {backbone}\n  DECODER:\n{decoder}"
+        )
+        return Sam3dBody(
+            Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1, **options)
+        )
 
     return make
 
@@ -146,7 +158,9 @@ def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
     return backend
 
 
-def test_sam_3d_body_gets_boxes_camera_and_rgb(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sam_3d_body_gets_boxes_camera_and_rgb(
+    sam: Sam3dBody, capsys: pytest.CaptureFixture[str]
+) -> None:
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
     asked = network_of(sam).asked
@@ -173,16 +187,22 @@ def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
     assert bodies.joints is not None
     place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
     np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)
-    np.testing.assert_allclose(bodies.joints[1, JOINT_INDEX["left_hip"]], place + np.array([27, 28, 29]), rtol=1e-6)
+    np.testing.assert_allclose(
+        bodies.joints[1, JOINT_INDEX["left_hip"]], place + np.array([27, 28, 29]), rtol=1e-6
+    )
     assert not bodies.parameters.body_pose.any()
 
 
-@pytest.mark.parametrize("decoder", ["", "    USE_INTRIN_CENTER: false\n", "    USE_INTRIN_CENTER: true\n"])
+@pytest.mark.parametrize(
+    "decoder", ["", "    USE_INTRIN_CENTER: false\n", "    USE_INTRIN_CENTER: true\n"]
+)
 @pytest.mark.parametrize("centre", [(31.5, 23.5), (12.0, 40.25)])
 def test_bodies_lie_where_the_given_camera_sees_their_boxes(
     decoder: str, centre: tuple[float, float], make_sam: Callable[..., Sam3dBody]
 ) -> None:
-    """Unless its config says otherwise, the network takes the middle of the photo for the principal point."""
+    """Unless its config says otherwise, the network takes the middle of the photo for the principal
+    point.
+    """
     sam = make_sam(decoder="    TYPE: sam\n" + decoder)
     sam._network = sam.build("cpu")
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
@@ -198,7 +218,12 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
 ) -> None:
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
-    held = {"state_dict": {"gain": torch.ones(1), "backbone.encoder.cls_token": torch.full((1, 1, 2), 0.5)}}
+    held = {
+        "state_dict": {
+            "gain": torch.ones(1),
+            "backbone.encoder.cls_token": torch.full((1, 1, 2), 0.5),
+        }
+    }
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
     sam._network = sam.build("cpu")
@@ -228,15 +253,25 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     ("state", "absent"),
     [
         ({"gain": torch.ones(1)}, "backbone.encoder.cls_token"),
-        ({"gain": torch.ones(1), "backbone.encoder.cls_token": torch.zeros(1, 1, 3)}, "backbone.encoder.cls_token"),
+        (
+            {"gain": torch.ones(1), "backbone.encoder.cls_token": torch.zeros(1, 1, 3)},
+            "backbone.encoder.cls_token",
+        ),
     ],
 )
 def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
-    state: dict[str, torch.Tensor], absent: str, make_sam: Callable[..., Sam3dBody], stub: Callable[..., Path]
+    state: dict[str, torch.Tensor],
+    absent: str,
+    make_sam: Callable[..., Sam3dBody],
+    stub: Callable[..., Path],
 ) -> None:
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
-    sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
-    with pytest.raises(BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."):
+    sam = make_sam(
+        "dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3))
+    )
+    with pytest.raises(
+        BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."
+    ):
         sam._network = sam.build("cpu")
 
 
@@ -246,7 +281,8 @@ def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
     make_sam(held={"state_dict": {}}).build("cpu")
     (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert said.endswith(
-        "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at the bodies"
+        "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at "
+        "the bodies"
     )
 
 
@@ -254,12 +290,17 @@ def test_other_code_is_not_fetched_either(
     stub: Callable[..., Path], make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
-    stub("sam", {"sam_3d_body/__init__.py": CHECKOUT.replace("facebookresearch/dinov3", "somebody/else")})
+    stub(
+        "sam",
+        {"sam_3d_body/__init__.py": CHECKOUT.replace("facebookresearch/dinov3", "somebody/else")},
+    )
     with pytest.raises(BackendError, match="code of somebody/else"):
         make_sam("dinov3_vith16plus").build("cpu")
 
 
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..., Sam3dBody]) -> None:
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(
+    make_sam: Callable[..., Sam3dBody],
+) -> None:
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
@@ -276,7 +317,9 @@ def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> Non
         assert torch.hub.load("any", "thing") == "guarded"
         with pytest.raises(pickle.UnpicklingError):
             torch.load(tmp_path / "objects.pt", weights_only=False)
-        other = threading.Thread(target=lambda: found.append(torch.load(tmp_path / "objects.pt", weights_only=False)))
+        other = threading.Thread(
+            target=lambda: found.append(torch.load(tmp_path / "objects.pt", weights_only=False))
+        )
         other.start()
         other.join()
     assert found == [{"a": Path("x")}]
@@ -302,8 +345,12 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     sam.load(device)
     estimator = network_of(sam)
     assert estimator.model.device == device
-    process, at = estimator.process_one_image, []
-    estimator.process_one_image = lambda *args, **rest: (at.append(current[-1]), process(*args, **rest))[1]
+    process = estimator.process_one_image
+    at = []
+    estimator.process_one_image = lambda *args, **rest: (
+        at.append(current[-1]),
+        process(*args, **rest),
+    )[1]
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     assert at == [device, device]
     assert current == ["none"]
@@ -327,19 +374,26 @@ class PerfectSam:
     cfg: ClassVar[dict[str, Any]] = {"MODEL": {"DECODER": {"USE_INTRIN_CENTER": True}}}
 
     def process_one_image(
-        self, img: np.ndarray, bboxes: np.ndarray, masks: Any = None, cam_int: torch.Tensor | None = None
+        self,
+        img: np.ndarray,
+        bboxes: np.ndarray,
+        masks: Any = None,
+        cam_int: torch.Tensor | None = None,
     ) -> list[dict[str, Any]]:
         world = world_of(img)
         results = []
         for box in bboxes:
-            points, place = np.random.default_rng(0).normal(0, 0.3, (70, 3)), np.array([0.0, 0.0, 4.0])
+            points = np.random.default_rng(0).normal(0, 0.3, (70, 3))
+            place = np.array([0.0, 0.0, 4.0])
             if world is not None:
                 assert cam_int is not None
                 np.testing.assert_allclose(cam_int[0, 0, 0], world.intrinsics.fx, rtol=1e-5)
                 row = int(np.abs(world.boxes - box).sum(axis=1).argmin())
                 place = world.joints[row, 0] + np.array([0.0, 1.0, 0.0])
                 points = world_mhr_keypoints(world)[row] - place
-            results.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
+            results.append(
+                {"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points}
+            )
         return results
 
 
@@ -349,6 +403,8 @@ class SamOnWorlds(OnWorlds, Sam3dBody):
 
 
 # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
-@parametrize_with_checks("body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16})
+@parametrize_with_checks(
+    "body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16}
+)
 def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
     check()

@@ -1,9 +1,10 @@
-"""Errors of body poses: larger along the line of sight, correlated within a limb, larger for hidden bones.
+"""Errors of body poses: larger along the line of sight, correlated within a limb, larger for hidden
+bones.
 
-An image shows the direction of a bone in the image plane. The tilt out of the plane is visible only as foreshortening,
-which hardly changes at small tilts. Errors about the two axes across the line of sight are therefore larger than about
-the line of sight. Errors apply to bones in the camera frame, so they do not add up along a limb, but each limb has a
-common part.
+An image shows the direction of a bone in the image plane. The tilt out of the plane is visible only
+as foreshortening, which hardly changes at small tilts. Errors about the two axes across the line of
+sight are therefore larger than about the line of sight. Errors apply to bones in the camera frame,
+so they do not add up along a limb, but each limb has a common part.
 """
 
 from __future__ import annotations
@@ -23,7 +24,15 @@ BONES = 22
 """Number of body joints; each rotates the bone that follows it."""
 
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
-_ENDS = {"hip": "leg", "knee": "leg", "ankle": "leg", "foot": "leg", "shoulder": "arm", "elbow": "arm", "wrist": "arm"}
+_ENDS = {
+    "hip": "leg",
+    "knee": "leg",
+    "ankle": "leg",
+    "foot": "leg",
+    "shoulder": "arm",
+    "elbow": "arm",
+    "wrist": "arm",
+}
 
 
 def _limb(joint: str) -> str:
@@ -36,11 +45,15 @@ LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:BONES])
 """Limb of each bone."""
 
 _LIMB_NUMBER = np.array([sorted(set(LIMBS)).index(limb) for limb in LIMBS])
-_FIRST_CHILD = np.array([PARENTS.index(j, 0, BONES) if j in PARENTS[:BONES] else j for j in range(BONES)])
+_FIRST_CHILD = np.array(
+    [PARENTS.index(j, 0, BONES) if j in PARENTS[:BONES] else j for j in range(BONES)]
+)
 
 
 def line_of_sight_axes(point: FloatArray) -> FloatArray:
-    """Return orthonormal rows (3, 3): two axes across the line of sight to a point (3,), and the line of sight."""
+    """Return orthonormal rows (3, 3): two axes across the line of sight to a point (3,), and the
+    line of sight.
+    """
     line = point / np.linalg.norm(point)
     across = np.cross([0.0, 1.0, 0.0], line)
     across /= np.linalg.norm(across)
@@ -63,7 +76,8 @@ def draw_bone_errors(
     trunk_factor: float,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Draw the errors of one person's bones as rotation vectors (22, 3), camera frame, radians; 0 for the root.
+    """Draw the errors of one person's bones as rotation vectors (22, 3), camera frame, radians; 0
+    for the root.
 
     Args:
         sight: result of :func:`line_of_sight_axes`.
@@ -75,16 +89,22 @@ def draw_bone_errors(
         trunk_factor: factor on the errors of trunk, neck and head.
         rng: random generator.
     """
-    common, own = rng.normal(size=(len(set(LIMBS)), 3)), rng.normal(size=(BONES, 3))
+    common = rng.normal(size=(len(set(LIMBS)), 3))
+    own = rng.normal(size=(BONES, 3))
     draws = np.sqrt(limb_share) * common[_LIMB_NUMBER] + np.sqrt(1 - limb_share) * own
-    factor = np.where(hidden, hidden_factor, 1.0) * np.where(np.array(LIMBS) == "trunk", trunk_factor, 1.0)
-    errors: FloatArray = (draws * np.radians([lean_deg, lean_deg, plane_deg])) @ sight * factor[:, None]
+    factor = np.where(hidden, hidden_factor, 1.0) * np.where(
+        np.array(LIMBS) == "trunk", trunk_factor, 1.0
+    )
+    errors: FloatArray = (
+        (draws * np.radians([lean_deg, lean_deg, plane_deg])) @ sight * factor[:, None]
+    )
     errors[0] = 0.0
     return errors
 
 
 def depth_flip(bone: FloatArray, sight: FloatArray) -> Rotation:
-    """Return the rotation that mirrors the direction of a bone (3,) in the plane across the line of sight (3,) unit.
+    """Return the rotation that mirrors the direction of a bone (3,) in the plane across the line of
+    sight (3,) unit.
 
     The bone keeps its place in the image, and points away from the camera if it pointed towards it.
     """
@@ -100,7 +120,9 @@ def depth_flip(bone: FloatArray, sight: FloatArray) -> Rotation:
 
 
 def camera_rotations(local: FloatArray) -> list[Rotation]:
-    """Convert rotation vectors (22, 3) relative to the parents to bone rotations in the camera frame."""
+    """Convert rotation vectors (22, 3) relative to the parents to bone rotations in the camera
+    frame.
+    """
     from scipy.spatial.transform import Rotation
 
     turns: list[Rotation] = []
@@ -111,7 +133,9 @@ def camera_rotations(local: FloatArray) -> list[Rotation]:
 
 
 def local_rotations(seen: list[Rotation]) -> FloatArray:
-    """Convert bone rotations in the camera frame to rotation vectors (22, 3) relative to the parents."""
+    """Convert bone rotations in the camera frame to rotation vectors (22, 3) relative to the
+    parents.
+    """
     local = [seen[0].as_rotvec()]
     local += [(seen[PARENTS[j]].inv() * seen[j]).as_rotvec() for j in range(1, BONES)]
     return np.stack(local)

@@ -20,9 +20,9 @@ _TOUCHES = 0.95  # probability of true contact without noise
 class MockContactPrior(interfaces.ContactPrior):
     """Contact prior that returns a world's contact.
 
-    With noise it returns the same parts of every body, whatever touches: soles, and with half the probability the rest
-    of feet, hands and, of people who sit or lie, thighs, buttocks and back; only where their joints are reported as
-    observed.
+    With noise it returns the same parts of every body, whatever touches: soles, and with half the
+    probability the rest of feet, hands and, of people who sit or lie, thighs, buttocks and back;
+    only where their joints are reported as observed.
     """
 
     written_for = 1
@@ -30,7 +30,8 @@ class MockContactPrior(interfaces.ContactPrior):
     options: MockOptions
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Return contact probabilities (N, V) for people of a world's photo, above 0.5 for predicted contact.
+        """Return contact probabilities (N, V) for people of a world's photo, above 0.5 for
+        predicted contact.
 
         The mesh is that of the world; ``rest`` is set for bodies of another model.
 
@@ -44,9 +45,15 @@ class MockContactPrior(interfaces.ContactPrior):
         rows = match_masks_to_world(found, people)
         world = found.world
         probability = (
-            _fixed_parts(world, bodies) if self.options.noise else np.where(world.contact[rows], _TOUCHES, 1 - _TOUCHES)
+            _fixed_parts(world, bodies)
+            if self.options.noise
+            else np.where(world.contact[rows], _TOUCHES, 1 - _TOUCHES)
         )
-        rest = None if bodies.body_model == world.body_model else rest_mesh_of_model(load_body(world.body_model))
+        rest = (
+            None
+            if bodies.body_model == world.body_model
+            else rest_mesh_of_model(load_body(world.body_model))
+        )
         return ContactProbability(probability.astype(np.float32), world.topology, rest)
 
 
@@ -68,7 +75,9 @@ _BENT_HIPS = 0.7  # radians
 
 
 def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
-    """Return the contact probability (N, V) of fixed body parts of people whose joints are observed."""
+    """Return the contact probability (N, V) of fixed body parts of people whose joints are
+    observed.
+    """
     from physic_core.body import load_body
     from physic_core.body.joints import JOINT_INDEX
 
@@ -76,7 +85,11 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
     probability = np.zeros((len(bodies.parameters), model.num_vertices), np.float32)
     hips = bodies.parameters.body_pose.reshape(-1, 21, 3)[:, :2]
     bent = np.linalg.norm(hips, axis=-1).mean(1) > _BENT_HIPS
-    seen = np.ones((len(bodies.parameters), len(JOINT_INDEX)), bool) if bodies.observed is None else bodies.observed
+    seen = (
+        np.ones((len(bodies.parameters), len(JOINT_INDEX)), bool)
+        if bodies.observed is None
+        else bodies.observed
+    )
     for name, (value, joints) in _FIXED_PARTS.items():
         rows = model.contact_sets[name].numpy()
         shown = seen[:, [JOINT_INDEX[joint] for joint in joints]].any(1)

@@ -18,8 +18,11 @@ _EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
 _REACH = 2.0  # a blur_depth_edges edge fades out over this many of its widths
 
 
-def add_smooth_noise(depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator) -> FloatArray:
-    """Multiply a depth map by a smooth random factor whose logarithm has the standard deviation ``sigma``.
+def add_smooth_noise(
+    depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator
+) -> FloatArray:
+    """Multiply a depth map by a smooth random factor whose logarithm has the standard deviation
+    ``sigma``.
 
     The factor has about ``waves`` waves across the longer side.
     """
@@ -30,7 +33,9 @@ def add_smooth_noise(depth: FloatArray, sigma: float, waves: float, rng: np.rand
 def add_hole_noise(
     depth: FloatArray, hole: BoolArray | None, sigma: float, waves: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Multiply the depth of the inpainted pixels (H, W) by smooth noise that increases from zero at their border."""
+    """Multiply the depth of the inpainted pixels (H, W) by smooth noise that increases from zero at
+    their border.
+    """
     import cv2
 
     waves_inside = smooth_image(depth.shape, waves, rng)
@@ -42,8 +47,12 @@ def add_hole_noise(
     return result
 
 
-def flatten_relief(depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float) -> FloatArray:
-    """Reduce a person's relief about the median depth, and shift the person by a factor exp(offset)."""
+def flatten_relief(
+    depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float
+) -> FloatArray:
+    """Reduce a person's relief about the median depth, and shift the person by a factor
+    exp(offset).
+    """
     seen = mask & np.isfinite(depth)
     if not seen.any() or relief_lost == offset == 0:
         return depth
@@ -54,7 +63,9 @@ def flatten_relief(depth: FloatArray, mask: BoolArray, relief_lost: float, offse
 
 
 def blur_depth_edges(depth: FloatArray, width_px: float) -> FloatArray:
-    """Blur depth edges over ``width_px``, so that silhouette pixels lie between foreground and background."""
+    """Blur depth edges over ``width_px``, so that silhouette pixels lie between foreground and
+    background.
+    """
     import cv2
 
     if width_px == 0:
@@ -62,7 +73,8 @@ def blur_depth_edges(depth: FloatArray, width_px: float) -> FloatArray:
     known = np.isfinite(depth)
     log_depth = np.where(known, np.log(np.where(known, depth, 1.0)), 0.0)
     kernel = np.ones((3, 3), np.uint8)
-    low, high = np.where(known, log_depth, 99.0), np.where(known, log_depth, -99.0)
+    low = np.where(known, log_depth, 99.0)
+    high = np.where(known, log_depth, -99.0)
     edge = cv2.dilate(high, kernel) - cv2.erode(low, kernel) > np.log(_EDGE_RATIO)
     if not edge.any():
         return depth

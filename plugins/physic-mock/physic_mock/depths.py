@@ -1,6 +1,7 @@
 """Mocks of depth estimators: true depth with scale error or ambiguity, and with shape errors.
 
-One network stands behind both: they share an offset of inverse depth and a focal length, and people give the scale.
+One network stands behind both: they share an offset of inverse depth and a focal length, and people
+give the scale.
 """
 
 from __future__ import annotations
@@ -14,27 +15,52 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import DepthMap, Pointmap
-from physic_mock.depth_noise import add_hole_noise, add_smooth_noise, blur_depth_edges, flatten_relief
+from physic_mock.depth_noise import (
+    add_hole_noise,
+    add_smooth_noise,
+    blur_depth_edges,
+    flatten_relief,
+)
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.noise import scale_to_image, seeded_rng
-from physic_mock.recognition import MockOptions, RecognisedWorld, match_masks_to_world, recognise_world
+from physic_mock.recognition import (
+    MockOptions,
+    RecognisedWorld,
+    match_masks_to_world,
+    recognise_world,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
 # Standard deviations of logarithms, unless stated otherwise.
-_FOCAL_BIAS, _FOCAL_SIGMA = math.log(1.2), 0.07  # one draw a world
-_METRIC_SIGMA = 0.09  # of the metric depth, besides the error of the focal length or of the bodies' distances
-_UNIT_SIGMA, _PHOTO_UNIT_SIGMA = 0.3, 0.15  # of the point map's unit, in both images and in the photo with people alone
-_PERSON_BIAS, _PERSON_SIGMA = 0.1, 0.08  # of a person's depth; above 0 is too far
+# one draw a world
+_FOCAL_BIAS = math.log(1.2)
+_FOCAL_SIGMA = 0.07
+# of the metric depth, besides the error of the focal length or of the bodies' distances
+_METRIC_SIGMA = 0.09
+# of the point map's unit, in both images and in the photo with people alone
+_UNIT_SIGMA = 0.3
+_PHOTO_UNIT_SIGMA = 0.15
+# of a person's depth; above 0 is too far
+_PERSON_BIAS = 0.1
+_PERSON_SIGMA = 0.08
 _RELIEF_LOST = 0.3  # share of people's relief about their own median depth
 _SMEAR_PX = 2.0  # width of the blur of depth edges, of a photo 640 px wide
-_HOLE_SIGMA, _HOLE_WAVES = 0.03, 6.0  # where an inpainter made the picture up; waves across the longer side
-_BUMP_SIGMA, _BUMP_WAVES = 0.007, 16.0
-_WARP_SIGMA, _WARP_WAVES = 0.012, 2.0
-_DISAGREEMENT_SIGMA, _DISAGREEMENT_WAVES = 0.014, 3.0  # of its own in each of the two images
-_OFFSET_SHARE, _OFFSET_SIGMA = 0.6, 0.4  # of the inverse depth of the farthest surfaces: mean and standard deviation
+# where an inpainter made the picture up; waves across the longer side
+_HOLE_SIGMA = 0.03
+_HOLE_WAVES = 6.0
+_BUMP_SIGMA = 0.007
+_BUMP_WAVES = 16.0
+_WARP_SIGMA = 0.012
+_WARP_WAVES = 2.0
+# of its own in each of the two images
+_DISAGREEMENT_SIGMA = 0.014
+_DISAGREEMENT_WAVES = 3.0
+# of the inverse depth of the farthest surfaces: mean and standard deviation
+_OFFSET_SHARE = 0.6
+_OFFSET_SIGMA = 0.4
 _FAR = 0.95  # quantile of the depth of what counts as farthest
 _MOST_OFFSET = 0.95  # of the inverse depth there
 
@@ -42,20 +68,24 @@ _MOST_OFFSET = 0.95  # of the inverse depth there
 class MetricDepthOptions(MockOptions):
     """Options of :class:`MockMetricDepth`."""
 
-    scale: float = Field(1.0, ge=1e-6, le=1e6, description="Factor on the true depth besides the drawn one.")
+    scale: float = Field(
+        1.0, ge=1e-6, le=1e6, description="Factor on the true depth besides the drawn one."
+    )
     stated_sigma: float = Field(
         math.hypot(_METRIC_SIGMA, _FOCAL_SIGMA),
         ge=0,
         le=10,
-        description="Returned standard deviation of log scale, whatever the noise; by default the true one at noise 1.",
+        description="Returned standard deviation of log scale, whatever the noise; by default the "
+        "true one at noise 1.",
     )
 
 
 class MockMetricDepth(interfaces.MetricDepth):
     """Metric depth estimator that returns a world's depth with a scale error.
 
-    The error of the distances of given bodies is an error of the scale, too. Without bodies a focal length error scales
-    the depth by the same factor, as in networks that infer depth from sizes in px.
+    The error of the distances of given bodies is an error of the scale, too. Without bodies a focal
+    length error scales the depth by the same factor, as in networks that infer depth from sizes in
+    px.
     """
 
     written_for = 1
@@ -68,11 +98,14 @@ class MockMetricDepth(interfaces.MetricDepth):
         Raises:
             BackendError: the image shows no world.
         """
-        options, noise = self.options, self.options.noise
+        options = self.options
+        noise = self.options.noise
         found = recognise_world(image, hints.hole)
         world = found.world
         camera = hints.intrinsics or _camera(world, options)
-        drawn = math.exp(noise * _METRIC_SIGMA * seeded_rng(world, options.noise_seed, "metric scale").normal())
+        drawn = math.exp(
+            noise * _METRIC_SIGMA * seeded_rng(world, options.noise_seed, "metric scale").normal()
+        )
         depth = _noisy_depth(found, hints, options)
         depth = _bent(depth, _drawn_offset(found, depth, options), world.empty_floor_mask)
         if hints.bodies is not None and hints.people is not None:
@@ -99,19 +132,23 @@ class RelativePointmapOptions(MockOptions):
         1.0,
         ge=1e-6,
         le=1e6,
-        description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t.",
+        description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s "
+        "/ Z' + t.",
     )
     shift: float | None = Field(
         None,
         ge=-1e6,
         le=1e6,
-        description="The unknown shift t, metres or 1 / metres. None draws it for inverse_scale_shift, and is 0 for "
+        description="The unknown shift t, metres or 1 / metres. None draws it for "
+        "inverse_scale_shift, and is 0 for "
         "scale_shift. Unused where there is none.",
     )
 
 
 class MockRelativePointmap(interfaces.RelativePointmap):
-    """Point map estimator that returns a world's points with unknown scale and shift, drawn per image."""
+    """Point map estimator that returns a world's points with unknown scale and shift, drawn per
+    image.
+    """
 
     written_for = 1
     Options = RelativePointmapOptions
@@ -147,16 +184,30 @@ class MockRelativePointmap(interfaces.RelativePointmap):
 
 def _noisy_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -> FloatArray:
     """Return the depth map (H, W) with all shape errors, m; NaN in the sky."""
-    world, seed, noise = found.world, options.noise_seed, options.noise
+    world = found.world
+    seed = options.noise_seed
+    noise = options.noise
     depth = _visible_depth(found, hints, options)
     for i, mask in enumerate(world.masks):
-        drawn = _PERSON_BIAS + _PERSON_SIGMA * seeded_rng(world, seed, f"depth of person {i}").normal()
-        depth = flatten_relief(depth, mask & found.people, min(1.0, noise * _RELIEF_LOST), noise * drawn)
+        drawn = (
+            _PERSON_BIAS + _PERSON_SIGMA * seeded_rng(world, seed, f"depth of person {i}").normal()
+        )
+        depth = flatten_relief(
+            depth, mask & found.people, min(1.0, noise * _RELIEF_LOST), noise * drawn
+        )
         # What somebody holds is as far away as they are, also to a network.
-        held = [item for k, item in enumerate(found.items) if found.present[i] and (world.touched_item[i] == k).any()]
-        depth = np.where(np.any(held, axis=0), depth * np.exp(noise * drawn), depth) if held else depth
+        held = [
+            item
+            for k, item in enumerate(found.items)
+            if found.present[i] and (world.touched_item[i] == k).any()
+        ]
+        depth = (
+            np.where(np.any(held, axis=0), depth * np.exp(noise * drawn), depth) if held else depth
+        )
     depth = blur_depth_edges(depth, noise * scale_to_image(_SMEAR_PX, depth.shape))
-    depth = add_hole_noise(depth, hints.hole, noise * _HOLE_SIGMA, _HOLE_WAVES, seeded_rng(world, seed, "hole"))
+    depth = add_hole_noise(
+        depth, hints.hole, noise * _HOLE_SIGMA, _HOLE_WAVES, seeded_rng(world, seed, "hole")
+    )
     for sigma, waves, purpose in (
         (_BUMP_SIGMA, _BUMP_WAVES, "bumps"),
         (_WARP_SIGMA, _WARP_WAVES, "point map"),
@@ -173,12 +224,16 @@ def _scale_and_shift(
     common = seeded_rng(found.world, options.noise_seed, "unit of both").normal()
     own = seeded_rng(found.world, options.noise_seed, "unit of the photo").normal()
     own = own if _image_kind(found) == "photo" else 0.0
-    scale = options.scale * math.exp(options.noise * (_UNIT_SIGMA * common + _PHOTO_UNIT_SIGMA * own))
+    scale = options.scale * math.exp(
+        options.noise * (_UNIT_SIGMA * common + _PHOTO_UNIT_SIGMA * own)
+    )
     if options.unknown == "scale":
         return scale, 0.0
     if options.shift is not None:
         return scale, options.shift
-    return scale, _drawn_offset(found, depth, options) if options.unknown == "inverse_scale_shift" else 0.0
+    return scale, _drawn_offset(
+        found, depth, options
+    ) if options.unknown == "inverse_scale_shift" else 0.0
 
 
 def _image_kind(found: RecognisedWorld) -> str:
@@ -203,10 +258,11 @@ def _visible_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -
 
 
 def _drawn_offset(found: RecognisedWorld, depth: FloatArray, options: MockOptions) -> float:
-    """Return the offset of inverse depth, 1 / metres: a share of the inverse depth of the farthest surfaces.
+    """Return the offset of inverse depth, 1 / metres: a share of the inverse depth of the farthest
+    surfaces.
 
-    Above 0, what is far comes out too far. The relative point map leaves the offset open; the metric depth has it as an
-    error that is 0 in the middle of the floor.
+    Above 0, what is far comes out too far. The relative point map leaves the offset open; the
+    metric depth has it as an error that is 0 in the middle of the floor.
     """
     draw = seeded_rng(found.world, options.noise_seed, "offset of inverse depth").normal()
     share = min(options.noise * (_OFFSET_SHARE + _OFFSET_SIGMA * draw), _MOST_OFFSET)
@@ -214,7 +270,9 @@ def _drawn_offset(found: RecognisedWorld, depth: FloatArray, options: MockOption
 
 
 def _bent(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
-    """Return the depth map after an offset of inverse depth, unchanged at the median depth of the floor."""
+    """Return the depth map after an offset of inverse depth, unchanged at the median depth of the
+    floor.
+    """
     if offset == 0:
         return depth
     known = np.isfinite(depth)
@@ -225,13 +283,17 @@ def _bent(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
 
 
 def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
-    """Return the geometric mean of the given bodies' distance over the true one; 1 without a body of this world."""
+    """Return the geometric mean of the given bodies' distance over the true one; 1 without a body
+    of this world.
+    """
     assert hints.bodies is not None
     assert hints.people is not None
     world = found.world
     if hints.bodies.body_model != world.body_model or not len(hints.people):
         return 1.0
-    rows = match_masks_to_world(replace(found, present=np.ones(len(world.masks), bool)), hints.people)
+    rows = match_masks_to_world(
+        replace(found, present=np.ones(len(world.masks), bool)), hints.people
+    )
     true = world.joints[rows, 0, 2].astype(np.float64)
     own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
     return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))
@@ -248,4 +310,6 @@ def _camera(world: World, options: MockOptions) -> Intrinsics:
 def _rays(camera: Intrinsics) -> FloatArray:
     """Return the rays (H, W, 3) with z = 1 through the pixel centres."""
     v, u = np.mgrid[: camera.height, : camera.width]
-    return np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)
+    return np.stack(
+        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1
+    )

@@ -1,4 +1,6 @@
-"""Values of a hole interpolated from its surroundings, as an inpainter or a depth network would continue them."""
+"""Values of a hole interpolated from its surroundings, as an inpainter or a depth network would
+continue them.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,8 @@ _SMALLEST = 4  # px: an image of this side is not halved again
 def fill_from_surroundings(values: FloatArray, hole: BoolArray) -> FloatArray:
     """Replace the values in a hole by a nearly harmonic interpolation of those around it.
 
-    Laplace's equation is solved by Jacobi's method, from a coarse image to the full one. Without a pixel outside of the
-    hole, the values stay as they are.
+    Laplace's equation is solved by Jacobi's method, from a coarse image to the full one. Without a
+    pixel outside of the hole, the values stay as they are.
 
     Args:
         values: (H, W, C); those in the hole are not read, the others are finite.
@@ -33,7 +35,9 @@ def fill_from_surroundings(values: FloatArray, hole: BoolArray) -> FloatArray:
 
 
 def _fill(values: FloatArray, known: FloatArray) -> FloatArray:
-    """Return the values (H, W, C) with those filled whose ``known`` (H, W, 1) is 0; the others are unchanged."""
+    """Return the values (H, W, C) with those filled whose ``known`` (H, W, 1) is 0; the others are
+    unchanged.
+    """
     if (known > 0).all():
         return values
     if min(known.shape[:2]) <= _SMALLEST:

@@ -32,48 +32,70 @@ if TYPE_CHECKING:
 _WRISTS = (20, 21)
 _FLIPPABLE = {
     f"{side}_{joint}": f"{side}_{child}"
-    for joint, child in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
+    for joint, child in (
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("hip", "knee"),
+        ("knee", "ankle"),
+    )
     for side in ("left", "right")
 }
 """Joint at the start of a limb segment -> joint at its end."""
 
 
 # Standard deviations, unless stated otherwise.
-_LEAN_DEG, _PLANE_DEG = 10.0, 6.0  # of bones about each axis across the line of sight, and about it
+# of bones about each axis across the line of sight, and about it
+_LEAN_DEG = 10.0
+_PLANE_DEG = 6.0
 _LIMB_SHARE = 0.5  # of the variance of both, in common for all bones of an arm, a leg or the trunk
-_TRUNK_FACTOR, _HIDDEN_FACTOR = 0.5, 2.0  # on both, of trunk, neck and head, and of bones whose end is hidden
-_ROOT_DEG, _ROOT_LEAN_FACTOR = 6.0, 2.2  # of the trunk between limbs that stay; factor across the line of sight
+# on both, of trunk, neck and head, and of bones whose end is hidden
+_TRUNK_FACTOR = 0.5
+_HIDDEN_FACTOR = 2.0
+# of the trunk between limbs that stay; factor across the line of sight
+_ROOT_DEG = 6.0
+_ROOT_LEAN_FACTOR = 2.2
 _PERSON_SIGMA = 0.3  # of the logarithm of a person's factor on all of these rotations
-_FLIPPED, _FLIPPED_FOREARMS = 0.06, 0.15  # shares of segments that point towards the camera, not away
+# shares of segments that point towards the camera, not away
+_FLIPPED = 0.06
+_FLIPPED_FOREARMS = 0.15
 _SHAPE_SIGMA = 0.4  # of each shape component; those that change the stature less
 _STATURE_SIGMA = 0.045  # of the logarithm of stature over the true one
 _DEPTH_SHARE = 0.5  # of the variance of log distance, common to all people of a photo
 _LATERAL_M = 0.03  # across the line of sight
 _OBSERVED_ERRORS = 0.03  # share of joints whose reported visibility is wrong
-_FINGER_DEG, _MISSED_HANDS = 10.0, 0.1  # of finger joints about each axis; share of the hands in sight
+# of finger joints about each axis; share of the hands in sight
+_FINGER_DEG = 10.0
+_MISSED_HANDS = 0.1
 
 
 class BodyOptions(MockOptions):
     """Options of :class:`MockBodyEstimator`."""
 
     stature_bias: float = Field(
-        -0.06, ge=-0.5, le=0.5, description="Mean of the logarithm of stature over the true one, times the noise."
+        -0.06,
+        ge=-0.5,
+        le=0.5,
+        description="Mean of the logarithm of stature over the true one, times the noise.",
     )
     stated_sigma: float | None = Field(
-        None, gt=0, le=3, description="Returned standard deviation of all rotations, radians, whatever the noise."
+        None,
+        gt=0,
+        le=3,
+        description="Returned standard deviation of all rotations, radians, whatever the noise.",
     )
     depth_noise: interfaces.Share = Field(
         0.05,
-        description="Standard deviation of the logarithm of distance, besides the error of stature, times the noise.",
+        description="Standard deviation of the logarithm of distance, besides the error of "
+        "stature, times the noise.",
     )
 
 
 class MockBodyEstimator(interfaces.BodyEstimator):
     """Body estimator that returns a world's bodies with errors typical of estimators.
 
-    Hands are flat; the hand estimator returns their pose. With noise, distance follows from the size in the photo: the
-    errors of stature and of focal length are errors of distance, too, and children come out as adults who are farther
-    away.
+    Hands are flat; the hand estimator returns their pose. With noise, distance follows from the
+    size in the photo: the errors of stature and of focal length are errors of distance, too, and
+    children come out as adults who are farther away.
     """
 
     written_for = 1
@@ -81,7 +103,12 @@ class MockBodyEstimator(interfaces.BodyEstimator):
     options: BodyOptions
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Return the bodies of people in a world's photo.
 
@@ -91,12 +118,16 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         options = self.options
         found = recognise_world(image)
         rows = match_masks_to_world(found, people)
-        world, rng = found.world, seeded_rng(found.world, options.noise_seed, "bodies")
-        truth, count = world.parameters, len(world.vertices)
+        world = found.world
+        rng = seeded_rng(found.world, options.noise_seed, "bodies")
+        truth = world.parameters
+        count = len(world.vertices)
         placed = _noisy_translations(world, options, rng, intrinsics)
         posed = np.stack(
             [
-                _noisy_pose(world, i, options, seeded_rng(world, options.noise_seed, f"pose of person {i}"))
+                _noisy_pose(
+                    world, i, options, seeded_rng(world, options.noise_seed, f"pose of person {i}")
+                )
                 for i in range(count)
             ]
         )
@@ -113,29 +144,47 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             expression=truth.expression.copy(),
             transl=placed,
         )
-        picked = replace(parameters, **{name: value[rows] for name, value in vars(parameters).items()})
+        picked = replace(
+            parameters, **{name: value[rows] for name, value in vars(parameters).items()}
+        )
         return Bodies(
             parameters=picked,
             body_model=world.body_model,
             observed=(world.joints_visible ^ flips)[rows],
-            rotation_sigma=None if options.stated_sigma is None else np.full((len(rows), BONES), options.stated_sigma),
+            rotation_sigma=None
+            if options.stated_sigma is None
+            else np.full((len(rows), BONES), options.stated_sigma),
         )
 
 
 def _log_statures(world: World, options: BodyOptions) -> FloatArray:
-    """Return the error (N,) of the logarithm of each person's stature, which decides the distance, too."""
+    """Return the error (N,) of the logarithm of each person's stature, which decides the distance,
+    too.
+    """
     rng = seeded_rng(world, options.noise_seed, "statures", all_views=True)
-    errors: FloatArray = options.noise * (options.stature_bias + _STATURE_SIGMA * rng.normal(size=len(world.vertices)))
+    errors: FloatArray = options.noise * (
+        options.stature_bias + _STATURE_SIGMA * rng.normal(size=len(world.vertices))
+    )
     return errors
 
 
-def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Generator, camera: Intrinsics) -> FloatArray:
-    """Return translations (N, 3) float32 with log-normal errors along the line of sight, normal across it."""
+def _noisy_translations(
+    world: World, options: BodyOptions, rng: np.random.Generator, camera: Intrinsics
+) -> FloatArray:
+    """Return translations (N, 3) float32 with log-normal errors along the line of sight, normal
+    across it.
+    """
     pelvis = world.joints[:, 0].astype(np.float64)
-    common, own = rng.normal(), rng.normal(size=len(pelvis))
+    common = rng.normal()
+    own = rng.normal(size=len(pelvis))
     along = np.sqrt(_DEPTH_SHARE) * common + np.sqrt(1 - _DEPTH_SHARE) * own
     across = rng.normal(size=(len(pelvis), 2))
-    moved = pelvis * np.exp(options.noise * options.depth_noise * along + _log_statures(world, options))[:, None]
+    moved = (
+        pelvis
+        * np.exp(options.noise * options.depth_noise * along + _log_statures(world, options))[
+            :, None
+        ]
+    )
     if options.noise:
         moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
     moved *= _seen_shapes(world, options)[1][:, None]
@@ -145,12 +194,18 @@ def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Gener
     return placed
 
 
-def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+def _noisy_pose(
+    world: World, person: int, options: BodyOptions, rng: np.random.Generator
+) -> FloatArray:
     """Return rotation vectors (22, 3) float32 of one person's root and body joints, with errors."""
     from scipy.spatial.transform import Rotation
 
     truth = world.parameters
-    local = np.concatenate([truth.global_orient[person], truth.body_pose[person]]).reshape(BONES, 3).astype(np.float64)
+    local = (
+        np.concatenate([truth.global_orient[person], truth.body_pose[person]])
+        .reshape(BONES, 3)
+        .astype(np.float64)
+    )
     sight = line_of_sight_axes(world.joints[person, 0].astype(np.float64))
     own = seeded_rng(world, options.noise_seed, f"how the pose of person {person} fares")
     fares = np.exp(_PERSON_SIGMA * own.normal())
@@ -175,13 +230,17 @@ def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.
         share = _FLIPPED_FOREARMS if "elbow" in joint else _FLIPPED
         if bernoulli(share, options.noise, own.random(1))[0]:
             j = JOINT_INDEX[joint]
-            bone = (world.joints[person, JOINT_INDEX[child]] - world.joints[person, j]).astype(np.float64)
+            bone = (world.joints[person, JOINT_INDEX[child]] - world.joints[person, j]).astype(
+                np.float64
+            )
             seen[j] = depth_flip(bone, sight[2]) * seen[j]
     return local_rotations(seen).astype(np.float32)
 
 
 def _noisy_betas(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
-    """Return betas (N, K) float32 with errors along stature, which are also those of distance, and across it."""
+    """Return betas (N, K) float32 with errors along stature, which are also those of distance, and
+    across it.
+    """
     betas, _ = _seen_shapes(world, options)
     growth = _log_stature_gradient(world.body_model)
     direction = growth / np.linalg.norm(growth)
@@ -193,8 +252,11 @@ def _noisy_betas(world: World, options: BodyOptions, rng: np.random.Generator) -
 
 
 def _seen_shapes(world: World, options: BodyOptions) -> tuple[FloatArray, FloatArray]:
-    """Return betas (N, K), a mean adult's for children who come out as adults, and (N,) how much taller these are."""
-    betas, taller = world.parameters.betas.astype(np.float64), np.ones(len(world.ages))
+    """Return betas (N, K), a mean adult's for children who come out as adults, and (N,) how much
+    taller these are.
+    """
+    betas = world.parameters.betas.astype(np.float64)
+    taller = np.ones(len(world.ages))
     children = np.isfinite(world.ages) & (options.noise > 0)
     if children.any():
         import torch
@@ -224,7 +286,9 @@ def _log_stature_gradient(body_model: str) -> FloatArray:
 
 
 class MockHandEstimator(interfaces.HandEstimator):
-    """Hand estimator that returns a world's finger rotations with noise, for hands with a visible wrist."""
+    """Hand estimator that returns a world's finger rotations with noise, for hands with a visible
+    wrist.
+    """
 
     written_for = 1
     Options = MockOptions

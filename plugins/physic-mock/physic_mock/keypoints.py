@@ -1,4 +1,6 @@
-"""Mock of a keypoint detector: true keypoints with noise, larger at hidden points, and left-right swaps."""
+"""Mock of a keypoint detector: true keypoints with noise, larger at hidden points, and left-right
+swaps.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +24,28 @@ if TYPE_CHECKING:
 _LEG = ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip")
 _ARM = (
     *("elbow", "wrist", "hand_root"),
-    *(f"{finger}{k}" for finger in ("thumb", "index", "middle", "ring", "pinky") for k in (1, 2, 3, "_tip")),
+    *(
+        f"{finger}{k}"
+        for finger in ("thumb", "index", "middle", "ring", "pinky")
+        for k in (1, 2, 3, "_tip")
+    ),
 )
 
 
-_POINT_SIGMA, _HIDDEN_SIGMA = 0.016, 0.065  # along x and along y, as a share of the larger side of the person's box
+# along x and along y, as a share of the larger side of the person's box
+_POINT_SIGMA = 0.016
+_HIDDEN_SIGMA = 0.065
 _LIMB_SHARE = 0.5  # of the variance, in common for all points of an arm, a leg or the rest
-_FREEDOM = 1.5  # degrees of Student's t distribution of the errors, with one scale for each arm, each leg and the rest
-_HIDDEN_CONFIDENCE = 0.3  # mean confidence of hidden points, give or take half of it; others have about .9
-_OVERCONFIDENT, _UNSURE = 0.5, 0.15  # shares of hidden points that look sure, and of points in sight that do not
-_NEIGHBOURS_LIMBS = 0.05  # share of the limbs of people whose boxes overlap that are found at the other person's
+# degrees of Student's t distribution of the errors, with one scale for each arm, each leg and the
+# rest
+_FREEDOM = 1.5
+# mean confidence of hidden points, give or take half of it; others have about .9
+_HIDDEN_CONFIDENCE = 0.3
+# shares of hidden points that look sure, and of points in sight that do not
+_OVERCONFIDENT = 0.5
+_UNSURE = 0.15
+# share of the limbs of people whose boxes overlap that are found at the other person's
+_NEIGHBOURS_LIMBS = 0.05
 _SWAPPED = 0.02  # share of people's pairs of arms, and of legs, whose left and right are swapped
 
 
@@ -66,17 +80,23 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         sigma = options.noise * np.where(visible, _POINT_SIGMA, _HIDDEN_SIGMA) * size[:, None]
         errors = _limb_errors(rng.normal(size=truth.shape), found, skeleton.names, options)
         points = truth + sigma[..., None] * errors
-        sure, unsure = rng.uniform(0.85, 0.98, visible.shape), rng.uniform(0.5, 1.5, visible.shape)
+        sure = rng.uniform(0.85, 0.98, visible.shape)
+        unsure = rng.uniform(0.5, 1.5, visible.shape)
         unsure_rng = seeded_rng(found.world, options.noise_seed, "unsure keypoints")
         missed = bernoulli(_UNSURE, options.noise, unsure_rng.random(visible.shape))
         bold = bernoulli(_OVERCONFIDENT, options.noise, rng.random(visible.shape))
         looks_sure = np.where(visible, ~missed, bold)
         confidence = np.where(looks_sure, sure, np.minimum(unsure * _HIDDEN_CONFIDENCE, 1.0))
-        for person, swaps in enumerate(bernoulli(_SWAPPED, options.noise, rng.random((len(truth), 2)))):
+        for person, swaps in enumerate(
+            bernoulli(_SWAPPED, options.noise, rng.random((len(truth), 2)))
+        ):
             for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
                 if swap:
                     order = _swap_sides_order(skeleton.names, limb)
-                    points[person], confidence[person] = points[person, order], confidence[person, order]
+                    points[person], confidence[person] = (
+                        points[person, order],
+                        confidence[person, order],
+                    )
         points = _with_neighbours_limbs(points, found, skeleton.names, options)
         return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
 
@@ -84,7 +104,9 @@ class MockKeypointDetector(interfaces.KeypointDetector):
 def _limb_errors(
     own: FloatArray, found: RecognisedWorld, names: tuple[str, ...], options: KeypointOptions
 ) -> FloatArray:
-    """Return normal errors (N, J, 2) with a part in common and one scale for each arm, each leg and the rest."""
+    """Return normal errors (N, J, 2) with a part in common and one scale for each arm, each leg and
+    the rest.
+    """
     limbs = sorted({_limb_of(name) for name in names})
     limb = [limbs.index(_limb_of(name)) for name in names]
     rng = seeded_rng(found.world, options.noise_seed, "keypoints of limbs")
@@ -97,7 +119,9 @@ def _limb_errors(
 def _with_neighbours_limbs(
     points: FloatArray, found: RecognisedWorld, names: tuple[str, ...], options: KeypointOptions
 ) -> FloatArray:
-    """Return points (N, J, 2) where some limbs are those of the person whose box overlaps the own one most."""
+    """Return points (N, J, 2) where some limbs are those of the person whose box overlaps the own
+    one most.
+    """
     rng = seeded_rng(found.world, options.noise_seed, "limbs of neighbours")
     limbs = sorted({_limb_of(name) for name in names} - {"rest"})
     limb = np.array([_limb_of(name) for name in names])

@@ -23,7 +23,9 @@ _FOOT_RADIUS_M = 0.09  # round the line from ankle to toes
 def remove_hands_and_feet(
     mask: BoolArray, world: World, person: int, share: float, noise: float, rng: np.random.Generator
 ) -> BoolArray:
-    """Return the mask (H, W) without some hands and feet, each missing with probability ``share * noise``."""
+    """Return the mask (H, W) without some hands and feet, each missing with probability ``share *
+    noise``.
+    """
     missed = bernoulli(share, noise, rng.random(len(LIMB_ENDS)))
     if not missed.any():
         return mask.copy()
@@ -43,14 +45,21 @@ def _limb_end_points(joints: FloatArray, end: str) -> tuple[FloatArray, float]:
     if name == "wrist":
         first = JOINT_INDEX[f"{side}_index1"]
         knuckles = joints[first : first + 15]
-        return np.concatenate([(joints[[JOINT_INDEX[end]]] + knuckles) / 2, knuckles]), _HAND_RADIUS_M
-    ankle, foot = joints[JOINT_INDEX[end]], joints[JOINT_INDEX[f"{side}_foot"]]
+        return np.concatenate(
+            [(joints[[JOINT_INDEX[end]]] + knuckles) / 2, knuckles]
+        ), _HAND_RADIUS_M
+    ankle = joints[JOINT_INDEX[end]]
+    foot = joints[JOINT_INDEX[f"{side}_foot"]]
     return ankle + np.linspace(-0.3, 1.7, 7)[:, None] * (foot - ankle), _FOOT_RADIUS_M
 
 
-def add_stray_disc(mask: BoolArray, size_px: float, share: float, noise: float, rng: np.random.Generator) -> BoolArray:
+def add_stray_disc(
+    mask: BoolArray, size_px: float, share: float, noise: float, rng: np.random.Generator
+) -> BoolArray:
     """Add, with probability ``share`` times ``noise``, a disc at the border of a mask (H, W)."""
-    happens, radius, pick = bernoulli(share, noise, rng.random(1))[0], size_px * rng.uniform(0.03, 0.07), rng.random()
+    happens = bernoulli(share, noise, rng.random(1))[0]
+    radius = size_px * rng.uniform(0.03, 0.07)
+    pick = rng.random()
     return mask | _disc_on_border(mask, radius, pick) if happens else mask.copy()
 
 
@@ -67,7 +76,8 @@ def draw_floor_mask(
         rng: random generator.
     """
     rough = roughen_border(floor, ragged_px, rng)
-    counts, picks = rng.random((2, 8)), rng.random((2, 8))
+    counts = rng.random((2, 8))
+    picks = rng.random((2, 8))
     radii = scale_to_image(1.0, floor.shape) * rng.uniform(8, 30, (2, 8))
     happens = bernoulli(spills / 8, noise, counts)
     for takes_in in (True, False):
@@ -78,7 +88,9 @@ def draw_floor_mask(
 
 
 def _disc_on_border(mask: BoolArray, radius: float, pick: float) -> BoolArray:
-    """Return a disc (H, W) around the border pixel that ``pick`` in [0, 1) selects; empty without a border."""
+    """Return a disc (H, W) around the border pixel that ``pick`` in [0, 1) selects; empty without a
+    border.
+    """
     import cv2
 
     border = np.argwhere(mask & (cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0))

@@ -23,18 +23,22 @@ _RAGGED_PX = 1.2  # how far the masks' borders stray, of a photo 640 px wide
 _MISSED_ENDS = 0.04  # share of hands and feet that the masks miss
 _STRAYS = 0.15  # share of people whose mask takes in a bit of what is beside them
 _MISSED_FLOORS = 0.22  # share of photos whose floor is not found
-_SPILLS = 1.5  # mean number of bits of other things in the floor's mask, and of missing bits of floor
+# mean number of bits of other things in the floor's mask, and of missing bits of floor
+_SPILLS = 1.5
 
 
 class SegmenterOptions(MockOptions):
     """Options of :class:`MockSegmenter`."""
 
     missed_people: interfaces.Share = Field(
-        0.03, description="Share of people who are not found, times the noise; the largest in the photo always is."
+        0.03,
+        description="Share of people who are not found, times the noise; the largest in the photo "
+        "always is.",
     )
     surfaces: bool = Field(
         False,
-        description="Whether surfaces are labelled, without errors. The engine then also looks for feet in the air, "
+        description="Whether surfaces are labelled, without errors. The engine then also looks "
+        "for feet in the air, "
         "which it finds too often among the errors of depth of the other mocks.",
     )
 
@@ -84,10 +88,13 @@ def _found_people(found: RecognisedWorld, options: SegmenterOptions) -> list[int
 
 def _person(found: RecognisedWorld, person: int, options: SegmenterOptions) -> BoolArray:
     """Return the mask of one person with errors."""
-    world, noise = found.world, options.noise
+    world = found.world
+    noise = options.noise
     rng = seeded_rng(world, options.noise_seed, f"mask of person {person}")
     x0, y0, x1, y1 = world.boxes[person]
-    mask = roughen_border(world.masks[person], noise * scale_to_image(_RAGGED_PX, found.people.shape), rng)
+    mask = roughen_border(
+        world.masks[person], noise * scale_to_image(_RAGGED_PX, found.people.shape), rng
+    )
     whole = remove_hands_and_feet(mask, world, person, _MISSED_ENDS, noise, rng)
     return add_stray_disc(whole, max(x1 - x0, y1 - y0), _STRAYS, noise, rng)
 
@@ -105,11 +112,14 @@ def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | Non
 def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
     """Return the true labels of the pixels."""
     person = SURFACE_NAMES.index("person")
-    return SurfaceLabels(np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8))
+    return SurfaceLabels(
+        np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8)
+    )
 
 
 class MockInpainter(interfaces.Inpainter):
-    """Inpainter that fills the mask with a world's image without people, or, with noise, from what surrounds it.
+    """Inpainter that fills the mask with a world's image without people, or, with noise, from what
+    surrounds it.
 
     The other mocks read the world instead of the image.
     """
@@ -136,5 +146,6 @@ class MockInpainter(interfaces.Inpainter):
 
 def _box(mask: BoolArray) -> FloatArray:
     """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)

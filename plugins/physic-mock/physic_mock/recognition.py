@@ -28,7 +28,8 @@ class MockOptions(interfaces.Options):
         0.0,
         ge=0,
         le=10,
-        description="Factor on all errors of this backend: 0 is the truth, 1 has errors as large as those of the "
+        description="Factor on all errors of this backend: 0 is the truth, 1 has errors as large "
+        "as those of the "
         "embedded estimators on real photos (noise version 4), 2 twice the errors.",
     )
     noise_seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of this mock's own errors.")
@@ -36,7 +37,11 @@ class MockOptions(interfaces.Options):
     @property
     def noted(self) -> str:
         """What a note says of the errors; empty without errors."""
-        return f" with errors of noise version {NOISE_VERSION} times {self.noise:g}" if self.noise else ""
+        return (
+            f" with errors of noise version {NOISE_VERSION} times {self.noise:g}"
+            if self.noise
+            else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -74,13 +79,19 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
     if not is_world(name):
         raise _unknown_image_error(width, height, f"is of the world {name!r}, which there is not")
     if height * width > _LARGEST_PX:
-        raise _unknown_image_error(width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)")
+        raise _unknown_image_error(
+            width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)"
+        )
     world = build_world(name, seed, (width, height))
-    photo, empty = _similar_pixels(image, world.image), _similar_pixels(image, world.empty_image)
+    photo = _similar_pixels(image, world.image)
+    empty = _similar_pixels(image, world.empty_image)
     explained = photo | empty if hole is None else photo | empty | hole
     if not explained.all():
         raise _unknown_image_error(
-            width, height, f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its pixels"
+            width,
+            height,
+            f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its "
+            f"pixels",
         )
     shown = np.ones_like(photo) if hole is None else ~hole
     return _find_remaining(world, photo & shown, empty, shown)
@@ -89,15 +100,21 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
 def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
     """Return the error for an image that is not the photo of a world."""
     return BackendError(
-        f"The mock backends only know the photos of their own worlds, and this {width} x {height} px image {fault}: "
+        f"The mock backends only know the photos of their own worlds, and this {width} x {height} "
+        f"px image {fault}: "
         "give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, "
         "or choose real backends."
     )
 
 
-def _find_remaining(world: World, photo: BoolArray, empty: BoolArray, shown: BoolArray) -> RecognisedWorld:
-    """Find the people and the small objects that are still visible in the pixels ``shown`` of the photo."""
-    # Where a person has the colour of what is behind them, a pixel belongs to them if most of their others do.
+def _find_remaining(
+    world: World, photo: BoolArray, empty: BoolArray, shown: BoolArray
+) -> RecognisedWorld:
+    """Find the people and the small objects that are still visible in the pixels ``shown`` of the
+    photo.
+    """
+    # Where a person has the colour of what is behind them, a pixel belongs to them if most of their
+    # others do.
     people: BoolArray = photo & ~empty & world.masks.any(axis=0)
     present = np.zeros(len(world.masks), bool)
     telling = ~_similar_pixels(world.image, world.empty_image)
@@ -127,8 +144,10 @@ def match_masks_to_world(recognised: RecognisedWorld, people: People) -> list[in
         best = int(np.argmax(overlaps))
         if overlaps[best] < _SAME_PERSON_IOU:
             raise BackendError(
-                f"Person {i} is nobody of the mock world {recognised.world.name!r}: their mask overlaps no remaining "
-                f"person by an IoU of {_SAME_PERSON_IOU} or more (best {max(overlaps[best], 0.0):.2f}). "
+                f"Person {i} is nobody of the mock world {recognised.world.name!r}: their mask "
+                f"overlaps no remaining "
+                f"person by an IoU of {_SAME_PERSON_IOU} or more (best "
+                f"{max(overlaps[best], 0.0):.2f}). "
                 "Use masks of the people in the photo."
             )
         rows.append(best)

@@ -34,7 +34,9 @@ def two():
 
 
 def everyone(world) -> People:
-    return People(masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks)))
+    return People(
+        masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks))
+    )
 
 
 def known(depth: np.ndarray) -> np.ndarray:
@@ -49,7 +51,9 @@ def no_keypoints(count: int) -> Keypoints:
 def pose(world, **options):
     estimator = MockBodyEstimator(BodyOptions(**options))
     count = len(world.masks)
-    return estimator.infer(world.image, everyone(world), world.intrinsics, no_keypoints(count), Hints())
+    return estimator.infer(
+        world.image, everyone(world), world.intrinsics, no_keypoints(count), Hints()
+    )
 
 
 def test_the_answers_are_the_truth(world):
@@ -70,11 +74,15 @@ def test_the_answers_are_the_truth(world):
         np.testing.assert_array_equal(answer.valid, np.isfinite(points[..., 2]))
     bodies = pose(world)
     for name in ("global_orient", "body_pose", "betas", "transl"):
-        np.testing.assert_allclose(getattr(bodies.parameters, name), getattr(world.parameters, name), atol=2e-6)
+        np.testing.assert_allclose(
+            getattr(bodies.parameters, name), getattr(world.parameters, name), atol=2e-6
+        )
     np.testing.assert_array_equal(bodies.observed, world.joints_visible)
     assert bodies.rotation_sigma is None
     hands = MockHandEstimator().infer(world.image, people, no_keypoints(len(people)))
-    np.testing.assert_allclose(hands.rotvecs[:, 1].reshape(-1, 45), world.parameters.right_hand_pose, atol=1e-6)
+    np.testing.assert_allclose(
+        hands.rotvecs[:, 1].reshape(-1, 45), world.parameters.right_hand_pose, atol=1e-6
+    )
     np.testing.assert_array_equal(hands.confidence > 0, world.joints_visible[:, [20, 21]])
     perfect = MockContactPrior().infer(world.image, people, bodies)
     np.testing.assert_array_equal(perfect.probability > 0.5, world.contact)
@@ -82,18 +90,22 @@ def test_the_answers_are_the_truth(world):
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
-    scale, shift = 1.7, -0.03
+    scale = 1.7
+    shift = -0.03
     options = RelativePointmapOptions(unknown=unknown, scale=scale, shift=shift)
     answer = MockRelativePointmap(options).infer(world.image, Hints())
     assert answer.unknown == unknown
     seen = np.isfinite(world.depth)
     np.testing.assert_array_equal(answer.valid, seen)
     z = answer.points[..., 2].astype(float)
-    metric = {"scale": scale * z, "scale_shift": scale * z + shift, "inverse_scale_shift": 1 / (scale / z + shift)}[
-        unknown
-    ]
+    metric = {
+        "scale": scale * z,
+        "scale_shift": scale * z + shift,
+        "inverse_scale_shift": 1 / (scale / z + shift),
+    }[unknown]
     np.testing.assert_allclose(metric, known(world.depth), rtol=1e-5)
-    # x and y: on the pixel's ray, of the metric depth with an additive shift, of its own depth otherwise.
+    # x and y: on the pixel's ray, of the metric depth with an additive shift, of its own depth
+    # otherwise.
     sideways = (
         scale * answer.points[..., :2]
         if unknown != "inverse_scale_shift"
@@ -111,7 +123,9 @@ def test_a_drawn_shift_leaves_out_only_what_is_farthest(world):
 
 
 def test_metric_depth_has_the_stated_scale_and_sigma(world):
-    depth = MockMetricDepth(MetricDepthOptions(scale=1.25, stated_sigma=0.2)).infer(world.image, Hints())
+    depth = MockMetricDepth(MetricDepthOptions(scale=1.25, stated_sigma=0.2)).infer(
+        world.image, Hints()
+    )
     np.testing.assert_allclose(depth.depth, 1.25 * known(world.depth), rtol=1e-6)
     assert depth.scale_sigma == 0.2
     assert depth.notes == ("mock: true depth times 1.25",)
@@ -144,7 +158,9 @@ def test_a_hole_filled_by_another_inpainter_is_recognised_with_the_hint(two):
     model = MockMetricDepth()
     with pytest.raises(BackendError):
         model.infer(image, Hints())
-    np.testing.assert_allclose(model.infer(image, Hints(hole=hole)).depth, known(two.empty_depth), rtol=1e-6)
+    np.testing.assert_allclose(
+        model.infer(image, Hints(hole=hole)).depth, known(two.empty_depth), rtol=1e-6
+    )
 
 
 def refusal(image: np.ndarray) -> str:
@@ -162,7 +178,9 @@ def test_another_photo_is_refused(two):
     assert "differs from the world 'hug', seed 0, in 1.6% of its pixels" in refusal(painted)
     # And it does not try to draw one that large.
     large = labels.embed_label(np.zeros((1500, 1900, 3), np.uint8), "hug", 0)
-    assert "1900 x 1500 px image is larger than worlds are drawn (2764800 px in all)" in refusal(large)
+    assert "1900 x 1500 px image is larger than worlds are drawn (2764800 px in all)" in refusal(
+        large
+    )
 
 
 def test_rounding_of_another_machine_is_forgiven(two):
@@ -175,14 +193,18 @@ def test_a_person_who_is_not_in_the_world_is_refused(two):
     mask = np.zeros((1, *two.image.shape[:2]), bool)
     mask[0, :20, :20] = True
     with pytest.raises(BackendError, match=r"^Person 0 is nobody of the mock world 'hug'"):
-        MockKeypointDetector().infer(two.image, People(mask, np.array([[0.0, 0, 20, 20]]), np.ones(1)))
+        MockKeypointDetector().infer(
+            two.image, People(mask, np.array([[0.0, 0, 20, 20]]), np.ones(1))
+        )
 
 
 def test_contact_for_another_body_brings_the_worlds_mesh(two):
     from dataclasses import replace
 
     embedded = MockContactPrior().infer(two.image, everyone(two), pose(two))
-    found = MockContactPrior().infer(two.image, everyone(two), replace(pose(two), body_model="smplx"))
+    found = MockContactPrior().infer(
+        two.image, everyone(two), replace(pose(two), body_model="smplx")
+    )
     assert embedded.rest is None
     np.testing.assert_array_equal(found.probability, embedded.probability)
     assert found.rest.topology == found.topology == two.topology
@@ -197,7 +219,10 @@ def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():
     ball = world.item_masks[0]
     exact = MockRelativePointmap(RelativePointmapOptions(unknown="scale"))
     inpainter = MockInpainter()
-    for hole, depth in ((world.masks.any(0), world.depth), (world.masks.any(0) | ball, world.empty_depth)):
+    for hole, depth in (
+        (world.masks.any(0), world.depth),
+        (world.masks.any(0) | ball, world.empty_depth),
+    ):
         hints = Hints(hole=hole)
         found = exact.infer(inpainter.infer(world.image, hole), hints).points[..., 2]
         assert np.allclose(found[ball], depth[ball], rtol=1e-4)

@@ -52,7 +52,9 @@ def bodies_of(world, camera=None, **options):
 def test_ragged_masks_stay_near_the_truth():
     world = build_world("hug", 0)
     for seed in range(5):
-        found = MockSegmenter(SegmenterOptions(noise=1, noise_seed=seed, missed_people=0)).infer(world.image)
+        found = MockSegmenter(SegmenterOptions(noise=1, noise_seed=seed, missed_people=0)).infer(
+            world.image
+        )
         for mask, truth in zip(found.masks, world.masks, strict=True):
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
 
@@ -64,7 +66,8 @@ def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
 def test_bones_err_in_depth_more_than_in_the_picture_and_more_where_hidden():
     nobody = np.zeros(BONES, bool)
     errors = np.degrees([lean(nobody, seed) for seed in range(1000)])
-    knee, spine = JOINT_INDEX["left_knee"], JOINT_INDEX["spine2"]
+    knee = JOINT_INDEX["left_knee"]
+    spine = JOINT_INDEX["spine2"]
     np.testing.assert_allclose(errors[:, knee].std(axis=0), [8, 8, 3], rtol=0.1)
     np.testing.assert_allclose(errors[:, spine].std(axis=0), [4, 4, 1.5], rtol=0.1)
     assert (errors[:, 0] == 0).all()
@@ -84,15 +87,19 @@ def test_bones_of_a_limb_share_half_of_their_error():
 def test_keypoints_have_the_stated_tails(world):
     truth, visible = world_keypoints(world, SKELETONS["blazepose33"])
     size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(1)[:, None]
-    error, confidence = [], []
+    error = []
+    confidence = []
     for seed in range(300):
         options = KeypointOptions(noise=1, noise_seed=seed)
         found = MockKeypointDetector(options).infer(world.image, people_of(world))
         error.append(np.linalg.norm(found.points - truth, axis=-1) / size)
         confidence.append(found.confidence)
-    error, confidence = np.stack(error), np.stack(confidence)
-    shown, hidden = error[:, visible], error[:, ~visible]
-    # Of Student's t in the plane: sigma sqrt(n (2^(2/n) - 1)), and with 10 instead of 2 the 90th percentile.
+    error = np.stack(error)
+    confidence = np.stack(confidence)
+    shown = error[:, visible]
+    hidden = error[:, ~visible]
+    # Of Student's t in the plane: sigma sqrt(n (2^(2/n) - 1)), and with 10 instead of 2 the 90th
+    # percentile.
     assert np.median(shown) == pytest.approx(1.51 * 0.016, rel=0.1)
     assert np.quantile(shown, 0.9) == pytest.approx(5.55 * 0.016, rel=0.2)
     assert np.median(hidden) == pytest.approx(1.51 * 0.065, rel=0.15)
@@ -112,12 +119,14 @@ def test_limbs_are_found_at_people_whose_boxes_overlap():
         for i, others in enumerate(overlap):
             taken[i] += np.array_equal(found[i, wrist], found[others.argmax(), wrist])
             assert not np.array_equal(found[i, nose], found[others.argmax(), nose])
-    # A twentieth takes the limb; two people who overlap most with each other share it where either of them does.
+    # A twentieth takes the limb; two people who overlap most with each other share it where either
+    # of them does.
     assert 0.03 < taken[overlap.max(1) > 0].mean() / 200 < 0.13
 
 
 def test_bodies_have_the_stated_distance_and_stature(world):
-    nearer, taller = [], []
+    nearer = []
+    taller = []
     growth = None
     for seed in range(200):
         found = bodies_of(world, noise=1, noise_seed=seed)
@@ -131,12 +140,17 @@ def test_bodies_have_the_stated_distance_and_stature(world):
     assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
     assert np.mean(taller) == pytest.approx(-0.06, abs=0.012)
     assert np.std(taller) == pytest.approx(0.045, rel=0.15)
-    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(0.045 / np.hypot(0.045, 0.05), abs=0.1)
+    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(
+        0.045 / np.hypot(0.045, 0.05), abs=0.1
+    )
 
 
 def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
     camera = replace(world.intrinsics, fx=1.2 * world.intrinsics.fx, fy=1.2 * world.intrinsics.fy)
-    moved = bodies_of(world, camera, noise=1).parameters.transl - bodies_of(world, noise=1).parameters.transl
+    moved = (
+        bodies_of(world, camera, noise=1).parameters.transl
+        - bodies_of(world, noise=1).parameters.transl
+    )
     assert moved[0, :2] == pytest.approx([0, 0], abs=1e-5)
     assert 0.15 < moved[0, 2] / world.joints[0, 0, 2] < 0.25
 
@@ -162,12 +176,14 @@ def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
 
 
 def test_the_metric_scale_follows_the_bodies(world):
-    people, bodies = people_of(world), bodies_of(world)
+    people = people_of(world)
+    bodies = bodies_of(world)
     farther = replace(bodies.parameters, transl=bodies.parameters.transl + 0.1 * world.joints[:, 0])
     options = MetricDepthOptions(noise=1)
     one, two = (
         MockMetricDepth(options).infer(
-            world.empty_image, Hints(intrinsics=world.intrinsics, people=people, bodies=replace(bodies, parameters=p))
+            world.empty_image,
+            Hints(intrinsics=world.intrinsics, people=people, bodies=replace(bodies, parameters=p)),
         )
         for p in (bodies.parameters, farther)
     )
@@ -187,21 +203,31 @@ def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
     assert (prior.probability[:, sets["right_hand"].numpy()] == 0.5).all()
     assert (prior.probability[:, sets["back"].numpy()] == 0).all()  # who stands does not sit
     unseen = replace(bodies, observed=np.zeros_like(bodies.observed))
-    assert not MockContactPrior(MockOptions(noise=1)).infer(world.image, people_of(world), unseen).probability.any()
+    assert (
+        not MockContactPrior(MockOptions(noise=1))
+        .infer(world.image, people_of(world), unseen)
+        .probability.any()
+    )
 
 
 def test_children_come_out_as_adults_who_are_farther_away():
     world = build_world("child_by_the_hand", 1)
     model = load_body(world.body_model)
-    adult, child = np.isnan(world.ages).argmax(), np.isfinite(world.ages).argmax()
+    adult = np.isnan(world.ages).argmax()
+    child = np.isfinite(world.ages).argmax()
     ratios = []
     for seed in range(40):
         found = bodies_of(world, noise=1, noise_seed=seed).parameters
-        stature = model.stature(torch.tensor(found.betas)) / model.stature(torch.tensor(world.parameters.betas))
+        stature = model.stature(torch.tensor(found.betas)) / model.stature(
+            torch.tensor(world.parameters.betas)
+        )
         depth = 1 + (found.transl - world.parameters.transl)[:, 2] / world.joints[:, 0, 2]
         ratios.append(np.stack([stature.numpy(), depth])[:, [adult, child]])
     (adult_taller, child_taller), (adult_farther, child_farther) = np.log(ratios).mean(0)
-    zero = float(model.stature(torch.zeros(1, 16)) / model.stature(torch.tensor(world.parameters.betas))[child])
+    zero = float(
+        model.stature(torch.zeros(1, 16))
+        / model.stature(torch.tensor(world.parameters.betas))[child]
+    )
     assert child_taller == pytest.approx(np.log(zero) - 0.06, abs=0.03)
     assert child_farther == pytest.approx(np.log(zero) - 0.06, abs=0.03)
     assert adult_taller == pytest.approx(-0.06, abs=0.03)

@@ -1,7 +1,8 @@
 """Estimate depth with ONNX files of Depth Anything: V2 metric, V2 relative and 3 relative.
 
-V2 relative returns disparity, larger is nearer. V2 metric returns metres. Depth Anything 3 relative returns depth, and
-some of its files a camera. V2 metric and relative have the same ports; only the metric network ends in a sigmoid.
+V2 relative returns disparity, larger is nearer. V2 metric returns metres. Depth Anything 3 relative
+returns depth, and some of its files a camera. V2 metric and relative have the same ports; only the
+metric network ends in a sigmoid.
 """
 
 from __future__ import annotations
@@ -45,11 +46,14 @@ _EXTRAS = (
     PortSpec("intrinsics", optional=True),
     PortSpec("depth_conf", ("confidence", "predicted_confidence"), optional=True),
 )
-VIEWS, PUBLISHED, OTHER = "Depth Anything 3 of several views", "a published file", "an export of other names"
+VIEWS = "Depth Anything 3 of several views"
+PUBLISHED = "a published file"
+OTHER = "an export of other names"
 
 Pixels = Literal["auto", "imagenet", "0-255"]
 _PIXELS = (
-    "what the file takes: 'imagenet' normalised values, '0-255' where it normalises itself; 'auto' tells by its ports"
+    "what the file takes: 'imagenet' normalised values, '0-255' where it normalises itself; "
+    "'auto' tells by its ports"
 )
 _PATCHES = "cap on 14 px patches, which limits the time of long panoramas"
 
@@ -59,7 +63,11 @@ class DepthAnythingMetricOptions(OnnxBackendOptions):
 
     weights: str = Field("depth-anything-v2-metric-indoor-small", description=WEIGHTS_HELP)
     side: int = Field(
-        518, ge=56, le=10_000, multiple_of=14, description="px of the input's side where the file leaves it free"
+        518,
+        ge=56,
+        le=10_000,
+        multiple_of=14,
+        description="px of the input's side where the file leaves it free",
     )
     max_patches: int = Field(5000, ge=64, le=100_000, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
@@ -67,9 +75,13 @@ class DepthAnythingMetricOptions(OnnxBackendOptions):
         None,
         ge=1e-6,
         le=1e6,
-        description="metres; larger depths become unknown; none takes 98 % of the largest depth of the network",
+        description="metres; larger depths become unknown; none takes 98 % of the largest depth "
+        "of the network",
     )
-    trust: bool = Field(False, description="use the file as metric although its last layer is that of a relative one")
+    trust: bool = Field(
+        False,
+        description="use the file as metric although its last layer is that of a relative one",
+    )
 
 
 class DepthAnythingRelativeOptions(OnnxBackendOptions):
@@ -86,16 +98,26 @@ class DepthAnythingRelativeOptions(OnnxBackendOptions):
     max_patches: int = Field(5000, ge=64, le=100_000, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
     answers: Literal["auto", "disparity", "depth"] = Field(
-        "auto", description="V2 returns disparity and 3 returns depth; 'auto' tells by the file's ports and its name"
+        "auto",
+        description="V2 returns disparity and 3 returns depth; 'auto' tells by the file's ports "
+        "and its name",
     )
     default_fov: float = Field(
-        55.5, gt=5, lt=150, description="field of view, degrees along the long side, where no camera is known"
+        55.5,
+        gt=5,
+        lt=150,
+        description="field of view, degrees along the long side, where no camera is known",
     )
-    trust: bool = Field(False, description="use the file as relative although its last layer is that of a metric one")
+    trust: bool = Field(
+        False,
+        description="use the file as relative although its last layer is that of a metric one",
+    )
 
 
 class DepthAnythingMetric(OnnxBackend, MetricDepth):
-    """Metric depth by Depth Anything V2, trained indoors (to 20 m) or on streets (to 80 m); estimates no camera."""
+    """Metric depth by Depth Anything V2, trained indoors (to 20 m) or on streets (to 80 m);
+    estimates no camera.
+    """
 
     written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingMetricOptions
@@ -114,13 +136,17 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
         """
         if not self.options.trust and not has_sigmoid(path):
             raise BackendError(
-                f"{path.name} does not end in a sigmoid, as the metric networks of Depth Anything V2 do: it returns "
-                "relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name metric weights; "
+                f"{path.name} does not end in a sigmoid, as the metric networks of Depth Anything "
+                f"V2 do: it returns "
+                "relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name "
+                "metric weights; "
                 "trust = true uses it as metric anyway"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Predict the metric depth (H, W) of an image (H, W, 3); NaN where the network has no depth."""
+        """Predict the metric depth (H, W) of an image (H, W, 3); NaN where the network has no
+        depth.
+        """
         from physic_core.adapters.pictures import resize_map
         from physic_core.types import DepthMap
 
@@ -161,8 +187,10 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         """
         if not self.options.trust and not is_version_3_name(path.name) and has_sigmoid(path):
             raise BackendError(
-                f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it returns metres, and "
-                "not disparity. Use it as metric_depth 'depth-anything-v2-metric-onnx', or name relative weights; "
+                f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it "
+                f"returns metres, and "
+                "not disparity. Use it as metric_depth 'depth-anything-v2-metric-onnx', or name "
+                "relative weights; "
                 "trust = true uses it as relative anyway"
             )
 
@@ -186,9 +214,14 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         optional = dict(zip(extras, more, strict=True))
         gap, lost = _inverse_depth(values) if third else clip_disparity(values)
         if "sky" in optional:
-            lost |= squeeze_map(optional["sky"], "sky", loaded.network.name, may_be_flat=True) >= _SKY_SCORE
+            lost |= (
+                squeeze_map(optional["sky"], "sky", loaded.network.name, may_be_flat=True)
+                >= _SKY_SCORE
+            )
         if lost.all():
-            raise BackendError(f"{loaded.network.name} saw no structure in the photo: no pixel has a depth")
+            raise BackendError(
+                f"{loaded.network.name} saw no structure in the photo: no pixel has a depth"
+            )
         camera, said = self._camera(hints, image, optional.get("intrinsics"), values.shape)
         points, valid = points_from_disparity(np.where(lost, gap[~lost].min(), gap), lost, camera)
         return Pointmap(points, valid, _open(loaded, third), camera, (*said, *notes))
@@ -209,7 +242,8 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
             return _size(loaded, image, self.options.side or 518, self.options.max_patches)
         height, width = image.shape[:2]
         free = limit_patches(
-            *input_size_by_long_side(height, width, self.options.side or 504, PATCH), self.options.max_patches
+            *input_size_by_long_side(height, width, self.options.side or 504, PATCH),
+            self.options.max_patches,
         )
         return _fixed_or(loaded, free)
 
@@ -230,7 +264,9 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
 
 
 def guessed_camera(fov_deg: float, image: UInt8Array) -> tuple[Intrinsics, tuple[str, ...]]:
-    """Return intrinsics for a field of view in degrees along the image's long side, and a note for the user."""
+    """Return intrinsics for a field of view in degrees along the image's long side, and a note for
+    the user.
+    """
     from physic_core.adapters.canonical_depth import focal_from_fov
     from physic_core.types import CameraTrust, Intrinsics
 
@@ -241,8 +277,11 @@ def guessed_camera(fov_deg: float, image: UInt8Array) -> tuple[Intrinsics, tuple
     return camera, (f"focal length is a {source}",)
 
 
-def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool = True) -> FloatArray:
-    """Resize an image (H, W, 3) to (1, 3, rows, columns): antialiased bicubic in 8 bits, then ImageNet's normalisation.
+def preprocess(
+    image: UInt8Array, rows: int, columns: int, *, normalised: bool = True
+) -> FloatArray:
+    """Resize an image (H, W, 3) to (1, 3, rows, columns): antialiased bicubic in 8 bits, then
+    ImageNet's normalisation.
 
     Args:
         image: uint8 RGB.
@@ -250,10 +289,19 @@ def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool =
         columns: of the input.
         normalised: false leaves 0..255.
     """
-    from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
+    from physic_core.adapters.pictures import (
+        IMAGENET_MEAN,
+        IMAGENET_STD,
+        normalized_nchw,
+        resize_image,
+    )
 
     small = resize_image(image, rows, columns, "bicubic-antialias")
-    return normalized_nchw(small, IMAGENET_MEAN, IMAGENET_STD) if normalised else normalized_nchw(small, scale=1.0)
+    return (
+        normalized_nchw(small, IMAGENET_MEAN, IMAGENET_STD)
+        if normalised
+        else normalized_nchw(small, scale=1.0)
+    )
 
 
 def _size(loaded: LoadedGraph, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
@@ -261,7 +309,9 @@ def _size(loaded: LoadedGraph, image: UInt8Array, side: int, most: int) -> tuple
     from physic_onnx.depth_maps import input_size_least_scaling, limit_patches
 
     height, width = image.shape[:2]
-    return _fixed_or(loaded, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most))
+    return _fixed_or(
+        loaded, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most)
+    )
 
 
 def _fixed_or(loaded: LoadedGraph, free: tuple[int, int]) -> tuple[int, int]:
@@ -283,7 +333,9 @@ def _ask(
     raw, *more = loaded.run_image("pixel_values", fed, "predicted_depth", *extras)
     values = squeeze_map(raw, "predicted_depth", loaded.network.name)
     fixed = loaded.ports.inputs["pixel_values"].shape[-2:] == (rows, columns)
-    return [values, *more], aspect_change_note(image, rows, columns, loaded.network.name) if fixed else ()
+    return [values, *more], aspect_change_note(
+        image, rows, columns, loaded.network.name
+    ) if fixed else ()
 
 
 def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -295,10 +347,17 @@ def _inverse_depth(depth: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 def _open(loaded: LoadedGraph, third: bool) -> AffineAmbiguity:
-    """Return the ambiguity of the output. Networks of several views estimate a camera, so that no shift is left."""
+    """Return the ambiguity of the output.
+
+    Networks of several views estimate a camera, so that no shift is left.
+    """
     if not third:
         return "inverse_scale_shift"
-    views = loaded.signature == VIEWS or loaded.has_output("intrinsics") or loaded.has_output("depth_conf")
+    views = (
+        loaded.signature == VIEWS
+        or loaded.has_output("intrinsics")
+        or loaded.has_output("depth_conf")
+    )
     return "scale" if views else "scale_shift"
 
 
@@ -320,7 +379,9 @@ def _camera_of(matrix: FloatArray, seen: tuple[int, ...]) -> Intrinsics:
 
 
 def has_sigmoid(path: Path) -> bool:
-    """Return whether an ONNX file contains a sigmoid node, by searching its bytes for the node type."""
+    """Return whether an ONNX file contains a sigmoid node, by searching its bytes for the node
+    type.
+    """
     import mmap
     import re
 
@@ -346,4 +407,7 @@ def base_name(weights: str) -> str:
 
 def is_version_3_name(names: str) -> bool:
     """Return whether a file name belongs to Depth Anything 3."""
-    return any(word in names.lower() for word in ("anything-3", "anything_3", "anything-v3", "anything_v3", "da3"))
+    return any(
+        word in names.lower()
+        for word in ("anything-3", "anything_3", "anything-v3", "anything_v3", "da3")
+    )

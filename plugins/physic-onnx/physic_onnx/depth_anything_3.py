@@ -33,11 +33,21 @@ class DepthAnything3Options(OnnxBackendOptions):
 
     weights: str = Field("depth-anything-3-metric-large", description=WEIGHTS_HELP)
     side: int = Field(
-        504, ge=56, le=10_000, multiple_of=14, description="px of the input's long side where the file leaves it free"
+        504,
+        ge=56,
+        le=10_000,
+        multiple_of=14,
+        description="px of the input's long side where the file leaves it free",
     )
-    max_patches: int = Field(5000, ge=64, le=100_000, description="cap on 14 px patches, which limits time and memory")
-    sky: float = Field(0.3, gt=0, lt=1, description="score from which a pixel is sky, and its depth not known")
-    farthest: float = Field(200.0, ge=1e-6, le=1e6, description="metres; larger depths become unknown")
+    max_patches: int = Field(
+        5000, ge=64, le=100_000, description="cap on 14 px patches, which limits time and memory"
+    )
+    sky: float = Field(
+        0.3, gt=0, lt=1, description="score from which a pixel is sky, and its depth not known"
+    )
+    farthest: float = Field(
+        200.0, ge=1e-6, le=1e6, description="metres; larger depths become unknown"
+    )
 
 
 class DepthAnything3(OnnxBackend, MetricDepth):
@@ -62,8 +72,10 @@ class DepthAnything3(OnnxBackend, MetricDepth):
         """
         if "mono" in path.name.lower():
             raise BackendError(
-                f"{path.name} is called after Depth Anything 3 mono, which returns relative depth: use it as "
-                "relative_pointmap 'depth-anything-onnx', or name weights of Depth Anything 3 metric"
+                f"{path.name} is called after Depth Anything 3 mono, which returns relative "
+                f"depth: use it as "
+                "relative_pointmap 'depth-anything-onnx', or name weights of Depth Anything 3 "
+                "metric"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -102,7 +114,8 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
         rows, columns = fixed_input_size(self.network.input_shape("image"))
         free = limit_patches(
-            *input_size_by_long_side(image.shape[0], image.shape[1], self.options.side, PATCH), self.options.max_patches
+            *input_size_by_long_side(image.shape[0], image.shape[1], self.options.side, PATCH),
+            self.options.max_patches,
         )
         return rows or free[0], columns or free[1]
 
@@ -112,9 +125,16 @@ def preprocess(image: UInt8Array, rows: int, columns: int) -> FloatArray:
 
     Area averaging shrinks, bicubic interpolation enlarges.
     """
-    from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
+    from physic_core.adapters.pictures import (
+        IMAGENET_MEAN,
+        IMAGENET_STD,
+        normalized_nchw,
+        resize_image,
+    )
 
     grows = max(rows, columns) > max(image.shape[:2])
     return normalized_nchw(
-        resize_image(image, rows, columns, "bicubic" if grows else "area"), IMAGENET_MEAN, IMAGENET_STD
+        resize_image(image, rows, columns, "bicubic" if grows else "area"),
+        IMAGENET_MEAN,
+        IMAGENET_STD,
     )

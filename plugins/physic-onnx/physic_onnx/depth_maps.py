@@ -1,6 +1,7 @@
 """Depth networks: input sizes in whole patches, checks of depth maps, and disparity to points.
 
-Disparity is inverse depth up to scale and shift. Networks are trained with 0 for infinity, and return it for the sky.
+Disparity is inverse depth up to scale and shift. Networks are trained with 0 for infinity, and
+return it for the sky.
 """
 
 from __future__ import annotations
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics
 
 
-def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs less scaling.
+def input_size_least_scaling(
+    height: int, width: int, side: int, patch: int = 14
+) -> tuple[int, int]:
+    """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs
+    less scaling.
 
     For a photo larger than ``side``, this is the short side; for a smaller one, the long side.
 
@@ -33,13 +37,15 @@ def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14
     Returns:
         Rows and columns, px, each the nearest multiple of ``patch`` and at least one patch.
     """
-    tall, wide = side / height, side / width
+    tall = side / height
+    wide = side / width
     scale = wide if abs(1 - wide) < abs(1 - tall) else tall
     return _nearest(scale * height, patch), _nearest(scale * width, patch)
 
 
 def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
-    """Return the input size of Depth Anything 3: long side ``side`` px, both sides rounded to multiples of ``patch``.
+    """Return the input size of Depth Anything 3: long side ``side`` px, both sides rounded to
+    multiples of ``patch``.
 
     Args:
         height: of the photo, px.
@@ -48,7 +54,8 @@ def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14)
         patch: px; both sides are multiples of it.
     """
     scale = side / max(height, width)
-    rows, columns = max(1, round(height * scale)), max(1, round(width * scale))
+    rows = max(1, round(height * scale))
+    columns = max(1, round(width * scale))
     return _nearest_or_up(rows, patch), _nearest_or_up(columns, patch)
 
 
@@ -78,7 +85,9 @@ _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 
 
-def squeeze_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool = False) -> FloatArray:
+def squeeze_map(
+    values: NDArray[Any], what: str, file: str, *, may_be_flat: bool = False
+) -> FloatArray:
     """Return the single map (h, w) float32 of an output with batch, view or channel axes of size 1.
 
     Args:
@@ -95,17 +104,25 @@ def squeeze_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool
     while values.ndim > 2 and 1 in values.shape:
         values = np.squeeze(values, axis=values.shape.index(1))
     if values.ndim != 2:
-        raise BackendError(f"{file} returned {what} of shape {shape}: one map (height, width) was expected")
+        raise BackendError(
+            f"{file} returned {what} of shape {shape}: one map (height, width) was expected"
+        )
     found = np.asarray(values, np.float32)
     finite = found[np.isfinite(found)]
     if not finite.size:
         raise BackendError(
-            f"{file} returned {what} without one finite number: in half precision networks can overflow; "
+            f"{file} returned {what} without one finite number: in half precision networks can "
+            f"overflow; "
             "use its float32 file"
         )
-    if not may_be_flat and found.size > 1 and np.ptp(finite) <= _LEAST_SPREAD * np.abs(finite).max():
+    if (
+        not may_be_flat
+        and found.size > 1
+        and np.ptp(finite) <= _LEAST_SPREAD * np.abs(finite).max()
+    ):
         raise BackendError(
-            f"{file} returned {what} = {float(finite[0]):.4g} for every pixel: some exports in half precision do so on "
+            f"{file} returned {what} = {float(finite[0]):.4g} for every pixel: some exports in "
+            f"half precision do so on "
             "GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
@@ -118,14 +135,17 @@ def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | No
 
 
 def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tuple[str, ...]:
-    """Return a note if a fixed input size changes the photo's aspect by more than a factor of 1.6, else nothing."""
+    """Return a note if a fixed input size changes the photo's aspect by more than a factor of 1.6,
+    else nothing.
+    """
     height, width = image.shape[:2]
     squash = (columns / rows) / (width / height)
     if 1 / _MOST_SQUASH < squash < _MOST_SQUASH:
         return ()
     by = max(squash, 1 / squash)
     return (
-        f"{file} sees {columns} x {rows} px only, so that the photo is squashed by a factor {by:.2g}; "
+        f"{file} sees {columns} x {rows} px only, so that the photo is squashed by a factor "
+        f"{by:.2g}; "
         "a file of free size would see it as it is",
     )
 
@@ -141,7 +161,8 @@ def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
     camera = known_camera(hints, image)
     if camera is None:
         raise BackendError(
-            f"{name} gives metres only for a known focal length, and none is known: set focal_px in [photo], "
+            f"{name} gives metres only for a known focal length, and none is known: set focal_px "
+            f"in [photo], "
             "or choose a relative_pointmap that finds the camera"
         )
     return camera
@@ -161,12 +182,15 @@ def mask_depth(depth: FloatArray, farthest: float | None) -> FloatArray:
     return found
 
 
-_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+# ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_LEAST_GAP = 0.002
 _SKY = 0.004  # ranges of the disparity
 
 
 def clip_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Clip disparity (h, w) to a small positive minimum, and return a mask (h, w) of sky and NaN pixels."""
+    """Clip disparity (h, w) to a small positive minimum, and return a mask (h, w) of sky and NaN
+    pixels.
+    """
     low, high = np.percentile(disparity, [1, 99])
     span = max(float(high - low), 1e-6)
     lost: BoolArray = np.asarray(~(disparity >= _SKY * span))
@@ -174,8 +198,11 @@ def clip_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
     return gap, lost
 
 
-def points_from_disparity(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple[FloatArray, BoolArray]:
-    """Compute points on the rays of a camera with z = 1 / disparity, in units of the median distance.
+def points_from_disparity(
+    gap: FloatArray, lost: BoolArray, camera: Intrinsics
+) -> tuple[FloatArray, BoolArray]:
+    """Compute points on the rays of a camera with z = 1 / disparity, in units of the median
+    distance.
 
     Args:
         gap: (h, w) positive inverse depth, at any resolution.

@@ -1,4 +1,6 @@
-"""Detect people with YOLOX, RT-DETR, RT-DETRv2, D-FINE or RTMO, identified by the ONNX file's inputs and outputs."""
+"""Detect people with YOLOX, RT-DETR, RT-DETRv2, D-FINE or RTMO, identified by the ONNX file's
+inputs and outputs.
+"""
 
 from __future__ import annotations
 
@@ -40,15 +42,21 @@ SIGNATURES: Mapping[str, GraphSignature] = {
         (PortSpec("input", ("images",), shape=_FRAME),), (PortSpec("dets", shape=(None, None, 5)),)
     ),
     "YOLOX": GraphSignature(
-        (PortSpec("images", ("input",), shape=_FRAME),), (PortSpec("output", ("outputs",), shape=(None, None, None)),)
+        (PortSpec("images", ("input",), shape=_FRAME),),
+        (PortSpec("output", ("outputs",), shape=(None, None, None)),),
     ),
     "RT-DETR": GraphSignature(
         (PortSpec("pixel_values", shape=_FRAME),),
-        (PortSpec("logits", shape=(None, None, None)), PortSpec("pred_boxes", shape=(None, None, 4))),
+        (
+            PortSpec("logits", shape=(None, None, None)),
+            PortSpec("pred_boxes", shape=(None, None, 4)),
+        ),
     ),
 }
-"""Signatures of the detectors. YOLOX and RTMO take BGR from 0 to 255 in a letterbox, RT-DETR takes RGB from 0 to 1 in a
-squashed square.
+"""Signatures of the detectors.
+
+YOLOX and RTMO take BGR from 0 to 255 in a letterbox, RT-DETR takes RGB from 0 to 1 in a squashed
+square.
 """
 
 
@@ -63,7 +71,9 @@ class Detector:
         self.network = network
         self.signature, self._match = match_signature(network, SIGNATURES)
         (port,) = self._match.inputs.values()
-        self._size = tuple(side if isinstance(side, int) else DEFAULT_SIDE for side in port.shape[2:])
+        self._size = tuple(
+            side if isinstance(side, int) else DEFAULT_SIDE for side in port.shape[2:]
+        )
 
     def infer(self, image: UInt8Array, score: float, overlap: float) -> Detections:
         """Detect people in a photo (H, W, 3), best score first.
@@ -71,15 +81,17 @@ class Detector:
         Args:
             image: RGB.
             score: threshold of a person.
-            overlap: boxes with a larger intersection over union are one person; unused by networks that merge boxes
-                themselves.
+            overlap: boxes with a larger intersection over union are one person; unused by networks
+                that merge boxes themselves.
 
         Raises:
             BackendError: the output does not match the signature.
         """
         from physic_core.adapters.people import Detections, clip_boxes, nms
 
-        boxes, scores, joints = _DECODERS[self.signature](self._match, self.network, image, self._size)
+        boxes, scores, joints = _DECODERS[self.signature](
+            self._match, self.network, image, self._size
+        )
         height, width = image.shape[:2]
         boxes, stay = clip_boxes(boxes, height, width)
         stay &= scores >= score
@@ -113,8 +125,12 @@ def _letterbox_bgr(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray
     return normalized_nchw(canvas[..., ::-1], scale=1.0), box
 
 
-def _decode_yolox(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """Run YOLOX and decode its head: per cell an offset, a log size, an objectness and 80 class scores."""
+def _decode_yolox(
+    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
+) -> Answer:
+    """Run YOLOX and decode its head: per cell an offset, a log size, an objectness and 80 class
+    scores.
+    """
 
     from physic_core.adapters.people import xyxy_from_cxcywh
 
@@ -124,10 +140,12 @@ def _decode_yolox(match: PortMatch, network: Network, image: UInt8Array, size: t
     cells, strides = _yolox_cells(size)
     if rows.ndim != 2 or rows.shape[0] != len(cells) or rows.shape[1] < 6:
         raise BackendError(
-            f"a YOLOX file for {size[1]} x {size[0]} px must return (1, {len(cells)}, 85), got {raw.shape}: "
+            f"a YOLOX file for {size[1]} x {size[0]} px must return (1, {len(cells)}, 85), got "
+            f"{raw.shape}: "
             "is it of another size, or cut?"
         )
-    # Some exports hold the decoding. Offsets are a cell or two, decoded centres lie all over the picture.
+    # Some exports hold the decoding. Offsets are a cell or two, decoded centres lie all over the
+    # picture.
     if np.median(np.abs(rows[:, :2])) < 8:
         centres = (rows[:, :2] + cells) * strides[:, None]
         sides = np.exp(np.clip(rows[:, 2:4], None, 20.0)) * strides[:, None]
@@ -139,7 +157,8 @@ def _decode_yolox(match: PortMatch, network: Network, image: UInt8Array, size: t
 def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     """Return column and row (N, 2) and side (N,) px of each output cell."""
 
-    cells, strides = [], []
+    cells = []
+    strides = []
     for stride in (8, 16, 32):
         y, x = np.mgrid[: size[0] // stride, : size[1] // stride]
         cells.append(np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64))
@@ -147,8 +166,12 @@ def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(cells), np.concatenate(strides)
 
 
-def _decode_nms(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """Run a detector with built-in NMS: boxes x0 y0 x1 y1 of the letterbox, scores, and RTMO's joints."""
+def _decode_nms(
+    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
+) -> Answer:
+    """Run a detector with built-in NMS: boxes x0 y0 x1 y1 of the letterbox, scores, and RTMO's
+    joints.
+    """
 
     frame, box = _letterbox_bgr(image, size)
     names = ["dets", "keypoints"] if "keypoints" in match.outputs else ["dets"]
@@ -157,12 +180,18 @@ def _decode_nms(match: PortMatch, network: Network, image: UInt8Array, size: tup
     joints = None
     if rest:
         joints = rest[0][0].astype(np.float64)
-        joints[..., :2] = box.edges_to_photo(np.concatenate([joints[..., :2]] * 2, axis=-1))[..., :2] - 0.5
+        joints[..., :2] = (
+            box.edges_to_photo(np.concatenate([joints[..., :2]] * 2, axis=-1))[..., :2] - 0.5
+        )
     return box.edges_to_photo(rows[:, :4]), rows[:, 4], joints
 
 
-def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
-    """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the photo."""
+def _decode_rt_detr(
+    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
+) -> Answer:
+    """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the
+    photo.
+    """
 
     from physic_core.adapters.people import sigmoid, xyxy_from_cxcywh
     from physic_core.adapters.pictures import normalized_nchw, resize_image
@@ -171,12 +200,17 @@ def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size:
     logits, boxes = match.run(network, {"pixel_values": frame}, ["logits", "pred_boxes"])
     if logits.shape[-1] in (91, 92):
         raise BackendError(
-            f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as RT-DETR and D-FINE: "
+            f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as "
+            f"RT-DETR and D-FINE: "
             "choose a file of those"
         )
     score = sigmoid(logits[0, :, PERSON].astype(np.float64))
     height, width = image.shape[:2]
-    return xyxy_from_cxcywh(boxes[0].astype(np.float64)) * [width, height, width, height], score, None
+    return (
+        xyxy_from_cxcywh(boxes[0].astype(np.float64)) * [width, height, width, height],
+        score,
+        None,
+    )
 
 
 def _coco17(joints: NDArray[Any]) -> Any:

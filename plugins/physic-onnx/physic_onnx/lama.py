@@ -1,8 +1,9 @@
 """Remove people from a photo with LaMa in any of its three published formats.
 
-With a fixed input size, a smaller crop gives a sharper fill. Measured with MI-GAN on ten pairs of holes in five photos,
-against the full photo squashed to 512 px: detail 0.40 of the true image's in place of 0.28 with crops twice as wide as
-their hole (0.50 at 1.5, 0.28 at 3), at the same error (15.2 dB).
+With a fixed input size, a smaller crop gives a sharper fill. Measured with MI-GAN on ten pairs of
+holes in five photos, against the full photo squashed to 512 px: detail 0.40 of the true image's in
+place of 0.28 with crops twice as wide as their hole (0.50 at 1.5, 0.28 at 3), at the same error
+(15.2 dB).
 """
 
 from __future__ import annotations
@@ -30,7 +31,10 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-INPUTS = (PortSpec("image", shape=(None, 3, None, None)), PortSpec("mask", shape=(None, 1, None, None)))
+INPUTS = (
+    PortSpec("image", shape=(None, 3, None, None)),
+    PortSpec("mask", shape=(None, 1, None, None)),
+)
 OUTPUTS = (PortSpec("output", ("result",), shape=(None, 3, None, None)),)
 
 MULTIPLE = 8
@@ -41,19 +45,23 @@ class LamaOptions(OnnxBackendOptions):
     """Settings of Lama."""
 
     weights: str = Field(
-        "lama-carve", description="a name of `physic weights list`, or the path of a .onnx or a TorchScript .pt file"
+        "lama-carve",
+        description="a name of `physic weights list`, or the path of a .onnx or a TorchScript .pt "
+        "file",
     )
     rim: float = Field(
         0.004,
         ge=0,
         le=0.1,
-        description="share of the long side by which the network's hole is wider than the filled one; 0.004-0.012",
+        description="share of the long side by which the network's hole is wider than the filled "
+        "one; 0.004-0.012",
     )
     context: float = Field(
         2.0,
         gt=1,
         le=8,
-        description="side of the crop around a hole for files of a fixed size, in sides of the hole; 1.5-3",
+        description="side of the crop around a hole for files of a fixed size, in sides of the "
+        "hole; 1.5-3",
     )
     longest_px: int = Field(
         1536,
@@ -66,8 +74,8 @@ class LamaOptions(OnnxBackendOptions):
 class Lama(OnnxBackend, Inpainter):
     """LaMa inpainter: takes RGB from 0 to 1, and a mask that is 1 in the hole.
 
-    ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
-    It fills only the mask: shadows and mirror images of removed people stay.
+    ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's,
+    see the whole photo. It fills only the mask: shadows and mirror images of removed people stay.
     """
 
     written_for = 1
@@ -76,7 +84,9 @@ class Lama(OnnxBackend, Inpainter):
     signatures: ClassVar = {"LaMa": GraphSignature(INPUTS, OUTPUTS)}
 
     def build(self, device: str) -> Any:
-        """Open the ONNX or TorchScript file of LaMa: a matched graph, or a function of image and mask."""
+        """Open the ONNX or TorchScript file of LaMa: a matched graph, or a function of image and
+        mask.
+        """
         path = self.graph_file()
         if path.suffix in (".pt", ".pth", ".ts"):
             return _open_torchscript(path, device)
@@ -88,15 +98,19 @@ class Lama(OnnxBackend, Inpainter):
         side = loaded.input_shape("image")[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
-            raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
+            raise BackendError(
+                f"{network.name} takes pictures of {side} px: a square or any size is expected"
+            )
         return loaded
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
+        identical.
 
         Raises:
             InputError: the image is not a valid photo.
-            BackendError: the mask has another size or covers the whole image, or load() was not called.
+            BackendError: the mask has another size or covers the whole image, or load() was not
+                called.
         """
         from physic_core.adapters.pictures import inpaint_masked
 
@@ -106,7 +120,9 @@ class Lama(OnnxBackend, Inpainter):
             return inpaint_masked(image, mask, self.options.rim, self._fill)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return inpaint_in_crops(image, hole, partial(self._fill, square=side), self.options.context, side)
+            return inpaint_in_crops(
+                image, hole, partial(self._fill, square=side), self.options.context, side
+            )
 
         return inpaint_masked(image, mask, self.options.rim, in_crops)
 
@@ -125,7 +141,8 @@ class Lama(OnnxBackend, Inpainter):
         Args:
             image: the photo, or a crop of it.
             hole: of the same size.
-            square: side of the network's square input; None for the photo's own size, or ``longest_px``.
+            square: side of the network's square input; None for the photo's own size, or
+                ``longest_px``.
         """
         from physic_core.adapters.pictures import normalized_nchw, resize_image
 
@@ -133,17 +150,26 @@ class Lama(OnnxBackend, Inpainter):
         long = min(self.options.longest_px, max(height, width)) if square is None else square
         scale = long / max(height, width)
         inner = (max(1, round(height * scale)), max(1, round(width * scale)))
-        padded = (square, square) if square is not None else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
+        padded = (
+            (square, square)
+            if square is not None
+            else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
+        )
         margins = [(0, total - n) for total, n in zip(padded, inner, strict=True)]
         small = resize_image(image, *inner, "area" if scale < 1 else "bicubic")
-        # A pixel that is partly hole counts as hole, since its colour is partly that of the removed person.
-        covered = resize_image(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
+        # A pixel that is partly hole counts as hole, since its colour is partly that of the removed
+        # person.
+        covered = (
+            resize_image(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
+        )
         frame = normalized_nchw(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
         covered = np.pad(covered, margins, mode="symmetric")
         known = ~covered
         answer = self._ask(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
         colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
-        back = resize_image(colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale))
+        back = resize_image(
+            colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale)
+        )
         return np.asarray(back.round().clip(0, 255), np.uint8)
 
 
@@ -153,9 +179,11 @@ def _back(scale: float) -> Any:
 
 
 def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
-    """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the input.
+    """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the
+    input.
 
-    Published files differ only in this. LaMa copies the known pixels to its output, so they show the range.
+    Published files differ only in this. LaMa copies the known pixels to its output, so they show
+    the range.
     """
 
     if not len(answer):
@@ -177,10 +205,13 @@ def _open_torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArr
     def run(image: FloatArray, mask: FloatArray) -> FloatArray:
         with torch.inference_mode():
             try:
-                answer = module(torch.from_numpy(image).to(device), torch.from_numpy(mask).to(device))
+                answer = module(
+                    torch.from_numpy(image).to(device), torch.from_numpy(mask).to(device)
+                )
             except RuntimeError as cause:
                 raise BackendError(
-                    f"{path.name} does not take an image (1, 3, H, W) and a mask (1, 1, H, W) as LaMa does: {cause}"
+                    f"{path.name} does not take an image (1, 3, H, W) and a mask (1, 1, H, W) as "
+                    f"LaMa does: {cause}"
                 ) from cause
         filled: FloatArray = answer.float().cpu().numpy()
         return filled
@@ -214,7 +245,8 @@ def inpaint_in_crops(
         context: side of a crop in sides of its hole.
         least: side that a crop has at least, px.
     """
-    filled, left = image.copy(), hole.copy()
+    filled = image.copy()
+    left = hole.copy()
     for own, (y0, y1, x0, x1) in hole_crops(hole, context, least):
         here = (slice(y0, y1), slice(x0, x1))
         answer = fill(np.ascontiguousarray(filled[here]), np.ascontiguousarray(left[here]))
@@ -224,7 +256,9 @@ def inpaint_in_crops(
 
 
 def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArray, Box]]:
-    """Group the connected components of a hole, and return for each group its mask (H, W) and crop."""
+    """Group the connected components of a hole, and return for each group its mask (H, W) and
+    crop.
+    """
     import cv2
 
     count, piece, stats, _ = cv2.connectedComponentsWithStats(hole.astype(np.uint8), connectivity=8)
@@ -242,15 +276,21 @@ def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolAr
     return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, context, least)) for i in order[::-1]]
 
 
-def _pair_to_join(boxes: list[Box], context: float, least: int, *, hard: bool) -> tuple[int, int] | None:
-    """Return the two boxes whose common crop is relatively smallest, if small enough or if ``hard``."""
-    best, pair = np.inf, None
+def _pair_to_join(
+    boxes: list[Box], context: float, least: int, *, hard: bool
+) -> tuple[int, int] | None:
+    """Return the two boxes whose common crop is relatively smallest, if small enough or if
+    ``hard``.
+    """
+    best = np.inf
+    pair = None
     for i in range(len(boxes)):
         for j in range(i + 1, len(boxes)):
             together = _side(_around(boxes[i], boxes[j]), context, least)
             apart = max(_side(boxes[i], context, least), _side(boxes[j], context, least))
             if together / apart < best:
-                best, pair = together / apart, (i, j)
+                best = together / apart
+                pair = (i, j)
     return pair if hard or best <= NEAR else None
 
 
@@ -260,7 +300,9 @@ def _side(box: Box, context: float, least: int) -> float:
 
 
 def _crop(box: Box, hole: BoolArray, context: float, least: int) -> Box:
-    """Return a square crop around a box, inside the photo; larger if less than 30 % of it is known."""
+    """Return a square crop around a box, inside the photo; larger if less than 30 % of it is
+    known.
+    """
     height, width = hole.shape
     side = _side(box, context, least)
     while True:

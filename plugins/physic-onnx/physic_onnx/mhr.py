@@ -1,8 +1,10 @@
-"""Meta's body model MHR as its TorchScript file: the surface and the joints of bodies from their parameters.
+"""Meta's body model MHR as its TorchScript file: the surface and the joints of bodies from their
+parameters.
 
-The file takes a shape (45), parameters of pose and size (204) and an expression (72). It returns vertices in
-centimetres and, for each of its 127 joints, place, rotation as a quaternion x y z w, and scale; y is up. Its body at
-rest has raised arms (A-pose). This was read in code that runs it; no published file was run here.
+The file takes a shape (45), parameters of pose and size (204) and an expression (72). It returns
+vertices in centimetres and, for each of its 127 joints, place, rotation as a quaternion x y z w,
+and scale; y is up. Its body at rest has raised arms (A-pose). This was read in code that runs it;
+no published file was run here.
 """
 
 from __future__ import annotations
@@ -42,14 +44,25 @@ _LIMBS = {
 }
 JOINT_OF_MHR = {
     **_TRUNK,
-    **{f"{side}_{ours}": f"{side[0]}_{own}" for side in ("left", "right") for ours, own in _LIMBS.items()},
+    **{
+        f"{side}_{ours}": f"{side[0]}_{own}"
+        for side in ("left", "right")
+        for ours, own in _LIMBS.items()
+    },
 }
 """MHR's joint by the name of SMPL-X's."""
-_PLACED = tuple(f"{side}_{name}" for side in ("left", "right") for name in _LIMBS if name != "collar")
+_PLACED = tuple(
+    f"{side}_{name}" for side in ("left", "right") for name in _LIMBS if name != "collar"
+)
 """Joints that are at the same place of both bodies; those of the trunk are not."""
 _BONE_ENDS = {"shoulder": "elbow", "elbow": "wrist", "wrist": None, "hip": "knee", "knee": "ankle"}
 """Joint at whose end a bone points to the next; the hand at rest points where its forearm does."""
-_TPOSE = {"shoulder": (1.0, 0.0, 0.0), "elbow": (1.0, 0.0, 0.0), "hip": (0.0, -1.0, 0.0), "knee": (0.0, -1.0, 0.0)}
+_TPOSE = {
+    "shoulder": (1.0, 0.0, 0.0),
+    "elbow": (1.0, 0.0, 0.0),
+    "hip": (0.0, -1.0, 0.0),
+    "knee": (0.0, -1.0, 0.0),
+}
 """Direction of the left bones in the T-pose; right ones are their mirror images."""
 
 
@@ -89,7 +102,9 @@ class MhrModel:
         self._network = open_torchscript(path, device)
         try:
             names = list(self._network.get_joint_names())
-            self.faces: IntArray = self._network.character_torch.mesh.faces.cpu().numpy().astype(np.int32)
+            self.faces: IntArray = (
+                self._network.character_torch.mesh.faces.cpu().numpy().astype(np.int32)
+            )
             self._rows = [names.index(name) for name in JOINT_OF_MHR.values()]
         except (AttributeError, ValueError) as error:
             raise BackendError(
@@ -112,12 +127,19 @@ class MhrModel:
         world = np.empty((count, len(ours), 3, 3))
         world[:, ours] = _TO_CAMERA @ turns @ self._rest
         local = world.copy()
-        local[:, 1:] = np.swapaxes(world[:, [PARENTS[joint] for joint in range(1, len(ours))]], -1, -2) @ world[:, 1:]
+        local[:, 1:] = (
+            np.swapaxes(world[:, [PARENTS[joint] for joint in range(1, len(ours))]], -1, -2)
+            @ world[:, 1:]
+        )
         rotvecs = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec().reshape(count, -1, 3)
         return MhrBodies(np.asarray(vertices @ _TO_CAMERA, np.float32), joints, rotvecs)
 
-    def _ask(self, shape: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return vertices (N, V, 3), and places (N, 22, 3) and rotations (N, 22, 3, 3) of joints; metres, y up."""
+    def _ask(
+        self, shape: FloatArray, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return vertices (N, V, 3), and places (N, 22, 3) and rotations (N, 22, 3, 3) of joints;
+        metres, y up.
+        """
         import torch
         from scipy.spatial.transform import Rotation
 
@@ -126,9 +148,13 @@ class MhrModel:
         given: list[Any] = [shape, parameters, np.zeros((len(shape), _EXPRESSIONS))]
         with torch.inference_mode():
             found, states = self._network(
-                *(torch.from_numpy(np.asarray(value, np.float32)).to(self._device) for value in given)
+                *(
+                    torch.from_numpy(np.asarray(value, np.float32)).to(self._device)
+                    for value in given
+                )
             )
-        vertices, states = to_numpy(found), to_numpy(states)[:, self._rows]
+        vertices = to_numpy(found)
+        states = to_numpy(states)[:, self._rows]
         turns = Rotation.from_quat(states[..., 3:7].reshape(-1, 4)).as_matrix()
         return vertices / 100, states[..., :3] / 100, turns.reshape(*states.shape[:2], 3, 3)
 

@@ -1,8 +1,8 @@
 """Estimate depth, points and focal length with MoGe-2 (Wang et al. 2025).
 
-The network returns points up to a scale and a shift along z, a mask, and the scale in metres. Focal length and shift
-are computed here (:mod:`physic_core.adapters.affine_pointmap`). The two backends share network and outputs, so that
-each photo is run once.
+The network returns points up to a scale and a shift along z, a mask, and the scale in metres. Focal
+length and shift are computed here (:mod:`physic_core.adapters.affine_pointmap`). The two backends
+share network and outputs, so that each photo is run once.
 """
 
 from __future__ import annotations
@@ -33,13 +33,15 @@ class MogeOptions(OnnxOptions):
     """Settings of MoGe-2; backends with equal settings share their network."""
 
     weights: str = Field(
-        "moge-2-vits-normal", description="a name of `physic weights list`, or the path of a file of your own"
+        "moge-2-vits-normal",
+        description="a name of `physic weights list`, or the path of a file of your own",
     )
     tokens: int = Field(
         1800,
         ge=1200,
         le=3600,
-        description="number of patches of a photo; 1200 is fast, 3600 shows most detail and takes three times as long",
+        description="number of patches of a photo; 1200 is fast, 3600 shows most detail and takes "
+        "three times as long",
     )
 
 
@@ -82,15 +84,21 @@ class _Moge(NetworkBackend):
         notes = [f"MoGe-2 ran on {raw.provider}"]
         if known is not None:
             focal = (known.fx * seen_width / width, known.fy * seen_height / height)
-            found, camera = recover_camera(raw.points, raw.mask, focal), known
+            found = recover_camera(raw.points, raw.mask, focal)
+            camera = known
         else:
             found = recover_camera(raw.points, raw.mask)
-            focal_px = found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
+            focal_px = (
+                found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
+            )
             camera = Intrinsics.from_focal(focal_px, width, height, "MoGe-2")
             if not found.determined:
                 source = "default: MoGe-2 saw a scene too flat to tell"
                 camera = replace(camera, source=source, trust=CameraTrust.GUESSED)
-                notes.append(f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is a guess")
+                notes.append(
+                    f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is "
+                    f"a guess"
+                )
         mask = resize_map(raw.confidence, height, width) > 0.5
         depth = resize_map(raw.points[..., 2], height, width)
         points, valid = points_on_rays(depth, mask, found, camera, raw.scale if metric else 1.0)
@@ -98,7 +106,9 @@ class _Moge(NetworkBackend):
 
 
 class Moge2Depth(_Moge, MetricDepth):
-    """Metric depth by MoGe-2, in the camera of ``hints``; if that camera is a default, in the estimated camera."""
+    """Metric depth by MoGe-2, in the camera of ``hints``; if that camera is a default, in the
+    estimated camera.
+    """
 
     written_for = 1
 
@@ -123,8 +133,8 @@ class Moge2Pointmap(_Moge, RelativePointmap):
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Predict the relative point map of an image (H, W, 3), and its camera.
 
-        The shift along z is found with the focal length, so that only a scale is left unknown; for a flat scene that
-        determines neither, the shift stays unknown too.
+        The shift along z is found with the focal length, so that only a scale is left unknown; for
+        a flat scene that determines neither, the shift stays unknown too.
 
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
@@ -136,7 +146,9 @@ class Moge2Pointmap(_Moge, RelativePointmap):
 
 @dataclass(frozen=True)
 class _CameraPoints:
-    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along z is known."""
+    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along
+    z is known.
+    """
 
     points: FloatArray
     valid: BoolArray

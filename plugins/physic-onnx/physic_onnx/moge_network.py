@@ -35,7 +35,8 @@ SIGNATURES = {
             PortSpec("points", shape=("batch", "height", "width", 3)),
             PortSpec("normal", shape=("batch", "height", "width", 3), optional=True),
             PortSpec("mask", shape=("batch", "height", "width")),
-            # The published files say "scale", what upstream's instructions export says "metric_scale".
+            # The published files say "scale", what upstream's instructions export says
+            # "metric_scale".
             PortSpec("metric_scale", ("scale",)),
         ),
         by_position=True,
@@ -49,7 +50,8 @@ _CACHE_SIZE = 2  # photos; the output for the inpainted one is needed again afte
 
 @dataclass(frozen=True)
 class AffinePoints:
-    """Output of MoGe-2 at network resolution: points up to a scale and a shift along z, confidence, and metric scale.
+    """Output of MoGe-2 at network resolution: points up to a scale and a shift along z, confidence,
+    and metric scale.
 
     Attributes:
         points: (h, w, 3) float32, right up to a scale and a shift along z.
@@ -71,21 +73,27 @@ class AffinePoints:
 
 
 def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, int]:
-    """Return the height and width to which a photo is reduced, px, and the number of patches to ask for.
+    """Return the height and width to which a photo is reduced, px, and the number of patches to ask
+    for.
 
-    The network resizes what it gets to patches of 14 px: with antialiasing in its authors' code, without in the files.
-    So a larger photo is reduced here to whole patches, which the network then leaves as they are. Of the grids of at
-    least :data:`_LEAST_SHARE` of ``tokens``, the one nearest to the photo's aspect is taken. If none is near, as for a
-    narrow strip, the photo keeps its aspect and is resized twice.
+    The network resizes what it gets to patches of 14 px: with antialiasing in its authors' code,
+    without in the files. So a larger photo is reduced here to whole patches, which the network then
+    leaves as they are. Of the grids of at least :data:`_LEAST_SHARE` of ``tokens``, the one nearest
+    to the photo's aspect is taken. If none is near, as for a narrow strip, the photo keeps its
+    aspect and is resized twice.
     """
     factor = (tokens * _PATCH**2 / (height * width)) ** 0.5
     if factor >= 1:
         return height, width, tokens
     most = int(factor * height / _PATCH)
-    grids = [(rows, round(rows * width / height)) for rows in range(max(1, int(_LEAST_SHARE**0.5 * most)), most + 2)]
+    grids = [
+        (rows, round(rows * width / height))
+        for rows in range(max(1, int(_LEAST_SHARE**0.5 * most)), most + 2)
+    ]
     fits = [grid for grid in grids if _LEAST_SHARE * tokens <= grid[0] * grid[1] <= tokens]
     off, (rows, columns) = min(
-        ((abs(math.log(c / r * height / width)), (r, c)) for r, c in fits), default=(math.inf, (0, 0))
+        ((abs(math.log(c / r * height / width)), (r, c)) for r, c in fits),
+        default=(math.inf, (0, 0)),
     )
     if off > _MOST_SQUASH:
         return max(1, round(height * factor)), max(1, round(width * factor)), tokens
@@ -134,8 +142,10 @@ class SharedMoge:
                 fixed = [size for size in ports.inputs["image"].shape[2:] if isinstance(size, int)]
                 if fixed:
                     raise BackendError(
-                        f"{network.name} was exported for photos of one size, {fixed}: export it with free height "
-                        "and width (dynamic_axes), or use a published file, see `physic weights list`"
+                        f"{network.name} was exported for photos of one size, {fixed}: export it "
+                        f"with free height "
+                        "and width (dynamic_axes), or use a published file, see `physic weights "
+                        "list`"
                     )
                 found = self._open[identity] = OpenMoge(identity, network, ports)
             return found
@@ -185,12 +195,18 @@ def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> 
     points, confidence, scale = match.run(network, feed, ["points", "mask", "metric_scale"])
     if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
         raise BackendError(
-            f"{network.name} returned points {points.shape} and a mask {confidence.shape} for {seen.shape[1]} x "
+            f"{network.name} returned points {points.shape} and a mask {confidence.shape} for "
+            f"{seen.shape[1]} x "
             f"{seen.shape[0]} px: it was exported for other sizes, or is not MoGe-2"
         )
     metres = float(np.reshape(scale, -1)[0])
     if not 0 < metres < np.inf:
-        raise BackendError(f"{network.name} returned a scale of {metres}, which has to be a number above 0")
+        raise BackendError(
+            f"{network.name} returned a scale of {metres}, which has to be a number above 0"
+        )
     return AffinePoints(
-        np.asarray(points[0], np.float32), np.asarray(confidence[0], np.float32), metres, network.provider
+        np.asarray(points[0], np.float32),
+        np.asarray(confidence[0], np.float32),
+        metres,
+        network.provider,
     )

@@ -1,4 +1,6 @@
-"""Base class of backends that run a single ONNX file, whose inputs and outputs must match a known signature."""
+"""Base class of backends that run a single ONNX file, whose inputs and outputs must match a known
+signature.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,8 @@ class PortSpec:
         name: what the adapter calls it, and the published file too.
         aliases: what other exports call it.
         dtype: "float32", "int64", ...; "float" for any float type; or several of these.
-        shape: a number for a size that the file has or leaves free; a name or None for any size; None in place of the
-            shape for any rank.
+        shape: a number for a size that the file has or leaves free; a name or None for any size;
+            None in place of the shape for any rank.
         optional: whether a file may lack it; a file must not have an input that is not fed.
     """
 
@@ -45,9 +47,15 @@ class PortSpec:
 
     def __str__(self) -> str:
         kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
-        shape = "any shape" if self.shape is None else _shape(tuple("?" if d is None else d for d in self.shape))
+        shape = (
+            "any shape"
+            if self.shape is None
+            else _shape(tuple("?" if d is None else d for d in self.shape))
+        )
         others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
-        return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (", optional" if self.optional else "")
+        return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (
+            ", optional" if self.optional else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,9 @@ class PortMatch:
     inputs: Mapping[str, Port]
     outputs: Mapping[str, Port]
 
-    def run(self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+    def run(
+        self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]
+    ) -> list[NDArray[Any]]:
         """Run a network; inputs and outputs have the names that the backend uses."""
         given = {self.inputs[name].name: value for name, value in feed.items()}
         return network.run(given, [self.outputs[name].name for name in outputs])
@@ -75,7 +85,8 @@ class GraphSignature:
     Attributes:
         inputs: all of them.
         outputs: those that are needed; a file may have others.
-        by_position: whether a port of another name may serve if its place, its type and its rank are right.
+        by_position: whether a port of another name may serve if its place, its type and its rank
+            are right.
     """
 
     inputs: tuple[PortSpec, ...]
@@ -83,8 +94,11 @@ class GraphSignature:
     by_position: bool = False
 
 
-def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> tuple[str, PortMatch]:
-    """Return the name of the first signature that matches a network, with the network's inputs and outputs.
+def match_signature(
+    network: Network, signatures: Mapping[str, GraphSignature]
+) -> tuple[str, PortMatch]:
+    """Return the name of the first signature that matches a network, with the network's inputs and
+    outputs.
 
     Raises:
         BackendError: no signature matches; the message compares each of them with the network.
@@ -94,7 +108,11 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
         ins, faults = _assign("input", signature.inputs, network.inputs, signature.by_position)
         outs, more = _assign("output", signature.outputs, network.outputs, signature.by_position)
         served = {port.name for port in ins.values()}
-        faults += [f"nothing is known of its input {other!r}" for other in network.inputs if other not in served]
+        faults += [
+            f"nothing is known of its input {other!r}"
+            for other in network.inputs
+            if other not in served
+        ]
         faults += more
         if not faults:
             return name, PortMatch(ins, outs)
@@ -110,7 +128,9 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
         f"  outputs: {'; '.join(map(_described, network.outputs.values())) or 'none'}",
     ]
     file = getattr(network, "name", "the file")
-    raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *expected, *found]))
+    raise BackendError(
+        "\n".join([f"{file} is not a network that this backend can run:", *expected, *found])
+    )
 
 
 def _assign(
@@ -143,7 +163,8 @@ def _fits(want: PortSpec, port: Port, kind: str) -> bool:
     kinds = (want.dtype,) if isinstance(want.dtype, str) else want.dtype
     if port.dtype not in {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}:
         return False
-    if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be unstated
+    # an output's shape may be unstated
+    if want.shape is None or (kind == "output" and not port.shape):
         return True
     if len(want.shape) != len(port.shape):
         return False
@@ -240,9 +261,16 @@ class OnnxBackend(NetworkBackend):
         if found.is_file():
             return found
         known = read_manifest(self.manifest()).get(self.options.weights)
-        names = [file.path for file in known.files] if known is not None else sorted(p.name for p in found.iterdir())
+        names = (
+            [file.path for file in known.files]
+            if known is not None
+            else sorted(p.name for p in found.iterdir())
+        )
         graphs = [name for name in names if name.endswith(".onnx")]
         if len(graphs) != 1:
             held = ", ".join(graphs) or "none"
-            raise BackendError(f"one ONNX file is wanted, and {found} holds {held}: give the path of the file itself")
+            raise BackendError(
+                f"one ONNX file is wanted, and {found} holds {held}: give the path of the file "
+                f"itself"
+            )
         return found / graphs[0]

@@ -1,7 +1,9 @@
-"""Detect keypoints with RTMPose, RTMW or DWPose, one person at a time, and with RTMW3D in three dimensions.
+"""Detect keypoints with RTMPose, RTMW or DWPose, one person at a time, and with RTMW3D in three
+dimensions.
 
-The networks classify x and y separately (SimCC), RTMW3D the depth too. MMPose trains these networks on RGB, and its own
-deployment feeds RGB. rtmlib feeds the same files BGR; set ``channels = "bgr"`` to compare with it.
+The networks classify x and y separately (SimCC), RTMW3D the depth too. MMPose trains these networks
+on RGB, and its own deployment feeds RGB. rtmlib feeds the same files BGR; set ``channels = "bgr"``
+to compare with it.
 """
 
 from __future__ import annotations
@@ -26,13 +28,17 @@ if TYPE_CHECKING:
 
 _LINE = (None, None, None)
 DEPTH_RANGE_M = 2.1744869
-"""Depth of RTMW3D's last bin, metres; its first one is as far in front of the hips (z_range of SimCC3DLabel)."""
+"""Depth of RTMW3D's last bin, metres; its first one is as far in front of the hips (z_range of
+SimCC3DLabel).
+"""
 POINT_SIGMA = 3.0
-"""Standard deviation of RTMW3D's points, px of the crop: that of the Gaussian that it is trained to return."""
+"""Standard deviation of RTMW3D's points, px of the crop: that of the Gaussian that it is trained to
+return.
+"""
 DEPTH_SIGMA_M = 0.07
-"""Standard deviation of RTMW3D's depths, metres: that of a normal distribution whose mean absolute value is all of the
-published error (MPJPE .056 and .057 m on H3WB, whose photos it was trained on). Errors of single joints are not
-published.
+"""Standard deviation of RTMW3D's depths, metres: that of a normal distribution whose mean absolute
+value is all of the published error (MPJPE .056 and .057 m on H3WB, whose photos it was trained on).
+Errors of single joints are not published.
 """
 LIMB_LENGTHS_M = {
     ("hip", "knee"): 0.38,
@@ -50,13 +56,16 @@ class RtmPoseOptions(TopDownOptions):
 
     weights: str = Field("rtmw-l-384x288", description=WEIGHTS_HELP)
     channels: Literal["rgb", "bgr"] = Field(
-        "rgb", description="order of the channels for the network; it was trained on RGB, and rtmlib feeds BGR"
+        "rgb",
+        description="order of the channels for the network; it was trained on RGB, and rtmlib "
+        "feeds BGR",
     )
     full_score: float = Field(
         1.0,
         ge=1e-6,
         le=1e6,
-        description="score that stands for certainty; SimCC's scores are the heights of peaks, which may exceed 1, "
+        description="score that stands for certainty; SimCC's scores are the heights of peaks, "
+        "which may exceed 1, "
         "and are cut there",
     )
 
@@ -88,15 +97,24 @@ class RtmPose(TopDownKeypoints):
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
         """Return the peaks in px of the crop."""
         height, width = crops.shape[2:]
-        along_x, along_y = run_batches(self.network, {"input": crops}, ["simcc_x", "simcc_y"], self.options.batch)
+        along_x, along_y = run_batches(
+            self.network, {"input": crops}, ["simcc_x", "simcc_y"], self.options.batch
+        )
         return *self.peaks(along_x, along_y, width, height), (height, width)
 
-    def peaks(self, along_x: FloatArray, along_y: FloatArray, width: int, height: int) -> tuple[FloatArray, FloatArray]:
+    def peaks(
+        self, along_x: FloatArray, along_y: FloatArray, width: int, height: int
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the peaks (N, J, 2) in px of the crop, and the confidence (N, J)."""
         split = along_x.shape[2] / width
-        if along_y.shape[:2] != along_x.shape[:2] or along_y.shape[2] != split * height or split < 1:
+        if (
+            along_y.shape[:2] != along_x.shape[:2]
+            or along_y.shape[2] != split * height
+            or split < 1
+        ):
             raise BackendError(
-                f"{self.network.network.name} returned simcc_x {along_x.shape} and simcc_y {along_y.shape} for {width} "
+                f"{self.network.network.name} returned simcc_x {along_x.shape} and simcc_y "
+                f"{along_y.shape} for {width} "
                 f"x {height} px: as many bins a pixel along both were expected"
             )
         points, score = simcc_peaks(along_x, along_y, split)
@@ -112,9 +130,10 @@ class Rtmw3dOptions(RtmPoseOptions):
 class Rtmw3d(RtmPose):
     """Keypoint detector by RTMW3D with 133 joints, face, feet and hands included, and their depths.
 
-    The depths are metres from the middle of the hips. As published, the photo is not mirrored for a second look. Where
-    a pixel lies in metres follows from the limbs of a mean adult, see :func:`metres_per_pixel`. The errors that it
-    states were not measured here: see :data:`POINT_SIGMA` and :data:`DEPTH_SIGMA_M`.
+    The depths are metres from the middle of the hips. As published, the photo is not mirrored for a
+    second look. Where a pixel lies in metres follows from the limbs of a mean adult, see
+    :func:`metres_per_pixel`. The errors that it states were not measured here: see
+    :data:`POINT_SIGMA` and :data:`DEPTH_SIGMA_M`.
     """
 
     Options: ClassVar[type[OnnxBackendOptions]] = Rtmw3dOptions
@@ -123,7 +142,9 @@ class Rtmw3d(RtmPose):
     signatures: ClassVar = {
         "SimCC of three dimensions": GraphSignature(
             (PortSpec("input", ("images", "image"), shape=(None, 3, None, None)),),
-            tuple(PortSpec(f"simcc_{axis}", (axis, f"output_{axis}"), shape=_LINE) for axis in "xyz"),
+            tuple(
+                PortSpec(f"simcc_{axis}", (axis, f"output_{axis}"), shape=_LINE) for axis in "xyz"
+            ),
             by_position=True,
         ),
     }
@@ -132,10 +153,14 @@ class Rtmw3d(RtmPose):
         """Return the peaks in px of the crop, and their depths in metres."""
         height, width = crops.shape[2:]
         names = ["simcc_x", "simcc_y", "simcc_z"]
-        along_x, along_y, along_z = run_batches(self.network, {"input": crops}, names, self.options.batch)
+        along_x, along_y, along_z = run_batches(
+            self.network, {"input": crops}, names, self.options.batch
+        )
         points, score = self.peaks(along_x, along_y, width, height)
         if along_z.shape[:2] != along_x.shape[:2]:
-            raise BackendError(f"{self.network.network.name} returned simcc_z {along_z.shape} of other joints")
+            raise BackendError(
+                f"{self.network.network.name} returned simcc_z {along_z.shape} of other joints"
+            )
         depth = (2 * along_z.argmax(-1) / along_z.shape[2] - 1) * DEPTH_RANGE_M
         return np.concatenate([points, depth[..., None]], -1), score, (height, width)
 
@@ -143,7 +168,8 @@ class Rtmw3d(RtmPose):
         """Add the joints in metres, and the errors of points and depths."""
         names = found.joint_set.names
         hips = [names.index("left_hip"), names.index("right_hip")]
-        points, depth = found.points - found.points[:, hips].mean(1, keepdims=True), decoded[..., 2]
+        points = found.points - found.points[:, hips].mean(1, keepdims=True)
+        depth = decoded[..., 2]
         scale = metres_per_pixel(found, depth)
         world = np.concatenate([points * scale[:, None, None], depth[..., None]], -1)
         sigma = np.array([POINT_SIGMA * abs(crop.step[0]) for crop in crops])
@@ -158,9 +184,9 @@ class Rtmw3d(RtmPose):
 def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
     """Return the scale (N,) with which the limbs of N people are as long as those of a mean adult.
 
-    The least-squares solution of ``(scale * length in px)^2 + (difference in depth)^2 = length^2`` over the limbs, each
-    weighed by its confidence. A scale with which the person would be less than a third or more than one and a half of
-    an adult's height is cut there.
+    The least-squares solution of ``(scale * length in px)^2 + (difference in depth)^2 = length^2``
+    over the limbs, each weighed by its confidence. A scale with which the person would be less than
+    a third or more than one and a half of an adult's height is cut there.
 
     Args:
         found: keypoints of a skeleton with arms and legs.
@@ -168,7 +194,11 @@ def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
     """
     names = found.joint_set.names
     rows = np.array(
-        [[names.index(f"{side}_{end}") for end in limb] for limb in LIMB_LENGTHS_M for side in ("left", "right")]
+        [
+            [names.index(f"{side}_{end}") for end in limb]
+            for limb in LIMB_LENGTHS_M
+            for side in ("left", "right")
+        ]
     )
     length = np.repeat(list(LIMB_LENGTHS_M.values()), 2)
     pixels = ((found.points[:, rows[:, 0]] - found.points[:, rows[:, 1]]) ** 2).sum(-1)
@@ -179,7 +209,9 @@ def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
     return np.asarray(np.clip(np.sqrt(np.maximum(square, 0)), tall / 3, 1.5 * tall))
 
 
-def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
+def simcc_peaks(
+    along_x: FloatArray, along_y: FloatArray, split: float = 2.0
+) -> tuple[FloatArray, FloatArray]:
     """Decode keypoints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
 
     Args:

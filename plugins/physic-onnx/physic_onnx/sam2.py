@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from .sam2_networks import EncodedImage, Sam2Networks
 
 EMBEDDED = "embedded"
-"""Value of the option ``detector``: boxes, joints and surfaces of the segmenter in the wheel of physic-embedded."""
+"""Value of the option ``detector``: boxes, joints and surfaces of the segmenter in the wheel of
+physic-embedded.
+"""
 _SEGMENTER = "physic-embedded:embedded"
 
 
@@ -32,24 +34,34 @@ class Sam2Options(OnnxOptions):
 
     weights: str = Field(
         "sam2.1-hiera-tiny",
-        description="a name of `physic weights list`, or a folder of your own with an encoder and a decoder; "
+        description="a name of `physic weights list`, or a folder of your own with an encoder and "
+        "a decoder; "
         "small, base-plus and large are better at hair and fingers, and slower",
     )
-    variant: str = Field("", description="of the encoder's file, such as fp16 or quantized; empty for the plain one")
+    variant: str = Field(
+        "", description="of the encoder's file, such as fp16 or quantized; empty for the plain one"
+    )
     detector: str = Field(
         "rtdetr-r50",
-        description="detector of people: YOLOX, RT-DETR, D-FINE or RTMO, a name of `physic weights list` or a file; or "
+        description="detector of people: YOLOX, RT-DETR, D-FINE or RTMO, a name of `physic "
+        "weights list` or a file; or "
         "embedded, the segmenter of physic-embedded, which needs no further weights",
     )
     score: Share = Field(0.45, description="least score of a detected person; 0.3 finds more")
     overlap: float = Field(
-        0.65, gt=0, le=1, description="boxes with a larger overlap (IoU) are one person; 0.45 if one is found twice"
+        0.65,
+        gt=0,
+        le=1,
+        description="boxes with a larger overlap (IoU) are one person; 0.45 if one is found twice",
     )
     most: int = Field(20, ge=1, le=1000, description="largest number of people, best first")
-    smallest_px: float = Field(24, ge=0, le=100_000, description="least height of a box, px; lower ones are skipped")
+    smallest_px: float = Field(
+        24, ge=0, le=100_000, description="least height of a box, px; lower ones are skipped"
+    )
     floor: Literal["feet", "feet-and-border", "none"] = Field(
         "feet",
-        description="where to ask for the floor: beside the feet; at the photo's lower edge, too, which finds a table "
+        description="where to ask for the floor: beside the feet; at the photo's lower edge, too, "
+        "which finds a table "
         "as well; or not at all",
     )
 
@@ -57,9 +69,9 @@ class Sam2Options(OnnxOptions):
 class Sam2(NetworkBackend, Segmenter):
     """Segmenter: SAM 2.1 (or SAM 3's tracker) with a person detector.
 
-    Both networks are identified by the inputs and outputs of their files. The photo is encoded once for all people and
-    the floor. Where the detector sees joints (RTMO), they are returned, and the points that prompt the
-    floor lie beside ankles, not beside the lower ends of masks.
+    Both networks are identified by the inputs and outputs of their files. The photo is encoded once
+    for all people and the floor. Where the detector sees joints (RTMO), they are returned, and the
+    points that prompt the floor lie beside ankles, not beside the lower ends of masks.
     """
 
     written_for = 1
@@ -74,10 +86,14 @@ class Sam2(NetworkBackend, Segmenter):
 
         folder = self.file()
         if not folder.is_dir():
-            raise BackendError(f"SAM 2 is two files in a folder, and {folder} is one file: name their folder")
+            raise BackendError(
+                f"SAM 2 is two files in a folder, and {folder} is one file: name their folder"
+            )
         detector: Any
         if self.options.detector == EMBEDDED:
-            detector = load_backend("segmenter", _SEGMENTER, device=device, threads=self.options.threads)
+            detector = load_backend(
+                "segmenter", _SEGMENTER, device=device, threads=self.options.threads
+            )
         else:
             detector = open_detector(self.file(option="detector"), self.options, device)
         return open_sam2(folder, self.options, device, self.options.variant), detector
@@ -89,7 +105,9 @@ class Sam2(NetworkBackend, Segmenter):
         super().close()
 
     def missing(self) -> tuple[str, ...]:
-        """Describe the missing files of encoder, decoder and detector, or the missing plugin of the embedded one."""
+        """Describe the missing files of encoder, decoder and detector, or the missing plugin of the
+        embedded one.
+        """
         lack = missing(self.manifest(), self.options.weights)
         return (*(lack or self._not_in_folder()), *self._missing_detector())
 
@@ -122,11 +140,17 @@ class Sam2(NetworkBackend, Segmenter):
             found = Detections(seen.boxes, seen.scores, seen.keypoints)
         else:
             found = detector.infer(image, self.options.score, self.options.overlap)
-        found = found[found.boxes[:, 3] - found.boxes[:, 1] >= self.options.smallest_px][: self.options.most]
+        found = found[found.boxes[:, 3] - found.boxes[:, 1] >= self.options.smallest_px][
+            : self.options.most
+        ]
         border = self.options.floor == "feet-and-border"
         if not len(found) and not border:
             nobody = people_from_masks([], None, found.scores, size=size, keypoints=found.keypoints)
-            return nobody if seen is None else _with_rest(nobody, seen, with_floor=self.options.floor != "none")
+            return (
+                nobody
+                if seen is None
+                else _with_rest(nobody, seen, with_floor=self.options.floor != "none")
+            )
         photo = networks.encode(image)
         found, logits = self._masks(networks, photo, found)
         people = people_from_masks(
@@ -138,7 +162,11 @@ class Sam2(NetworkBackend, Segmenter):
         )
         if self.options.floor != "none":
             people = replace(people, floor=floor_mask(networks, photo, people, border=border))
-        return people if seen is None else _with_rest(people, seen, with_floor=self.options.floor != "none")
+        return (
+            people
+            if seen is None
+            else _with_rest(people, seen, with_floor=self.options.floor != "none")
+        )
 
     def _missing_detector(self) -> tuple[str, ...]:
         """Describe missing files of the detector, or the missing plugin of the embedded one."""
@@ -151,7 +179,9 @@ class Sam2(NetworkBackend, Segmenter):
         return ()
 
     @staticmethod
-    def _masks(networks: Sam2Networks, photo: EncodedImage, found: Detections) -> tuple[Detections, FloatArray]:
+    def _masks(
+        networks: Sam2Networks, photo: EncodedImage, found: Detections
+    ) -> tuple[Detections, FloatArray]:
         """Return the people with distinct masks, and their mask logits (N, h, w)."""
 
         from physic_core.adapters.people import mask_nms
@@ -175,11 +205,15 @@ class Sam2(NetworkBackend, Segmenter):
 
 
 def _with_rest(people: People, seen: People, *, with_floor: bool) -> People:
-    """Return the people with the floor, surfaces, unposed people and objects that the embedded segmenter saw."""
+    """Return the people with the floor, surfaces, unposed people and objects that the embedded
+    segmenter saw.
+    """
     from dataclasses import replace
 
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
-    floors = [floor for floor in (people.floor, seen.floor) if floor is not None] if with_floor else []
+    floors = (
+        [floor for floor in (people.floor, seen.floor) if floor is not None] if with_floor else []
+    )
     unposed = None if seen.unposed_mask is None else seen.unposed_mask & ~anybody
     blocked = anybody if unposed is None else anybody | unposed
     return replace(

@@ -1,8 +1,8 @@
 """Segment the floor with SAM 2, prompted by points around people's feet.
 
-A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three masks are a part, an object
-and its surroundings. A mask must therefore pass a plausibility check. With a box from the people's chests down, the
-mask of the floor is complete; without it, it is often in pieces.
+A point beside a foot may lie on a rug, on the floor or on a sofa, and the network's three masks are
+a part, an object and its surroundings. A mask must therefore pass a plausibility check. With a box
+from the people's chests down, the mask of the floor is complete; without it, it is often in pieces.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ GROUND_OFFSETS = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.
 MOST_POINTS = 12
 
 
-def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People, *, border: bool) -> BoolArray | None:
+def floor_mask(
+    networks: Sam2Networks, photo: EncodedImage, people: People, *, border: bool
+) -> BoolArray | None:
     """Segment the floor (H, W); None if no feet are visible, or if no mask is plausible.
 
     Args:
@@ -46,20 +48,24 @@ def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People, *, b
     logits, _ = networks.masks_from_points(
         photo, points, _person_centres(people), np.array([0, _chest_row(people), *photo.size[::-1]])
     )
-    best, most = None, 0.0
+    best = None
+    most = 0.0
     for answer in logits:
         mask = np.asarray(resize_map(_connected_to_points(answer, photo, points), *photo.size) > 0)
         value = _ground_score(mask & ~anybody, mask, points, people)
         if value > most:
-            best, most = mask & ~anybody, value
+            best = mask & ~anybody
+            most = value
     return best
 
 
 def feet_positions(people: People) -> FloatArray:
-    """Return (F, 3) px: column and row of each foot, and the radius of the ground area around the foot.
+    """Return (F, 3) px: column and row of each foot, and the radius of the ground area around the
+    foot.
 
-    Uses ankles where known. Otherwise uses the lower ends of masks with the aspect of a full person that do not touch
-    the lower photo edge, if at least half of the people have one. The radius is a seventh of the person's height.
+    Uses ankles where known. Otherwise uses the lower ends of masks with the aspect of a full person
+    that do not touch the lower photo edge, if at least half of the people have one. The radius is a
+    seventh of the person's height.
     """
     joints = people.keypoints
     if joints is not None and joints.joint_set.name == "coco17":
@@ -113,7 +119,8 @@ def _connected_to_points(logits: FloatArray, photo: EncodedImage, points: FloatA
 
 def _ankles(keypoints: Keypoints, person: int) -> list[tuple[float, float]]:
     """Return the visible ankles, shifted down to the sole."""
-    points, sure = keypoints.points[person], keypoints.confidence[person]
+    points = keypoints.points[person]
+    sure = keypoints.confidence[person]
     shin = np.linalg.norm(points[list(ANKLES)] - points[[13, 14]], axis=1)
     return [
         (float(points[a][0]), float(points[a][1] + 0.15 * s))
@@ -133,8 +140,9 @@ def _person_centres(people: People) -> FloatArray:
 
 
 def _chest_row(people: People) -> float:
-    """Return the median row of the chests, above which there is hardly any floor; a third of the photo without
-    people."""
+    """Return the median row of the chests, above which there is hardly any floor; a third of the
+    photo without people.
+    """
     if not len(people):
         return int(people.masks.shape[1]) / 3
     return float(np.median(people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])))
@@ -143,17 +151,19 @@ def _chest_row(people: People) -> float:
 def _ground_score(ground: BoolArray, mask: BoolArray, points: FloatArray, people: People) -> float:
     """Score how likely a mask is the floor; 0 if it cannot be.
 
-    It holds the points beside the feet and hardly any of the people, hardly rises above their chests, and is large:
-    a shoe's shadow is not floor.
+    It holds the points beside the feet and hardly any of the people, hardly rises above their
+    chests, and is large: a shoe's shadow is not floor.
     """
     x, y = np.rint(points).astype(int).T
-    held, area = float(ground[y, x].mean()), int(ground.sum())
+    held = float(ground[y, x].mean())
+    area = int(ground.sum())
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
     if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
         return 0.0
     high = float(ground[: max(0, int(_chest_row(people)))].sum() / area)
-    # The ground that people stand on goes on towards the camera, or ends at something that stands before it.
+    # The ground that people stand on goes on towards the camera, or ends at something that stands
+    # before it.
     wide = float(ground[int(points[:, 1].min()) :].any(axis=0).mean())
     if high > 0.35 or wide < 0.35:
         return 0.0

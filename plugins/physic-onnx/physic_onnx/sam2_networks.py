@@ -1,7 +1,7 @@
 """Run the two networks of SAM 2: encode a photo once, then predict masks from boxes and points.
 
-Two exports are published. They contain the same networks, with different names, types and ranks, and encode a box as a
-box or as two labelled points.
+Two exports are published. They contain the same networks, with different names, types and ranks,
+and encode a box as a box or as two labelled points.
 """
 
 from __future__ import annotations
@@ -65,11 +65,18 @@ DECODERS: Mapping[str, GraphSignature] = {
             PortSpec("mask_input", shape=(None, 1, None, None)),
             PortSpec("has_mask_input", shape=(None,)),
         ),
-        (PortSpec("masks", shape=(None, None, None, None)), PortSpec("iou_predictions", shape=(None, None))),
+        (
+            PortSpec("masks", shape=(None, None, None, None)),
+            PortSpec("iou_predictions", shape=(None, None)),
+        ),
     ),
 }
 
-INSIDE, OUTSIDE, NOTHING, FIRST_CORNER, LAST_CORNER = 1, 0, -1, 2, 3
+INSIDE = 1
+OUTSIDE = 0
+NOTHING = -1
+FIRST_CORNER = 2
+LAST_CORNER = 3
 """Labels of points."""
 
 SAM3_SIDE = 1008
@@ -94,7 +101,10 @@ class EncodedImage:
     side: int
 
     def to_input_pixels(self, points: FloatArray) -> FloatArray:
-        """Convert photo pixels (..., 2) to pixels of the network input. Integers are pixel centres in both images."""
+        """Convert photo pixels (..., 2) to pixels of the network input.
+
+        Integers are pixel centres in both images.
+        """
 
         height, width = self.size
         scale = self.side / np.array([width, height], np.float64)
@@ -113,12 +123,14 @@ class Sam2Networks:
     """
 
     def __init__(self, encoder: Network, decoder: Network) -> None:
-        self._encoder, self._decoder = encoder, decoder
+        self._encoder = encoder
+        self._decoder = decoder
         self.signature, self._encoding = match_signature(encoder, ENCODERS)
         signature, self._decoding = match_signature(decoder, DECODERS)
         if signature != self.signature:
             raise BackendError(
-                f"the encoder {encoder.name} comes from {self.signature} and the decoder {decoder.name} from "
+                f"the encoder {encoder.name} comes from {self.signature} and the decoder "
+                f"{decoder.name} from "
                 f"{signature}: take both from one export"
             )
         (port,) = self._encoding.inputs.values()
@@ -126,36 +138,48 @@ class Sam2Networks:
 
     def encode(self, image: UInt8Array) -> EncodedImage:
         """Encode a photo (H, W, 3), RGB."""
-        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
+        from physic_core.adapters.pictures import (
+            IMAGENET_MEAN,
+            IMAGENET_STD,
+            normalized_nchw,
+            resize_image,
+        )
 
         half = (0.5, 0.5, 0.5)
         mean, std = (half, half) if self._side == SAM3_SIDE else (IMAGENET_MEAN, IMAGENET_STD)
-        frame = normalized_nchw(resize_image(image, self._side, self._side, "bilinear-antialias"), mean, std)
+        frame = normalized_nchw(
+            resize_image(image, self._side, self._side, "bilinear-antialias"), mean, std
+        )
         (name,) = self._encoding.inputs
         features = self._encoding.run(self._encoder, {name: frame}, list(self._encoding.outputs))
         return EncodedImage(tuple(features), (image.shape[0], image.shape[1]), self._side)
 
-    def masks_from_boxes(self, photo: EncodedImage, boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def masks_from_boxes(
+        self, photo: EncodedImage, boxes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Predict three masks for each of N boxes (N, 4): x0 y0 x1 y1 px, end exclusive.
 
         Returns:
-            (N, 3, h, w) logits of the photo resized to a square, above 0 inside, and (N, 3) quality predicted by the
-            network.
+            (N, 3, h, w) logits of the photo resized to a square, above 0 inside, and (N, 3) quality
+            predicted by the network.
         """
 
         corners = self._corners(photo, boxes)
         at_once = self._boxes_per_call()
-        answers = [self._ask(photo, corners[i : i + at_once]) for i in range(0, len(corners), at_once)]
+        answers = [
+            self._ask(photo, corners[i : i + at_once]) for i in range(0, len(corners), at_once)
+        ]
         logits, fits = zip(*answers, strict=True)
         return np.concatenate(logits), np.concatenate(fits)
 
     def masks_from_points(
         self, photo: EncodedImage, inside: FloatArray, outside: FloatArray, box: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Predict three masks of the object in a box (4,) that contains ``inside`` (P, 2) and not ``outside`` (Q, 2).
+        """Predict three masks of the object in a box (4,) that contains ``inside`` (P, 2) and not
+        ``outside`` (Q, 2).
 
-        Points without a box are not supported. The export that accepts them joins them with an empty array of boxes,
-        and onnxruntime then leaves three tokens uninitialised.
+        Points without a box are not supported. The export that accepts them joins them with an
+        empty array of boxes, and onnxruntime then leaves three tokens uninitialised.
 
         Returns:
             (3, h, w) logits of the photo resized to a square, and (3,) predicted quality.
@@ -170,20 +194,28 @@ class Sam2Networks:
         """Convert boxes (N, 4) in photo px to corner points (N, 2, 2) in px of the square."""
 
         # The network was trained with the first and the last pixel of the object.
-        return photo.to_input_pixels(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
+        return photo.to_input_pixels(
+            np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]]
+        )
 
     def _ask(
-        self, photo: EncodedImage, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None = None
+        self,
+        photo: EncodedImage,
+        corners: FloatArray,
+        points: tuple[FloatArray, NDArray[Any]] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Run the decoder on boxes and optional points: logits and predicted fits."""
         if self.signature == "transformers.js":
-            feed, names = self._with_boxes(corners, points), ["pred_masks", "iou_scores"]
+            feed = self._with_boxes(corners, points)
+            names = ["pred_masks", "iou_scores"]
         else:
-            feed, names = self._with_corner_points(corners, points), ["masks", "iou_predictions"]
+            feed = self._with_corner_points(corners, points)
+            names = ["masks", "iou_predictions"]
         feed.update(zip(self._encoding.outputs, photo.features, strict=True))
         logits, fits = self._decoding.run(self._decoder, feed, names)
         if self.signature == "transformers.js":
-            logits, fits = logits[0], fits[0]
+            logits = logits[0]
+            fits = fits[0]
         return logits, fits
 
     def _with_boxes(
@@ -191,7 +223,8 @@ class Sam2Networks:
     ) -> dict[str, NDArray[Any]]:
         """Build the decoder input of transformers.js: boxes, and points with labels."""
         if points is not None:
-            prompt, labels = points[0][None, None], points[1][None, None]
+            prompt = points[0][None, None]
+            labels = points[1][None, None]
         else:
             # Not every provider takes empty arrays; a padding point has nearly the same effect.
             none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
@@ -207,7 +240,8 @@ class Sam2Networks:
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
     ) -> dict[str, NDArray[Any]]:
         """Build the decoder input of samexporter: corner points and points with labels."""
-        prompt, labels = corners, np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
+        prompt = corners
+        labels = np.tile([FIRST_CORNER, LAST_CORNER], (len(corners), 1))
         if points is not None:
             prompt = np.concatenate([prompt, points[0][None]], axis=1)
             labels = np.concatenate([labels, points[1][None]], axis=1)
@@ -222,7 +256,9 @@ class Sam2Networks:
 
     def _boxes_per_call(self) -> int:
         """Return the number of boxes in one run, which a file may fix to one."""
-        name, axis = ("input_boxes", 1) if self.signature == "transformers.js" else ("point_coords", 0)
+        name, axis = (
+            ("input_boxes", 1) if self.signature == "transformers.js" else ("point_coords", 0)
+        )
         fixed = self._decoding.inputs[name].shape[axis]
         return fixed if isinstance(fixed, int) and fixed > 0 else BOXES_PER_CALL
 
@@ -237,7 +273,9 @@ def open_sam2(folder: Path, options: OnnxOptions, device: str, variant: str = ""
     from .sessions import open_network
 
     encoder, decoder = find_sam2_files(folder, variant)
-    return Sam2Networks(open_network(encoder, options, device), open_network(decoder, options, device))
+    return Sam2Networks(
+        open_network(encoder, options, device), open_network(decoder, options, device)
+    )
 
 
 def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
@@ -259,7 +297,8 @@ def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
         lack = f"an encoder{f' _{variant}' if variant else ''}" if not wanted else "a decoder"
         there = ", ".join(p.name for p in files) or "none"
         raise BackendError(
-            f"SAM 2 is two files, an encoder and a decoder, and {folder} has not {lack}; its files of networks: {there}"
+            f"SAM 2 is two files, an encoder and a decoder, and {folder} has not {lack}; its "
+            f"files of networks: {there}"
         )
     # A variant has a longer name than the plain file.
     return min(wanted, key=lambda p: len(p.name)), min(decoders, key=lambda p: len(p.name))

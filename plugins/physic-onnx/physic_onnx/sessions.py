@@ -1,4 +1,6 @@
-"""Open ONNX files and run them with arrays of any float or integer type; settings that all backends share."""
+"""Open ONNX files and run them with arrays of any float or integer type; settings that all backends
+share.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,12 @@ class OnnxOptions(Options):
 
     provider: ProviderName = Field(
         "auto",
-        description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA on a GPU of NVIDIA",
+        description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA "
+        "on a GPU of NVIDIA",
     )
-    threads: int = Field(2, ge=0, le=256, description="threads on the CPU; 0: one for each core of the process")
+    threads: int = Field(
+        2, ge=0, le=256, description="threads on the CPU; 0: one for each core of the process"
+    )
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,8 @@ class Port:
     Attributes:
         name: in the file.
         dtype: "float32", "float16", "int64", "uint8", ...
-        shape: a number for a fixed size, a name for a free one; () for a scalar, and for an output of unknown shape.
+        shape: a number for a fixed size, a name for a free one; () for a scalar, and for an output
+            of unknown shape.
     """
 
     name: str
@@ -61,15 +67,20 @@ class Network:
         outputs: name -> port, in the file's order.
         provider: execution provider that runs it: "CPU", "CUDA", ...
         metadata: what the exporter wrote beside the graph, as texts.
-        shares_ranges: whether it quantises all rows of a batch with one range, so that rows change each other.
+        shares_ranges: whether it quantises all rows of a batch with one range, so that rows change
+            each other.
     """
 
     def __init__(self, session: OnnxSession, path: Path) -> None:
         self.name = path.name
         self.shares_ranges = _names_operator(path, b"DynamicQuantize")
         self.provider = session.provider.name
-        self.inputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_inputs()}
-        self.outputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_outputs()}
+        self.inputs: Mapping[str, Port] = {
+            node.name: _port(node) for node in session.session.get_inputs()
+        }
+        self.outputs: Mapping[str, Port] = {
+            node.name: _port(node) for node in session.session.get_outputs()
+        }
         self.metadata: Mapping[str, str] = dict(session.session.get_modelmeta().custom_metadata_map)
         self._session = session
 
@@ -77,7 +88,8 @@ class Network:
         """Run the network once.
 
         Args:
-            feed: input -> array; floats are cast to the file's float type, integers to its integer type.
+            feed: input -> array; floats are cast to the file's float type, integers to its integer
+                type.
             outputs: names of the outputs to return.
 
         Returns:
@@ -90,7 +102,9 @@ class Network:
         try:
             found = self._session.run(outputs, given)
         except Exception as cause:  # onnxruntime's own exceptions share no public base class
-            shapes = ", ".join(f"{name} {value.dtype} {value.shape}" for name, value in given.items())
+            shapes = ", ".join(
+                f"{name} {value.dtype} {value.shape}" for name, value in given.items()
+            )
             raise BackendError(
                 f"onnxruntime failed to run {self.name} on {self.provider} with {shapes}: {cause}"
             ) from cause
@@ -100,7 +114,9 @@ class Network:
         """Cast an array to the type of an input."""
         value = np.asarray(value)
         if name not in self.inputs:
-            raise BackendError(f"{self.name} has no input {name!r}; it has {', '.join(self.inputs)}")
+            raise BackendError(
+                f"{self.name} has no input {name!r}; it has {', '.join(self.inputs)}"
+            )
         wanted = self.inputs[name].dtype
         if value.dtype.name == wanted:
             return np.require(value, requirements="C")
@@ -123,16 +139,23 @@ def open_network(path: Path, options: OnnxOptions, device: str) -> Network:
         BackendError: the file is missing or broken, or an external data file is missing.
     """
     if not path.is_file():
-        raise BackendError(f"there is no file {path}: `physic weights list` lists the weights that can be fetched")
+        raise BackendError(
+            f"there is no file {path}: `physic weights list` lists the weights that can be fetched"
+        )
     broken = (
-        "If the file is broken or cut short, `physic weights verify` reports it, and `physic weights fetch` fetches "
+        "If the file is broken or cut short, `physic weights verify` reports it, and `physic "
+        "weights fetch` fetches "
         "it again"
     )
-    return Network(open_session(path, options.threads, device, options.provider, broken=broken), path)
+    return Network(
+        open_session(path, options.threads, device, options.provider, broken=broken), path
+    )
 
 
 def _names_operator(path: Path, start: bytes) -> bool:
-    """Return whether an ONNX file, which holds the names of its operators as text, has one that starts so."""
+    """Return whether an ONNX file, which holds the names of its operators as text, has one that
+    starts so.
+    """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         return content.find(start) >= 0
 
@@ -141,6 +164,10 @@ def _port(node: Any) -> Port:
     """Convert onnxruntime's description of an input or output."""
     kind = re.sub(r"^tensor\((.*)\)$", r"\1", node.type)
     names = {"float": "float32", "double": "float64"}
-    # onnxruntime gives None for a dimension without a name. Some exporters write a negative number for a free one.
-    shape = tuple(d if isinstance(d, str) or (isinstance(d, int) and d >= 0) else "?" for d in node.shape or ())
+    # onnxruntime gives None for a dimension without a name. Some exporters write a negative number
+    # for a free one.
+    shape = tuple(
+        d if isinstance(d, str) or (isinstance(d, int) and d >= 0) else "?"
+        for d in node.shape or ()
+    )
     return Port(node.name, names.get(kind, kind), shape)

@@ -1,4 +1,6 @@
-"""Base class of keypoint detectors that see one person at a time, and helpers for other networks that do."""
+"""Base class of keypoint detectors that see one person at a time, and helpers for other networks
+that do.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,12 @@ if TYPE_CHECKING:
     from .one_graph import LoadedGraph
     from .sessions import Network
 
-SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
+SKELETON_BY_JOINTS: dict[int, str] = {
+    17: "coco17",
+    23: "coco23",
+    26: "halpe26",
+    133: "coco_wholebody133",
+}
 """Number of joints -> skeleton name."""
 
 
@@ -37,11 +44,14 @@ class BatchOptions(OnnxBackendOptions):
 class TopDownOptions(BatchOptions):
     """Base class of the settings of a keypoint detector that sees one person at a time."""
 
-    padding: float = Field(1.25, ge=1, le=3, description="size of the crop relative to the person's box")
+    padding: float = Field(
+        1.25, ge=1, le=3, description="size of the crop relative to the person's box"
+    )
 
 
 class TopDownKeypoints(OnnxBackend, KeypointDetector):
-    """Base class of a keypoint detector that crops the people's boxes and decodes a batch of outputs.
+    """Base class of a keypoint detector that crops the people's boxes and decodes a batch of
+    outputs.
 
     Attributes:
         crop_size: height and width of a crop, px, where the file leaves them free.
@@ -59,8 +69,8 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
             crops: (N, 3, h, w) float32, normalised; N > 0.
 
         Returns:
-            Points (N, J, 2) on a grid that covers the crop, scores (N, J), and rows and columns of the grid. Further
-            columns hold the input of :meth:`complete`.
+            Points (N, J, 2) on a grid that covers the crop, scores (N, J), and rows and columns of
+            the grid. Further columns hold the input of :meth:`complete`.
         """
 
     def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
@@ -76,7 +86,8 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         return "halves"
 
     def match(self, network: Network) -> LoadedGraph:
-        """Match an open network and find its number of joints; a file that does not state it is run once.
+        """Match an open network and find its number of joints; a file that does not state it is run
+        once.
 
         Raises:
             BackendError: its form or its skeleton is unknown.
@@ -89,7 +100,8 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
             known = ", ".join(f"{number} ({name})" for number, name in SKELETON_BY_JOINTS.items())
             hint = "; 21 joints are those of one hand" if stated == 21 else ""
             raise BackendError(
-                f"{network.name} returns {stated} keypoints a person, and known are {known}{hint}: choose another file"
+                f"{network.name} returns {stated} keypoints a person, and known are "
+                f"{known}{hint}: choose another file"
             )
         self._joints = stated
         return loaded
@@ -100,28 +112,39 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         from physic_core.types import Keypoints
 
         file = self.network.network.name
-        joints, padding, grid = self._joints, self.options.padding, self.alignment()
+        joints = self._joints
+        padding = self.options.padding
+        grid = self.alignment()
         skeleton = SKELETON_BY_JOINTS[joints]
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
         height, width = self._crop_size()
-        crops = [crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes]
+        crops = [
+            crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes
+        ]
         cells, confidence, (rows, columns) = self.decode(crop_batch(image, crops, bgr=self.bgr()))
         if cells.shape[1] != joints:
             raise BackendError(f"{file} states {joints} joints and returned {cells.shape[1]}")
-        grids = [crop_around_box(box, columns, rows, padding=padding, grid=grid) for box in people.boxes]
-        points = np.stack([own.to_photo(peaks[:, :2]) for own, peaks in zip(grids, cells, strict=True)])
+        grids = [
+            crop_around_box(box, columns, rows, padding=padding, grid=grid) for box in people.boxes
+        ]
+        points = np.stack(
+            [own.to_photo(peaks[:, :2]) for own, peaks in zip(grids, cells, strict=True)]
+        )
         return self.complete(Keypoints(points, confidence, skeleton), cells, crops)
 
     def _crop_size(self) -> tuple[int, int]:
         """Return height and width of a crop, px."""
         shape = next(iter(self.network.ports.inputs.values())).shape[2:]
-        rows, columns = (n if isinstance(n, int) else own for n, own in zip(shape, self.crop_size, strict=True))
+        rows, columns = (
+            n if isinstance(n, int) else own for n, own in zip(shape, self.crop_size, strict=True)
+        )
         return rows, columns
 
 
 def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -> FloatArray:
-    """Crop network inputs (N, 3, h, w) float32, normalised with ImageNet's mean and standard deviation.
+    """Crop network inputs (N, 3, h, w) float32, normalised with ImageNet's mean and standard
+    deviation.
 
     Args:
         image: (H, W, 3) uint8 RGB.
@@ -132,7 +155,9 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
     from physic_core.adapters.top_down import resample_crop
 
     cuts = [resample_crop(image, crop) for crop in crops]
-    return np.concatenate([normalized_nchw(c[..., ::-1] if bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts])
+    return np.concatenate(
+        [normalized_nchw(c[..., ::-1] if bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts]
+    )
 
 
 def run_batches(
@@ -141,8 +166,9 @@ def run_batches(
     """Run a network over N rows in batches.
 
     Args:
-        loaded: the network; a file that fixes its batch gets batches of that size. One that quantises a batch with one
-            range gets one row at a time, repeated where it fixes its batch.
+        loaded: the network; a file that fixes its batch gets batches of that size. One that
+            quantises a batch with one range gets one row at a time, repeated where it fixes its
+            batch.
         feed: input, by the adapter's name -> (N, ...), N > 0.
         outputs: by the adapter's names.
         most: rows at a time where the file leaves the batch free.

@@ -1,10 +1,12 @@
 """Detect 133 whole-body or 17 body keypoints with ViTPose heatmaps, one person at a time.
 
-Two forms exist: the exports of easy_ViTPose (``input_0`` -> ``output_0``), and those of the class in transformers
-(``pixel_values`` -> ``heatmaps``), whose "plus" models also take the index of a data set's expert.
+Two forms exist: the exports of easy_ViTPose (``input_0`` -> ``output_0``), and those of the class
+in transformers (``pixel_values`` -> ``heatmaps``), whose "plus" models also take the index of a
+data set's expert.
 
-Only the networks of COCO's 17 joints were trained with unbiased data processing. Those of 133 joints were trained with
-MMPose's plain affine; with the other convention, a person's feet are off by 1.2 % of the crop.
+Only the networks of COCO's 17 joints were trained with unbiased data processing. Those of 133
+joints were trained with MMPose's plain affine; with the other convention, a person's feet are off
+by 1.2 % of the crop.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
 COCO = 0
 EXPERT_BY_JOINTS = {17: COCO, 133: 5}
 """Number of joints -> index of the data set whose expert a "plus" model uses."""
-EASY, HUB, PLUS = "easy_ViTPose", "transformers", "transformers, plus"
+EASY = "easy_ViTPose"
+HUB = "transformers"
+PLUS = "transformers, plus"
 _PICTURE = (None, 3, None, None)
 _MAPS = (None, None, None, None)
 
@@ -57,7 +61,9 @@ class VitPose(TopDownKeypoints):
             ),
             (PortSpec("heatmaps", shape=_MAPS),),
         ),
-        HUB: GraphSignature((PortSpec("pixel_values", shape=_PICTURE),), (PortSpec("heatmaps", shape=_MAPS),)),
+        HUB: GraphSignature(
+            (PortSpec("pixel_values", shape=_PICTURE),), (PortSpec("heatmaps", shape=_MAPS),)
+        ),
         EASY: GraphSignature(
             (PortSpec("input_0", ("input", "images"), shape=_PICTURE),),
             (PortSpec("output_0", ("output", "heatmaps"), shape=_MAPS),),
@@ -66,20 +72,26 @@ class VitPose(TopDownKeypoints):
     }
 
     def alignment(self) -> PixelAlignment:
-        """Return the alignment of unbiased data processing for COCO's 17 joints, else that of MMPose's affine."""
+        """Return the alignment of unbiased data processing for COCO's 17 joints, else that of
+        MMPose's affine.
+        """
         return "corners" if self._joints == 17 else "halves"
 
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
         """Return the peaks in cells of the heatmaps."""
         loaded = self.network
-        picture, maps = next(iter(loaded.ports.inputs)), next(iter(loaded.ports.outputs))
+        picture = next(iter(loaded.ports.inputs))
+        maps = next(iter(loaded.ports.outputs))
         feed: dict[str, NDArray[Any]] = {picture: crops}
         if loaded.signature == PLUS:
-            feed["dataset_index"] = np.full(len(crops), EXPERT_BY_JOINTS.get(self._joints, COCO), np.int64)
+            feed["dataset_index"] = np.full(
+                len(crops), EXPERT_BY_JOINTS.get(self._joints, COCO), np.int64
+            )
         (heatmaps,) = run_batches(loaded, feed, [maps], self.options.batch)
         if heatmaps.ndim != 4:
             raise BackendError(
-                f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, rows, columns) "
+                f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, "
+                f"rows, columns) "
                 "were expected"
             )
         cells, peaks = subpixel_peaks(heatmaps)

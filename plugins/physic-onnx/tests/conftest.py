@@ -1,4 +1,6 @@
-"""Stand-ins for published networks: graphs of the same contract, and networks that know which world a photo shows."""
+"""Stand-ins for published networks: graphs of the same contract, and networks that know which world
+a photo shows.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ _ELEMENTS = {
 }
 
 Ports = Mapping[str, tuple[str, Sequence[int | str] | None]]
-"""Name -> type and shape, in the file's order: ``{"image": ("float32", ("batch", 3, "height", "width"))}``."""
+"""Name -> type and shape, in the file's order: ``{"image": ("float32", ("batch", 3, "height",
+"width"))}``.
+"""
 
 
 def write_graph(
@@ -40,16 +44,25 @@ def write_graph(
     constants: Mapping[str, Any] | None = None,
     opset: int = 14,
 ) -> Path:
-    """An ONNX file with these ports whose body is ``nodes`` of ``onnx.helper.make_node``, over named ``constants``."""
+    """An ONNX file with these ports whose body is ``nodes`` of ``onnx.helper.make_node``, over
+    named ``constants``.
+    """
 
     def value_info(ports: Ports) -> list[onnx.ValueInfoProto]:
         return [
-            helper.make_tensor_value_info(name, _ELEMENTS[dtype], None if shape is None else list(shape))
+            helper.make_tensor_value_info(
+                name, _ELEMENTS[dtype], None if shape is None else list(shape)
+            )
             for name, (dtype, shape) in ports.items()
         ]
 
-    held = [numpy_helper.from_array(np.asarray(value), name) for name, value in (constants or {}).items()]
-    graph = helper.make_graph(list(nodes), "contract", value_info(inputs), value_info(outputs), held)
+    held = [
+        numpy_helper.from_array(np.asarray(value), name)
+        for name, value in (constants or {}).items()
+    ]
+    graph = helper.make_graph(
+        list(nodes), "contract", value_info(inputs), value_info(outputs), held
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
     onnx.checker.check_model(model)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +78,9 @@ def graph() -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def constant_graph() -> Callable[..., Path]:
-    """``constant_graph(path, inputs, name=array, ...)``: an ONNX file that answers these arrays, whatever it is fed."""
+    """``constant_graph(path, inputs, name=array, ...)``: an ONNX file that answers these arrays,
+    whatever it is fed.
+    """
 
     def write(path: Path, inputs: Ports, **outputs: Any) -> Path:
         held = {f"held_{name}": np.asarray(value, np.float32) for name, value in outputs.items()}
@@ -98,9 +113,13 @@ class Shown:
 
     @property
     def depth(self) -> np.ndarray:
-        """(H, W) float64 metres along z, inf in the sky; of a photo of no world a floor before a wall."""
+        """(H, W) float64 metres along z, inf in the sky; of a photo of no world a floor before a
+        wall.
+        """
         if self.world is not None:
-            return np.asarray(self.world.depth if self.people else self.world.empty_depth, np.float64)
+            return np.asarray(
+                self.world.depth if self.people else self.world.empty_depth, np.float64
+            )
         height, width = self.photo.shape[:2]
         down = (np.arange(height) - (height - 1) / 2) / self.camera.fy
         wall_and_floor = np.minimum(6.0, 1.5 / np.maximum(down, 1e-6))
@@ -120,9 +139,13 @@ class Shown:
         height, width = self.photo.shape[:2]
         v, u = np.mgrid[:height, :width]
         camera = self.camera
-        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones((height, width))], -1)
+        rays = np.stack(
+            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones((height, width))], -1
+        )
         with np.errstate(invalid="ignore"):
-            return np.where(np.isfinite(self.depth)[..., None], rays * self.depth[..., None], np.inf)
+            return np.where(
+                np.isfinite(self.depth)[..., None], rays * self.depth[..., None], np.inf
+            )
 
 
 def look_at(photo: np.ndarray) -> Shown:
@@ -131,7 +154,9 @@ def look_at(photo: np.ndarray) -> Shown:
     world = world_of(photo)
     if world is None:
         return Shown(photo, None, False)
-    off = [np.abs(photo.astype(int) - picture).mean() for picture in (world.image, world.empty_image)]
+    off = [
+        np.abs(photo.astype(int) - picture).mean() for picture in (world.image, world.empty_image)
+    ]
     return Shown(photo, world, bool(off[0] < off[1]))
 
 
@@ -165,8 +190,12 @@ class StandInNetwork:
         outputs: Ports,
         answer: Callable[[Shown, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]],
     ) -> None:
-        self.inputs = {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in inputs.items()}
-        self.outputs = {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in outputs.items()}
+        self.inputs = {
+            name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in inputs.items()
+        }
+        self.outputs = {
+            name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in outputs.items()
+        }
         self._answer = answer
         self._shown: Shown | None = None
         self.runs = 0
@@ -180,7 +209,9 @@ class StandInNetwork:
         assert set(feed) == set(self.inputs), f"fed {sorted(feed)}, wants {sorted(self.inputs)}"
         for name, value in feed.items():
             port = self.inputs[name]
-            assert np.ndim(value) == len(port.shape), f"{name} has {np.ndim(value)} dimensions, wants {port.shape}"
+            assert np.ndim(value) == len(port.shape), (
+                f"{name} has {np.ndim(value)} dimensions, wants {port.shape}"
+            )
         self.runs += 1
         self.fed = dict(feed)
         answers = self._answer(self._shown, feed)
@@ -194,10 +225,12 @@ def stand_in_network() -> type[StandInNetwork]:
 
 @pytest.fixture(scope="session")
 def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], type]:
-    """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files are needed.
+    """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files
+    are needed.
 
-    ``attach(backend)`` returns what the adapter's ``build`` would, and the networks; before each ``infer`` they are
-    given the photo. A network can read the other arguments of that call in ``backend.estimates``, and the
+    ``attach(backend)`` returns what the adapter's ``build`` would, and the networks; before each
+    ``infer`` they are given the photo. A network can read the other arguments of that call in
+    ``backend.estimates``, and the
     boxes of its rows by ``backend.next_boxes``. For the conformance kit::
 
         check_backend(stand_in(Adapter, attach)).raise_if_failed()
@@ -223,14 +256,17 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
                 return ""
 
             def infer(self, image: np.ndarray, *estimates: Any) -> Any:
-                self.estimates, self._row = estimates, 0
+                self.estimates = estimates
+                self._row = 0
                 if isinstance(image, np.ndarray) and image.ndim == 3:
                     for network in self._stand_ins:
                         network.show(look_at(image))
                 return super().infer(image, *estimates)
 
             def next_boxes(self, count: int) -> np.ndarray:
-                """Boxes (at most ``count``, 4) of the people whose crops a network is given next."""
+                """Boxes (at most ``count``, 4) of the people whose crops a network is given
+                next.
+                """
                 boxes: np.ndarray = self.estimates[0].boxes[self._row : self._row + count]
                 self._row += len(boxes)
                 return boxes
@@ -255,9 +291,13 @@ def loaded() -> Callable[..., Any]:
 
 @pytest.fixture(scope="session")
 def bound() -> Callable[..., Any]:
-    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in that ignores the photo."""
+    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in that
+    ignores the photo.
+    """
 
-    def bind(kind: Any, inputs: Ports, outputs: Ports, answer: Callable[..., Any], **options: Any) -> Any:
+    def bind(
+        kind: Any, inputs: Ports, outputs: Ports, answer: Callable[..., Any], **options: Any
+    ) -> Any:
         network = StandInNetwork(inputs, outputs, answer)
         network.show(Shown(np.zeros((1, 1, 3), np.uint8), None, False))
         backend = kind(kind.Options(**options))
@@ -269,9 +309,13 @@ def bound() -> Callable[..., Any]:
 
 @pytest.fixture(scope="session")
 def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, float]]:
-    """``accuracy_of(Adapter, inputs, outputs, answer)``: its errors in the kit, all of whose checks have to pass."""
+    """``accuracy_of(Adapter, inputs, outputs, answer)``: its errors in the kit, all of whose checks
+    have to pass.
+    """
 
-    def measure(kind: type, inputs: Ports, outputs: Ports, answer: Callable[..., Any]) -> Mapping[str, float]:
+    def measure(
+        kind: type, inputs: Ports, outputs: Ports, answer: Callable[..., Any]
+    ) -> Mapping[str, float]:
         def attach(backend: Any) -> list[StandInNetwork]:
             network = StandInNetwork(inputs, outputs, answer)
             return [backend.match(network), network]
@@ -285,13 +329,20 @@ def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, flo
 
 @pytest.fixture
 def exported(tmp_path: Path) -> Callable[..., str]:
-    """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model, *inputs)``.
+    """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model,
+    *inputs)``.
 
-    ``inputs`` are name -> example and names of its free axes, ``outputs`` name -> names of its free axes.
+    ``inputs`` are name -> example and names of its free axes, ``outputs`` name -> names of its free
+    axes.
     """
     torch = pytest.importorskip("torch")
 
-    def export(model: Any, answer: Callable[..., Any], inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> str:
+    def export(
+        model: Any,
+        answer: Callable[..., Any],
+        inputs: Mapping[str, Any],
+        outputs: Mapping[str, Any],
+    ) -> str:
         class Graph(torch.nn.Module):  # type: ignore[name-defined, misc]
             def __init__(self) -> None:
                 super().__init__()

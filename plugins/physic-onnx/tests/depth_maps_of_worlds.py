@@ -10,7 +10,9 @@ def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """A map at another size, bilinear between pixel centres, by SciPy."""
     v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
     u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
-    return map_coordinates(values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest")
+    return map_coordinates(
+        values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest"
+    )
 
 
 def ramp(height: int, width: int, blue: int = 77) -> np.ndarray:
@@ -22,7 +24,9 @@ def ramp(height: int, width: int, blue: int = 77) -> np.ndarray:
     return image
 
 
-def expect_picture(photo: np.ndarray, seen: np.ndarray, tolerance: float, smoothed: int = 1) -> None:
+def expect_picture(
+    photo: np.ndarray, seen: np.ndarray, tolerance: float, smoothed: int = 1
+) -> None:
     """A network sees (3, h, w) grey levels: the photo, and not a mirrored or recoloured one.
 
     Blocks of ``smoothed`` px are compared where the two are resampled in different ways.
@@ -30,7 +34,11 @@ def expect_picture(photo: np.ndarray, seen: np.ndarray, tolerance: float, smooth
     rows, columns = (n // smoothed for n in seen.shape[1:])
     wanted = np.stack([at(photo[..., c].astype(float), *seen.shape[1:]) for c in range(3)])
     blocks = [
-        picture[:, : rows * smoothed, : columns * smoothed].reshape(3, rows, smoothed, columns, smoothed).mean((2, 4))
+        picture[:, : rows * smoothed, : columns * smoothed]
+        .reshape(3, rows, smoothed, columns, smoothed)
+        .mean((2, 4))
         for picture in (seen, wanted)
     ]
-    assert np.abs(blocks[0] - blocks[1]).mean() < tolerance, "not the photo, or not where it should lie"
+    assert np.abs(blocks[0] - blocks[1]).mean() < tolerance, (
+        "not the photo, or not where it should lie"
+    )

@@ -1,4 +1,6 @@
-"""What perfect networks of one person would say of a photo; by the formulas of their own projects, not by ours."""
+"""What perfect networks of one person would say of a photo; by the formulas of their own projects,
+not by ours.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from physic_testing.conformance.true_keypoints import world_keypoints
 if TYPE_CHECKING:
     from physic_testing.worlds import World
 
-MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+MEAN = np.array([0.485, 0.456, 0.406])
+STD = np.array([0.229, 0.224, 0.225])
 
 
 def standing(box: np.ndarray, count: int) -> np.ndarray:
@@ -40,19 +43,24 @@ def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndar
 
 
 def depths(world: World | None, box: np.ndarray, skeleton: str) -> np.ndarray:
-    """Metres (J,) by which the joints of the person in a box are farther than the middle of the hips."""
+    """Metres (J,) by which the joints of the person in a box are farther than the middle of the
+    hips.
+    """
     count = len(SKELETONS[skeleton].names)
     row = None if world is None else whose(world, box)
     if world is None or row is None:
         return np.zeros(count)
-    found, hips = np.zeros(count), world.joints[row, [1, 2], 2].mean()
+    found = np.zeros(count)
+    hips = world.joints[row, [1, 2], 2].mean()
     for joint, name in enumerate(SKELETONS[skeleton].names):
         if name in JOINT_INDEX:
             found[joint] = world.joints[row, JOINT_INDEX[name], 2] - hips
     return found
 
 
-def region(box: np.ndarray, width: int, height: int, padding: float = 1.25) -> tuple[np.ndarray, np.ndarray]:
+def region(
+    box: np.ndarray, width: int, height: int, padding: float = 1.25
+) -> tuple[np.ndarray, np.ndarray]:
     """MMPose's centre and scale of a box, in coordinates whose integers are pixel centres."""
     centre = (box[:2] + box[2:]) / 2 - 0.5
     w, h = np.maximum(box[2:] - box[:2], 1)
@@ -65,10 +73,17 @@ def normalised(pixels: np.ndarray) -> np.ndarray:
     return ((pixels / 255 - MEAN) / STD).transpose(2, 0, 1)
 
 
-def sampled(photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear; zero outside of it."""
+def sampled(
+    photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int
+) -> np.ndarray:
+    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear; zero
+    outside of it.
+    """
     how = {"output_shape": (height, width), "order": 1, "mode": "grid-constant"}
-    channels = [affine_transform(photo[..., c].astype(float), step[::-1], origin[::-1], **how) for c in range(3)]
+    channels = [
+        affine_transform(photo[..., c].astype(float), step[::-1], origin[::-1], **how)
+        for c in range(3)
+    ]
     return np.stack(channels, -1)
 
 
@@ -78,11 +93,19 @@ BOX = (50.0, 20.0, 150.0, 180.0)
 
 def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (200, 260)) -> People:
     """People with these boxes, in a photo of this height and width."""
-    return People(np.zeros((len(boxes), *size), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
+    return People(
+        np.zeros((len(boxes), *size), bool),
+        np.array(boxes, float).reshape(-1, 4),
+        np.ones(len(boxes)),
+    )
 
 
-def blobs(places: list[tuple[float, float]], size: tuple[int, int] = (200, 260), sigma: float = 9.0) -> np.ndarray:
+def blobs(
+    places: list[tuple[float, float]], size: tuple[int, int] = (200, 260), sigma: float = 9.0
+) -> np.ndarray:
     """A photo with a red, a green and a blue blob."""
     y, x = np.mgrid[: size[0], : size[1]]
     apart = [(x - u) ** 2 + (y - v) ** 2 for u, v in places]
-    return np.stack([255 * np.exp(-square / (2 * sigma**2)) for square in apart], -1).astype(np.uint8)
+    return np.stack([255 * np.exp(-square / (2 * sigma**2)) for square in apart], -1).astype(
+        np.uint8
+    )

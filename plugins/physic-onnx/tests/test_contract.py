@@ -15,7 +15,9 @@ WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
 
 def match(network, inputs, outputs, *, by_position=False):
     """Match a network with one signature."""
-    return match_signature(network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)})[1]
+    return match_signature(
+        network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)}
+    )[1]
 
 
 @pytest.fixture
@@ -39,27 +41,43 @@ class TestOneSignature:
             ({**depth(name="z"), **depth()}, ("z",), "depth"),
         ],
     )
-    def test_a_port_is_found_by_its_name_and_then_by_its_aliases(self, file, outputs, aliases, name):
+    def test_a_port_is_found_by_its_name_and_then_by_its_aliases(
+        self, file, outputs, aliases, name
+    ):
         found = match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", aliases)])
         assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", name)
         assert list(found.outputs) == ["depth"]
 
     def test_ports_match_by_position_only_where_allowed(self, file):
-        network, wanted = file(IMAGE, depth(name="out_0")), [PortSpec("depth", shape=(None, None, None))]
-        assert match(network, [WANTED_IMAGE], wanted, by_position=True).outputs["depth"].name == "out_0"
+        network = file(IMAGE, depth(name="out_0"))
+        wanted = [PortSpec("depth", shape=(None, None, None))]
+        assert (
+            match(network, [WANTED_IMAGE], wanted, by_position=True).outputs["depth"].name
+            == "out_0"
+        )
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(network, [WANTED_IMAGE], wanted)
 
     def test_ports_are_matched_by_position_only_with_equal_rank_and_once(self, file):
-        wanted = [PortSpec("depth", shape=(None, None, None)), PortSpec("mask", shape=(None, None, None))]
+        wanted = [
+            PortSpec("depth", shape=(None, None, None)),
+            PortSpec("mask", shape=(None, None, None)),
+        ]
         with pytest.raises(BackendError, match="there is no output 'depth'"):
-            match(file(IMAGE, depth(name="a", shape=("b", 1, "h", "w"))), [WANTED_IMAGE], wanted[:1], by_position=True)
+            match(
+                file(IMAGE, depth(name="a", shape=("b", 1, "h", "w"))),
+                [WANTED_IMAGE],
+                wanted[:1],
+                by_position=True,
+            )
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(file(IMAGE, depth(name="mask")), [WANTED_IMAGE], wanted, by_position=True)
 
     def test_optional_inputs_and_outputs_may_be_absent(self, file):
         inputs = [WANTED_IMAGE, PortSpec("points", optional=True)]
-        found = match(file(IMAGE, depth()), inputs, [PortSpec("depth"), PortSpec("normal", optional=True)])
+        found = match(
+            file(IMAGE, depth()), inputs, [PortSpec("depth"), PortSpec("normal", optional=True)]
+        )
         assert (list(found.inputs), list(found.outputs)) == (["image"], ["depth"])
 
     def test_an_input_without_a_spec_is_refused(self, file):
@@ -91,7 +109,11 @@ class TestOneSignature:
                 match(network, [wanted], [])
 
     def test_an_output_of_undeclared_shape_fits(self, file):
-        found = match(file(IMAGE, depth(shape=())), [WANTED_IMAGE], [PortSpec("depth", shape=("batch", None, None))])
+        found = match(
+            file(IMAGE, depth(shape=())),
+            [WANTED_IMAGE],
+            [PortSpec("depth", shape=("batch", None, None))],
+        )
         assert found.outputs["depth"].shape == ()
 
     def test_a_network_runs_by_the_names_of_the_adapter(self, graph, node, tmp_path):
@@ -102,7 +124,9 @@ class TestOneSignature:
             [node("Relu", ["input_0"], ["output_0"])],
         )
         network = open_network(path, OnnxOptions(), "cpu")
-        found = match(network, [PortSpec("image", ("input_0",))], [PortSpec("positive")], by_position=True)
+        found = match(
+            network, [PortSpec("image", ("input_0",))], [PortSpec("positive")], by_position=True
+        )
         (answer,) = found.run(network, {"image": -np.ones((1, 3, 2, 2))}, ["positive"])
         np.testing.assert_array_equal(answer, np.zeros((1, 3, 2, 2)))
 
@@ -119,13 +143,17 @@ SIGNATURES = {
 class TestSeveralSignatures:
     def test_the_first_signature_that_fits_is_used(self, file):
         assert match_signature(file(IMAGE, depth()), SIGNATURES)[0] == "depth"
-        other = file({"pixel_values": ("float32", ("b", 3, "h", "w"))}, depth(name="predicted_depth"))
+        other = file(
+            {"pixel_values": ("float32", ("b", 3, "h", "w"))}, depth(name="predicted_depth")
+        )
         name, found = match_signature(other, SIGNATURES)
         assert name == "inverse depth"
         assert found.inputs["pixel_values"].name == "pixel_values"
 
     def test_a_network_of_no_known_form_is_refused_with_every_form(self, file):
-        network = file({"pixel_values": ("float16", (1, 3, 518, 518))}, depth(shape=(1, 1, "h", "w")))
+        network = file(
+            {"pixel_values": ("float16", (1, 3, 518, 518))}, depth(shape=(1, 1, "h", "w"))
+        )
         with pytest.raises(BackendError) as refusal:
             match_signature(network, SIGNATURES)
         for words in (

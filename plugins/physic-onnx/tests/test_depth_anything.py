@@ -1,4 +1,6 @@
-"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, the real small network, and stand-ins."""
+"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, the real small network,
+and stand-ins.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,23 @@ from physic_onnx.depth_anything_3 import DepthAnything3
 from .depth_maps_of_worlds import at, expect_picture, ramp
 from .tiny_classes import depth_anything
 
-IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
+IMAGENET_STD = np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")
 FREE_MAP = ("batch_size", "height", "width")
-ONE_PHOTO = {"takes": "image", "gives": "depth", "shape": (1, 3, 252, 252), "map_shape": (1, 252, 252)}
+ONE_PHOTO = {
+    "takes": "image",
+    "gives": "depth",
+    "shape": (1, 3, 252, 252),
+    "map_shape": (1, 252, 252),
+}
 
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs are given."""
+    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs
+    are given.
+    """
 
     def build(
         name: str = "model.onnx",
@@ -51,7 +61,10 @@ def contract_graph(graph, node, tmp_path):
         where = np.array(channel, np.int64)
         nodes = [node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3)]
         if sigmoid:
-            nodes += [node("Sigmoid", ["plane"], ["share"]), node("Mul", ["share", "most"], [gives])]
+            nodes += [
+                node("Sigmoid", ["plane"], ["share"]),
+                node("Mul", ["share", "most"], [gives]),
+            ]
         else:
             nodes += [node("Add", ["plane", "four"], [gives])]
         constants = {"channel": where, "four": np.float32(4), "most": np.float32(20)}
@@ -93,7 +106,9 @@ class TestExports:
             ("x", "y", OTHER),
         ],
     )
-    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature, relative):
+    def test_ports_are_known_by_their_names_or_their_place(
+        self, contract_graph, takes, gives, signature, relative
+    ):
         backend = relative(contract_graph(takes=takes, gives=gives))
         assert backend.network.signature == signature
         backend.infer(ramp(196, 252), Hints())
@@ -117,7 +132,9 @@ class TestExports:
         image = ramp(100, 300)
         answer = metric(path).infer(image, Hints())
         assert answer.depth.shape == (100, 300)
-        np.testing.assert_allclose(answer.depth[:, 5:-5], (20 / (1 + np.exp(-normalised(image))))[:, 5:-5], rtol=0.03)
+        np.testing.assert_allclose(
+            answer.depth[:, 5:-5], (20 / (1 + np.exp(-normalised(image))))[:, 5:-5], rtol=0.03
+        )
         assert "70 x 70 px only" in answer.notes[0]
 
     def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, bound):
@@ -126,20 +143,30 @@ class TestExports:
             DepthAnythingMetric,
             {"pixel_values": ("float32", FREE)},
             {"predicted_depth": ("float32", FREE_MAP)},
-            lambda shown, fed: {"predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))},
+            lambda shown, fed: {
+                "predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))
+            },
         )
         depth = backend.infer(ramp(140, 280), Hints()).depth
         np.testing.assert_allclose(
-            depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
+            depth[:, 0],
+            np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2),
+            atol=1e-5,
         )
 
-    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, contract_graph, metric):
+    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(
+        self, contract_graph, metric
+    ):
         image = np.zeros((196, 252, 3), np.uint8)
         image[:, 126:] = 255
-        backend = metric(contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0)
+        backend = metric(
+            contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0
+        )
         assert np.isnan(backend.infer(image, Hints()).depth[:, 140:]).all()
 
-    def test_relative_file_is_refused_for_metres_by_its_last_activation(self, contract_graph, metric):
+    def test_relative_file_is_refused_for_metres_by_its_last_activation(
+        self, contract_graph, metric
+    ):
         path = contract_graph("depth_anything_v2_vits.onnx")
         assert not has_sigmoid(Path(path))
         with pytest.raises(BackendError, match="relative_pointmap 'depth-anything-onnx'"):
@@ -156,10 +183,16 @@ class TestExports:
 
 class TestNormalisation:
     def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph, relative):
-        """Trap: such a file has the same names; its sides are called H and W, and it takes one photo."""
+        """Trap: such a file has the same names; its sides are called H and W, and it takes one
+        photo.
+        """
         image = ramp(196, 252)
         path = contract_graph(
-            takes="image", gives="depth", shape=(1, 3, "H", "W"), map_shape=(1, "H", "W"), sigmoid=False
+            takes="image",
+            gives="depth",
+            shape=(1, 3, "H", "W"),
+            map_shape=(1, "H", "W"),
+            sigmoid=False,
         )
         disparity = image[..., 0] + 4.0
         z = relative(path).infer(image, Hints()).points[..., 2]
@@ -175,7 +208,9 @@ class TestNormalisation:
 
     @pytest.mark.parametrize("size", [(600, 800), (800, 600), (97, 131), (240, 320)])
     def test_photo_is_prepared_as_by_the_librarys_own_processor(self, size):
-        """Trap: bicubic with antialiasing, multiples of 14, the side that changes less becomes 518."""
+        """Trap: bicubic with antialiasing, multiples of 14, the side that changes less becomes
+        518.
+        """
         pytest.importorskip("transformers")
         from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
 
@@ -205,12 +240,19 @@ class TestNormalisation:
             {(720, 1280): (518, 924), (1280, 720): (924, 518), (97, 131): (378, 518)},
         ),
         (DepthAnythingMetric, FREE, FREE_MAP, {(720, 1280): (518, 924)}),
-        (DepthAnythingRelative, ("b", "n", 3, "h", "w"), ("b", "n", "h", "w"), {(720, 1280): (280, 504)}),
+        (
+            DepthAnythingRelative,
+            ("b", "n", 3, "h", "w"),
+            ("b", "n", "h", "w"),
+            {(720, 1280): (280, 504)},
+        ),
         (DepthAnything3, FREE, FREE_MAP, {(1080, 1920): (280, 504), (640, 480): (504, 378)}),
     ],
 )
 def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, kind, shape, map_shape, sizes):
-    """The short side becomes 518 of a larger photo and the long one of a smaller; the long one 504 in version 3."""
+    """The short side becomes 518 of a larger photo and the long one of a smaller; the long one 504
+    in version 3.
+    """
     seen = []
 
     def answer(shown, fed):
@@ -218,10 +260,14 @@ def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, kind, shape, map_s
         depth = fed["image"][..., 0, :, :] + 4
         return {"depth": depth, "sky": np.zeros_like(depth)}
 
-    outputs = dict.fromkeys(("depth", "sky") if kind is DepthAnything3 else ("depth",), ("float32", map_shape))
+    outputs = dict.fromkeys(
+        ("depth", "sky") if kind is DepthAnything3 else ("depth",), ("float32", map_shape)
+    )
     backend = bound(kind, {"image": ("float32", shape)}, outputs, answer)
     for height, width in sizes:
-        backend.infer(ramp(height, width), Hints(intrinsics=Intrinsics.from_focal(500.0, width, height)))
+        backend.infer(
+            ramp(height, width), Hints(intrinsics=Intrinsics.from_focal(500.0, width, height))
+        )
     assert seen == list(sizes.values())
 
 
@@ -230,7 +276,10 @@ class TestVersion3:
 
     def image_of_views(self, contract_graph, **further):
         return contract_graph(
-            "da.onnx", shape=("b", 1, 3, "h", "w"), map_shape=("b", 1, "h", "w"), further=further or None
+            "da.onnx",
+            shape=("b", 1, 3, "h", "w"),
+            map_shape=("b", 1, "h", "w"),
+            further=further or None,
         )
 
     def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph, relative):
@@ -251,15 +300,23 @@ class TestVersion3:
             ({"sky": np.zeros((1, 1, 252, 252))}, "scale_shift"),
         ],
     )
-    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown, relative):
+    def test_kind_is_recognised_by_further_outputs(
+        self, contract_graph, further, unknown, relative
+    ):
         path = contract_graph(**ONE_PHOTO, further=further)
         image = ramp(252, 252)
-        answer = relative(path).infer(image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252)))
+        answer = relative(path).infer(
+            image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252))
+        )
         assert answer.unknown == unknown
         assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
 
-    @pytest.mark.parametrize(("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)])
-    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large, relative):
+    @pytest.mark.parametrize(
+        ("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)]
+    )
+    def test_kind_is_recognised_by_name_or_option(
+        self, contract_graph, name, far_is_large, relative
+    ):
         image = ramp(252, 252)
         path = contract_graph(name, **ONE_PHOTO)
         for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
@@ -319,7 +376,8 @@ def true_depth(shown, fed):
     """Depth up to a scale, with its camera at the network's picture."""
     rows, columns = fed["pixel_values"].shape[-2:]
     expect_normalised(shown, fed["pixel_values"])
-    inverse, camera = at(1 / shown.depth, rows, columns), shown.camera
+    inverse = at(1 / shown.depth, rows, columns)
+    camera = shown.camera
     height, width = shown.photo.shape[:2]
     matrix = np.eye(3)
     matrix[0] = camera.fx * columns / width, 0, (camera.cx + 0.5) * columns / width
@@ -350,7 +408,10 @@ NETWORKS = {
     "depth of version 3": (
         DepthAnythingRelative,
         {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
-        {"predicted_depth": ("float32", ("b", "n", "h", "w")), "intrinsics": ("float32", ("b", "n", 3, 3))},
+        {
+            "predicted_depth": ("float32", ("b", "n", "h", "w")),
+            "intrinsics": ("float32", ("b", "n", 3, 3)),
+        },
         true_depth,
     ),
 }
@@ -365,7 +426,11 @@ def test_conformance(name, accuracy_of):
 def _packaged() -> Path | None:
     """The real small network, where physic-embedded is installed."""
     try:
-        path = Path(str(resources.files("physic_embedded"))) / "weights" / "depth_anything_v2_vits.onnx"
+        path = (
+            Path(str(resources.files("physic_embedded")))
+            / "weights"
+            / "depth_anything_v2_vits.onnx"
+        )
     except ModuleNotFoundError:
         return None
     return path if path.is_file() else None
@@ -374,7 +439,10 @@ def _packaged() -> Path | None:
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 
 
-@pytest.mark.skipif(_packaged() is None, reason="physic-embedded, whose wheel holds the real network, is not installed")
+@pytest.mark.skipif(
+    _packaged() is None,
+    reason="physic-embedded, whose wheel holds the real network, is not installed",
+)
 @pytest.mark.skipif(not PHOTO.is_file(), reason="examples/basketball.png is not here")
 class TestRealNetwork:
     """Depth Anything V2 small itself."""
@@ -391,7 +459,8 @@ class TestRealNetwork:
         from physic_embedded.networks.depth_anything import predict_disparity
 
         session = open_session(_packaged(), threads=0, device="cpu", broken="")
-        # A 4:3 photo has 24 x 18 whole patches: the embedded backend pads others, and this one stretches them.
+        # A 4:3 photo has 24 x 18 whole patches: the embedded backend pads others, and this one
+        # stretches them.
         own = predict_disparity(session, photo, short_side=252)
         answer = relative(str(_packaged()), side=252).infer(photo, Hints())
         own = at(own.astype(float), *photo.shape[:2])
@@ -411,9 +480,11 @@ def test_metres_are_those_of_the_class_of_transformers(exported, metric):
     sides = (70, 98)
     torch.manual_seed(0)
     model = depth_anything("metric").eval()
-    for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
+    # as they are first drawn, they answer one number everywhere
+    for parameter in model.parameters():
         torch.nn.init.normal_(parameter, 0.0, 0.15)
-    free, map_free = {0: "batch_size", 2: "height", 3: "width"}, {0: "batch_size", 1: "height", 2: "width"}
+    free = {0: "batch_size", 2: "height", 3: "width"}
+    map_free = {0: "batch_size", 1: "height", 2: "width"}
     path = exported(
         model,
         lambda model, pixels: model(pixel_values=pixels).predicted_depth,
@@ -423,7 +494,9 @@ def test_metres_are_those_of_the_class_of_transformers(exported, metric):
     image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
     with torch.no_grad():
         own = model(torch.from_numpy(preprocess(image, *sides))).predicted_depth
-        own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
+        own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[
+            0, 0
+        ].numpy()
     assert np.ptp(own) > 0.1
     answer = metric(path, side=70).infer(image, Hints())
     np.testing.assert_allclose(answer.depth, own, rtol=1e-3)

@@ -1,4 +1,6 @@
-"""Depth Anything 3 metric against graphs of its exports, and against a network that knows the world."""
+"""Depth Anything 3 metric against graphs of its exports, and against a network that knows the
+world.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from physic_onnx.depth_anything_3 import DepthAnything3, preprocess
 
 from .depth_maps_of_worlds import at, expect_picture, ramp
 
-IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
+IMAGENET_STD = np.array([0.229, 0.224, 0.225])
 FORMS = {
     "504 x 504": (("batch", 3, 504, 504), ("batch", 1, 504, 504)),
     "504 x 280": ((1, 3, 280, 504), (1, 1, 280, 504)),
@@ -22,9 +25,13 @@ FORMS = {
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A network whose depth is a channel of its input plus 4, and whose sky is what is given or a channel."""
+    """A network whose depth is a channel of its input plus 4, and whose sky is what is given or a
+    channel.
+    """
 
-    def build(form: str = "free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx") -> str:
+    def build(
+        form: str = "free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx"
+    ) -> str:
         shape, map_shape = FORMS[form]
         nodes = [
             node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3),
@@ -32,7 +39,10 @@ def contract_graph(graph, node, tmp_path):
         ]
         spare = len(map_shape) - (len(shape) - 1)
         if spare:
-            nodes += [node("Unsqueeze", ["plane", "one"], ["map"]), node("Unsqueeze", ["score", "one"], [gives[1]])]
+            nodes += [
+                node("Unsqueeze", ["plane", "one"], ["map"]),
+                node("Unsqueeze", ["score", "one"], [gives[1]]),
+            ]
         else:
             nodes += [node("Identity", ["plane"], ["map"]), node("Identity", ["score"], [gives[1]])]
         nodes.append(node("Add", ["map", "four"], [gives[0]]))
@@ -59,17 +69,25 @@ def hints(focal: float, width: int, height: int) -> Hints:
 class TestContract:
     @pytest.mark.parametrize("form", FORMS)
     @pytest.mark.parametrize("channel", [0, 1])
-    def test_metres_are_depth_times_the_seen_focal_length_over_300(self, contract_graph, form, channel, loaded):
-        """Trap: the focal length of the picture that the network sees, the mean of both axes, and not the photo's."""
+    def test_metres_are_depth_times_the_seen_focal_length_over_300(
+        self, contract_graph, form, channel, loaded
+    ):
+        """Trap: the focal length of the picture that the network sees, the mean of both axes, and
+        not the photo's.
+        """
         image = ramp(252, 252, 0)
-        answer = loaded(DepthAnything3, contract_graph(form, channel=channel)).infer(image, hints(210.0, 252, 252))
+        answer = loaded(DepthAnything3, contract_graph(form, channel=channel)).infer(
+            image, hints(210.0, 252, 252)
+        )
         rows, columns = FORMS[form][0][-2:] if form != "free" else (504, 504)
         focal = 210.0 * (rows / 252 + columns / 252) / 2
         np.testing.assert_allclose(answer.depth, raw_depth(image, channel) * focal / 300, rtol=0.02)
         assert answer.intrinsics.fx == 210.0
 
     def test_other_names_of_the_ports_are_accepted(self, contract_graph, loaded):
-        loaded(DepthAnything3, contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
+        loaded(
+            DepthAnything3, contract_graph(takes="pixel_values", gives=("predicted_depth", "sky"))
+        )
 
     def test_sky_is_where_the_score_is_high_and_has_no_depth(self, contract_graph, loaded):
         """Trap: from 0.3 on it is sky, though a reader of these files holds the opposite."""
@@ -83,7 +101,11 @@ class TestContract:
 
     def test_far_away_is_not_known(self, contract_graph, loaded):
         image = ramp(252, 252, 0)
-        depth = loaded(DepthAnything3, contract_graph(), farthest=6.0).infer(image, hints(210.0, 252, 252)).depth
+        depth = (
+            loaded(DepthAnything3, contract_graph(), farthest=6.0)
+            .infer(image, hints(210.0, 252, 252))
+            .depth
+        )
         assert np.isfinite(depth).any()
         assert np.nanmax(depth) <= 6.0
         assert np.isnan(depth[:, -20:]).all()
@@ -93,7 +115,9 @@ class TestContract:
             loaded(DepthAnything3, contract_graph()).infer(ramp(252, 252, 0), Hints())
 
     def test_a_note_says_that_the_photo_was_squashed(self, contract_graph, loaded):
-        answer = loaded(DepthAnything3, contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
+        answer = loaded(DepthAnything3, contract_graph("504 x 280")).infer(
+            ramp(640, 480, 0), hints(500.0, 480, 640)
+        )
         assert "factor 2.4" in answer.notes[0]
 
     def test_file_without_a_sky_is_refused(self, graph, node, tmp_path, loaded):
@@ -117,7 +141,9 @@ def test_photo_is_shrunk_by_areas_and_enlarged_bicubically(size, how):
     import cv2
 
     image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
-    resized = cv2.resize(image, (406, 504), interpolation={"area": cv2.INTER_AREA, "bicubic": cv2.INTER_CUBIC}[how])
+    resized = cv2.resize(
+        image, (406, 504), interpolation={"area": cv2.INTER_AREA, "bicubic": cv2.INTER_CUBIC}[how]
+    )
     wanted = ((resized / 255 - IMAGENET_MEAN) / IMAGENET_STD).transpose(2, 0, 1)[None]
     np.testing.assert_allclose(preprocess(image, 504, 406), wanted, atol=1e-5)
 
@@ -126,14 +152,20 @@ def perfect(shown, fed):
     """Depth of a camera of 300 px, and the sky."""
     picture = fed["image"]
     rows, columns = picture.shape[-2:]
-    seen = (picture.reshape(3, rows, columns) * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
+    seen = (
+        picture.reshape(3, rows, columns) * IMAGENET_STD[:, None, None]
+        + IMAGENET_MEAN[:, None, None]
+    ) * 255
     expect_picture(shown.photo, seen, 4, smoothed=14)
     height, width = shown.photo.shape[:2]
     focal = shown.camera.fx * 0.5 * (columns / width + rows / height)
     inverse = at(1 / shown.depth, rows, columns)
     depth = 1 / np.maximum(inverse, 1 / 150)
     shape = (1, 1, rows, columns)
-    return {"depth": (depth * 300 / focal).reshape(shape), "sky": (inverse < 1e-4).astype(float).reshape(shape)}
+    return {
+        "depth": (depth * 300 / focal).reshape(shape),
+        "sky": (inverse < 1e-4).astype(float).reshape(shape),
+    }
 
 
 @pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
@@ -141,4 +173,7 @@ def test_conformance(form, accuracy_of):
     shape = FORMS[form][0]
     returned = ("float32", (1, 1, *shape[-2:]))
     outputs = {"depth": returned, "sky": returned}
-    assert accuracy_of(DepthAnything3, {"image": ("float32", shape)}, outputs, perfect)["abs-rel"] < 0.003
+    assert (
+        accuracy_of(DepthAnything3, {"image": ("float32", shape)}, outputs, perfect)["abs-rel"]
+        < 0.003
+    )

@@ -27,8 +27,12 @@ def test_the_inverse_is_the_depth_in_units_of_the_median_distance():
     points, valid = points_from_disparity(*clip_disparity(1 / depth), camera)
     assert valid.all()
     np.testing.assert_allclose(points[..., 2], depth / 3.0, rtol=1e-6)
-    np.testing.assert_allclose(points[..., 0], points[..., 2] * ((np.arange(7) - 3.0) / 8.0), atol=1e-7)
-    np.testing.assert_allclose(points[..., 1], points[..., 2] * ((np.arange(5) - 2.0) / 8.0)[:, None], atol=1e-7)
+    np.testing.assert_allclose(
+        points[..., 0], points[..., 2] * ((np.arange(7) - 3.0) / 8.0), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        points[..., 1], points[..., 2] * ((np.arange(5) - 2.0) / 8.0)[:, None], atol=1e-7
+    )
 
 
 SIDES = st.integers(14, 4000)
@@ -36,7 +40,10 @@ SIDES = st.integers(14, 4000)
 
 @given(SIDES, SIDES)
 def test_sizes_are_whole_patches(height: int, width: int) -> None:
-    for rows, columns in (input_size_least_scaling(height, width, 518), input_size_by_long_side(height, width, 504)):
+    for rows, columns in (
+        input_size_least_scaling(height, width, 518),
+        input_size_by_long_side(height, width, 504),
+    ):
         assert rows % 14 == columns % 14 == 0
         assert min(rows, columns) >= 14
 
@@ -53,10 +60,14 @@ def test_a_limit_of_patches_reduces_and_never_enlarges(height: int, width: int, 
 
 
 class TestMaps:
-    @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
+    @pytest.mark.parametrize(
+        "shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)]
+    )
     def test_spare_axes_are_dropped(self, shape):
         values = np.arange(6.0).reshape(shape)
-        np.testing.assert_array_equal(squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
+        np.testing.assert_array_equal(
+            squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3)
+        )
 
     @pytest.mark.parametrize(
         ("values", "words"),
@@ -76,7 +87,9 @@ class TestMaps:
     def test_depth_that_is_not_known_is_nan(self):
         with np.errstate(invalid="raise"):
             found = mask_depth(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
-        np.testing.assert_array_equal(found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
+        np.testing.assert_array_equal(
+            found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32)
+        )
         with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
             mask_depth(np.array([[9.0]], np.float32), 5.0)
 

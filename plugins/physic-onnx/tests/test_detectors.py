@@ -1,4 +1,6 @@
-"""Boxes of people from the files of YOLOX, RT-DETR and RTMO: graphs of their contract, run by onnxruntime."""
+"""Boxes of people from the files of YOLOX, RT-DETR and RTMO: graphs of their contract, run by
+onnxruntime.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def answering(constant_graph, tmp_path):
 
 @pytest.fixture
 def scoring(graph, node, tmp_path):
-    """A YOLOX file that sees a person in one place with a score of one value of its input over ``over``."""
+    """A YOLOX file that sees a person in one place with a score of one value of its input over
+    ``over``.
+    """
 
     def make(place, over):
         channel, y, x = place
@@ -50,10 +54,8 @@ def scoring(graph, node, tmp_path):
             node("Mul", ["where", "score"], ["scored"]),
             node("Add", ["rest", "scored"], ["output"]),
         ]
-        rest, where = (
-            raw((27, row(0.5, 0.5, 0.5, 0.5, something=1.0, person=0.0))),
-            np.zeros((1, CELLS, 85), np.float32),
-        )
+        rest = raw((27, row(0.5, 0.5, 0.5, 0.5, something=1.0, person=0.0)))
+        where = np.zeros((1, CELLS, 85), np.float32)
         where[0, 27, 5] = 1
         constants = {
             "start": np.array([0, channel, y, x]),
@@ -76,11 +78,18 @@ def scoring(graph, node, tmp_path):
 
 
 def test_a_raw_head_is_decoded(answering):
-    """Cell 3, 2 of stride 8: the centre is (offset + cell) * stride, the sides are e to the power."""
-    detector = answering("images", (1, 3, SIDE, SIDE), output=raw((2 * 8 + 3, row(0.5, 0.25, np.log(2), np.log(3)))))
+    """Cell 3, 2 of stride 8: the centre is (offset + cell) * stride, the sides are e to the
+    power.
+    """
+    detector = answering(
+        "images", (1, 3, SIDE, SIDE), output=raw((2 * 8 + 3, row(0.5, 0.25, np.log(2), np.log(3))))
+    )
     assert detector.signature == "YOLOX"
     found = detector.infer(GREY, 0.5, 0.65)
-    cx, cy, w, h = 3.5 * 8, 2.25 * 8, 16, 24
+    cx = 3.5 * 8
+    cy = 2.25 * 8
+    w = 16
+    h = 24
     assert found.boxes[0] == pytest.approx([cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2])
     assert found.scores == pytest.approx([0.81])
 
@@ -100,7 +109,11 @@ def test_a_head_that_is_decoded_inside_is_not_decoded_twice(answering):
 
 
 def test_boxes_of_one_person_are_one(answering):
-    placed = [(19, row(0.5, 0.5, 1, 1)), (20, row(-0.4, 0.5, 1, 1, person=0.8)), (22, row(0.5, 0.5, 0, 0))]
+    placed = [
+        (19, row(0.5, 0.5, 1, 1)),
+        (20, row(-0.4, 0.5, 1, 1, person=0.8)),
+        (22, row(0.5, 0.5, 0, 0)),
+    ]
     found = answering("images", (1, 3, SIDE, SIDE), output=raw(*placed)).infer(GREY, 0.5, 0.65)
     assert len(found) == 2
     assert found.scores == pytest.approx([0.81, 0.81])
@@ -108,7 +121,9 @@ def test_boxes_of_one_person_are_one(answering):
 
 def test_boxes_of_other_classes_are_no_people(answering):
     chair = row(0.5, 0.5, 1, 1, person=0.05, others=0.95)
-    assert not len(answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65))
+    assert not len(
+        answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65)
+    )
 
 
 def test_yolox_gets_bgr_grey_levels(scoring):
@@ -122,8 +137,12 @@ def test_yolox_gets_bgr_grey_levels(scoring):
 def test_yolox_sees_the_photo_at_the_top_left_and_grey_elsewhere(scoring):
     photo = np.full((SIDE // 2, SIDE, 3), 250, np.uint8)
     assert scoring((0, 0, 0), 250.0).infer(photo, 0.5, 0.65).scores == pytest.approx([1.0])
-    assert scoring((0, SIDE - 1, SIDE - 1), 114.0).infer(photo, 0.5, 0.65).scores == pytest.approx([1.0])
-    assert scoring((0, SIDE // 2 - 1, 0), 250.0).infer(photo, 0.5, 0.65).scores == pytest.approx([1.0])
+    assert scoring((0, SIDE - 1, SIDE - 1), 114.0).infer(photo, 0.5, 0.65).scores == pytest.approx(
+        [1.0]
+    )
+    assert scoring((0, SIDE // 2 - 1, 0), 250.0).infer(photo, 0.5, 0.65).scores == pytest.approx(
+        [1.0]
+    )
 
 
 @pytest.mark.parametrize("labels", [False, True])
@@ -138,10 +157,14 @@ def test_boxes_chosen_inside_are_taken_to_the_photo(answering, labels):
 
 
 def test_rtmo_gives_joints_too(answering):
-    """The centre of the frame's pixel 12 is 12.5 from its edge, so 25 from the photo's edge: pixel 24.5."""
+    """The centre of the frame's pixel 12 is 12.5 from its edge, so 25 from the photo's edge: pixel
+    24.5.
+    """
     joints = np.zeros((1, 1, 17, 3))
     joints[0, 0, 15] = 12, 20, 0.7
-    detector = answering("input", ("batch", 3, SIDE, SIDE), dets=[[[10, 5, 20, 25, 0.9]]], keypoints=joints)
+    detector = answering(
+        "input", ("batch", 3, SIDE, SIDE), dets=[[[10, 5, 20, 25, 0.9]]], keypoints=joints
+    )
     assert detector.signature == "RTMO"
     found = detector.infer(np.zeros((60, 128, 3), np.uint8), 0.45, 0.65)
     assert found.keypoints is not None
@@ -163,7 +186,9 @@ def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
 
 
 def test_rt_detr_gets_squashed_rgb_from_0_to_1(graph, node, tmp_path):
-    """A graph whose person's logit is ten times the last value of the first channel: no mean, no deviation, no rim."""
+    """A graph whose person's logit is ten times the last value of the first channel: no mean, no
+    deviation, no rim.
+    """
     where = np.zeros((1, 3, 80), np.float32)
     where[0, 0, 0] = 10
     nodes = [
@@ -196,7 +221,10 @@ def test_rt_detr_gets_squashed_rgb_from_0_to_1(graph, node, tmp_path):
 
 def test_detr_is_not_taken_for_rt_detr(answering):
     detector = answering(
-        "pixel_values", ("b", 3, SIDE, SIDE), logits=np.zeros((1, 9, 92)), pred_boxes=np.zeros((1, 9, 4))
+        "pixel_values",
+        ("b", 3, SIDE, SIDE),
+        logits=np.zeros((1, 9, 92)),
+        pred_boxes=np.zeros((1, 9, 4)),
     )
     with pytest.raises(BackendError, match="returns 92 classes"):
         detector.infer(GREY, 0.5, 0.65)
@@ -210,10 +238,17 @@ def test_a_head_of_another_size_is_refused(answering):
 def test_another_file_is_refused_with_its_inputs_and_outputs(answering):
     with pytest.raises(BackendError) as raised:
         answering("picture", (1, 3, SIDE, SIDE), answer=np.zeros((1, 4)))
-    for text in ("expected of RTMO", "expected of YOLOX", "expected of RT-DETR", "picture float32 (1, 3, 64, 64)"):
+    for text in (
+        "expected of RTMO",
+        "expected of YOLOX",
+        "expected of RT-DETR",
+        "picture float32 (1, 3, 64, 64)",
+    ):
         assert text in str(raised.value)
 
 
 def test_no_detections_are_an_empty_array(answering):
-    found = answering("input", ("b", 3, SIDE, SIDE), dets=np.zeros((1, 0, 5))).infer(GREY, 0.5, 0.65)
+    found = answering("input", ("b", 3, SIDE, SIDE), dets=np.zeros((1, 0, 5))).infer(
+        GREY, 0.5, 0.65
+    )
     assert found.boxes.shape == (0, 4)

@@ -39,7 +39,10 @@ def lama(graph, node, tmp_path_factory):
             node("Mul", ["painted", "gain"], ["output"]),
         ]
         if known == "all":
-            nodes = [node("Mul", ["image", "gain"], ["gained"]), node("Mul", ["mask", "nought"], ["no"])]
+            nodes = [
+                node("Mul", ["image", "gain"], ["gained"]),
+                node("Mul", ["mask", "nought"], ["no"]),
+            ]
             nodes += [node("Add", ["gained", "no"], ["output"])]
         constants = {"half": np.float32(0.5), "gain": np.float32(gain), "nought": np.float32(0)}
         return graph(
@@ -56,7 +59,9 @@ def lama(graph, node, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory):
-    """LaMa as TorchScript, which refuses sizes that are not multiples of 8, and masks that are not 0 or 1."""
+    """LaMa as TorchScript, which refuses sizes that are not multiples of 8, and masks that are not
+    0 or 1.
+    """
     import torch
 
     class Stand(torch.nn.Module):
@@ -76,7 +81,9 @@ def script(tmp_path_factory):
 
 @pytest.mark.parametrize("gain", [255.0, 1.0], ids=["grey levels", "from 0 to 1"])
 def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, loaded, photo, mask, gain):
-    """Half of the brightest value of each channel: of 0..255, or with the mask the other way round, it would not be."""
+    """Half of the brightest value of each channel: of 0..255, or with the mask the other way round,
+    it would not be.
+    """
     bright = photo // 2 + np.array([100, 60, 20], np.uint8)
     filled = loaded(Lama, lama(gain)).infer(bright, mask)
     assert (np.abs(filled[mask].astype(int) - bright.max((0, 1)) // 2) <= 2).all()
@@ -104,9 +111,13 @@ def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
 
 @pytest.mark.parametrize("size", [(300, 400), (1400, 900), (97, 131)])
 def test_inpainted_pixels_land_at_their_places(lama, loaded, size):
-    """A network that hands everything through gives the photo back: crops, sizes and mirrors are undone."""
+    """A network that hands everything through gives the photo back: crops, sizes and mirrors are
+    undone.
+    """
     y, x = np.mgrid[: size[0], : size[1]]
-    smooth = np.stack([120 + 100 * np.sin(x / 60), 120 + 100 * np.cos(y / 70), (x + y) / 12 % 255], -1).astype(np.uint8)
+    smooth = np.stack(
+        [120 + 100 * np.sin(x / 60), 120 + 100 * np.cos(y / 70), (x + y) / 12 % 255], -1
+    ).astype(np.uint8)
     smooth[..., 2] = cv2.GaussianBlur(smooth[..., 2], (0, 0), 9)
     mask = np.zeros(size, bool)
     mask[size[0] // 3 : size[0] // 2, size[1] // 5 : size[1] // 3] = True
@@ -148,7 +159,8 @@ def test_a_crop_shows_more_than_hole():
 
 def painted(shown, feed):
     """The hole of whatever is shown, painted from what is around it."""
-    image, mask = feed["image"][0].transpose(1, 2, 0), feed["mask"][0, 0]
+    image = feed["image"][0].transpose(1, 2, 0)
+    mask = feed["mask"][0, 0]
     levels = np.ascontiguousarray((image * 255).round().astype(np.uint8))
     filled = cv2.inpaint(levels, (mask > 0.5).astype(np.uint8), 3, cv2.INPAINT_TELEA)
     return {"output": filled.transpose(2, 0, 1)[None]}

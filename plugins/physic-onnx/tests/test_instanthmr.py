@@ -1,4 +1,6 @@
-"""InstantHMR: its crop, the condition of the box, its camera and the pipeline's, and the kit on a perfect network."""
+"""InstantHMR: its crop, the condition of the box, its camera and the pipeline's, and the kit on a
+perfect network.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,12 @@ OUTPUTS = {
     "joints_2d": ("float32", ("batch", 70, 2)),
     "joints_3d": ("float32", ("batch", 70, 3)),
 }
-IMAGE = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8), (0, 0), 3)
-BOXES = np.array([[101.3, 40.2, 180.9, 260.6], [0.0, 10.0, 70.5, 299.0], [250.0, 60.0, 400.0, 160.0]])
+IMAGE = cv2.GaussianBlur(
+    np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8), (0, 0), 3
+)
+BOXES = np.array(
+    [[101.3, 40.2, 180.9, 260.6], [0.0, 10.0, 70.5, 299.0], [250.0, 60.0, 400.0, 160.0]]
+)
 PEOPLE = People(np.zeros((3, 300, 400), bool), BOXES, np.ones(3))
 NO_KEYPOINTS = Keypoints(np.zeros((3, 17, 2)), np.zeros((3, 17)), "coco17")
 OWN_CAMERA = Intrinsics(500.0, 500.0, 199.5, 149.5, 400, 300)
@@ -60,7 +66,11 @@ def graph_file(tmp_path: Path, graph: Any, node: Any) -> Any:
         ]
         constants: dict[str, np.ndarray] = {}
         for name, (_, (_, *shape)) in outputs.items():
-            bias = np.array([0.1, 0.2, 4.0]) if name == "cam_trans" else rng.normal(0, 0.3, int(np.prod(shape)))
+            bias = (
+                np.array([0.1, 0.2, 4.0])
+                if name == "cam_trans"
+                else rng.normal(0, 0.3, int(np.prod(shape)))
+            )
             constants[f"{name} weights"] = rng.normal(0, 0.02, (195, len(bias))).astype(np.float32)
             constants[f"{name} bias"] = bias.astype(np.float32)
             constants[f"{name} shape"] = np.array([-1, *shape])
@@ -79,11 +89,14 @@ def graph_file(tmp_path: Path, graph: Any, node: Any) -> Any:
 
 
 def as_published(path: Path, image: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(70, 3) metres in the network's own camera and (45,) shape, by the steps that its repository describes."""
+    """(70, 3) metres in the network's own camera and (45,) shape, by the steps that its repository
+    describes.
+    """
     height, width = image.shape[:2]
     x0, y0, x1, y1 = box
     side = max(x1 - x0, y1 - y0)
-    left, top = (x0 + x1) / 2 - 0.6 * side, (y0 + y1) / 2 - 0.6 * side
+    left = (x0 + x1) / 2 - 0.6 * side
+    top = (y0 + y1) / 2 - 0.6 * side
     columns = int(np.floor(left)), int(np.ceil(left + 1.2 * side))
     rows = int(np.floor(top)), int(np.ceil(top + 1.2 * side))
     beyond = 300
@@ -105,21 +118,30 @@ def project(points: np.ndarray, camera: Intrinsics) -> np.ndarray:
 
 
 @pytest.mark.parametrize("batch", [1, 8])
-def test_in_its_own_camera_bodies_are_those_of_the_published_steps(graph_file: Any, loaded: Any, batch: int) -> None:
+def test_in_its_own_camera_bodies_are_those_of_the_published_steps(
+    graph_file: Any, loaded: Any, batch: int
+) -> None:
     path = graph_file()
-    found = loaded(InstantHmr, path, batch=batch).infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
+    found = loaded(InstantHmr, path, batch=batch).infer(
+        IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints()
+    )
     expected = [as_published(path, IMAGE, box) for box in BOXES]
     joints = joints_from_mhr70(np.stack([points for points, _ in expected]))
     assert found.body_model == "mhr"
-    # The crops differ by one grey level at most, which these weights make 2 mm; one pixel aside is 20 mm.
+    # The crops differ by one grey level at most, which these weights make 2 mm; one pixel aside is
+    # 20 mm.
     np.testing.assert_allclose(found.joints, joints, atol=3e-3)
     np.testing.assert_allclose(found.parameters.betas, [shape for _, shape in expected], atol=3e-3)
 
 
-def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file: Any, loaded: Any) -> None:
+def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(
+    graph_file: Any, loaded: Any
+) -> None:
     backend = loaded(InstantHmr, graph_file())
     camera = Intrinsics(400.0, 900.0, 150.0, 170.0, 400, 300)
-    own, other = (backend.infer(IMAGE, PEOPLE, c, NO_KEYPOINTS, Hints()).joints for c in (OWN_CAMERA, camera))
+    own, other = (
+        backend.infer(IMAGE, PEOPLE, c, NO_KEYPOINTS, Hints()).joints for c in (OWN_CAMERA, camera)
+    )
     hips = [JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]
     middle, moved = (joints[:, hips].mean(axis=1) for joints in (own, other))
     np.testing.assert_allclose(project(moved, camera), project(middle, OWN_CAMERA), atol=1e-3)
@@ -132,7 +154,8 @@ def test_a_cliff_focal_network_gets_the_box_as_angles_of_the_given_camera(
 ) -> None:
     """[atan((cx - W / 2) / f), atan((cy - H / 2) / f), side / f], as its training describes it."""
     backend = loaded(InstantHmr, graph_file({"cliff_focal": "true"}))
-    camera, fed = Intrinsics(900.0, 900.0, 199.5, 149.5, 400, 300), {}
+    camera = Intrinsics(900.0, 900.0, 199.5, 149.5, 400, 300)
+    fed = {}
     run = backend.network.network.run
 
     def recorded(feed: Any, names: Any) -> Any:
@@ -150,7 +173,9 @@ def test_a_cliff_focal_network_gets_the_box_as_angles_of_the_given_camera(
 
 
 class FakeMhr(torch.nn.Module):
-    """MHR's door, with bodies that are looked up by the first parameter of pose; the first body is the one at rest."""
+    """MHR's door, with bodies that are looked up by the first parameter of pose; the first body is
+    the one at rest.
+    """
 
     def __init__(self, names: list[str], states: np.ndarray) -> None:
         super().__init__()
@@ -174,8 +199,11 @@ class FakeMhr(torch.nn.Module):
 def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     graph_file: Any, stand_in_network: Any, shown: Any, tmp_path: Path
 ) -> None:
-    """MHR rests in an A-pose, with joints turned as it likes; rotations alone show how a hand is turned."""
-    model, down = load_body("embedded"), np.radians(45)
+    """MHR rests in an A-pose, with joints turned as it likes; rotations alone show how a hand is
+    turned.
+    """
+    model = load_body("embedded")
+    down = np.radians(45)
     poses = np.random.default_rng(4).normal(0, 0.25, (4, 55, 3))
     poses[0] = 0
     poses[0, [JOINT_INDEX["left_shoulder"], JOINT_INDEX["right_shoulder"]], 2] = -down, down
@@ -183,7 +211,10 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     poses[1:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]], 0] = 0.9
     local = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(4, 55, 3, 3)
     places = model(
-        torch.from_numpy(local).float(), torch.zeros(4, model.num_betas), torch.zeros(4, 3), joints_only=True
+        torch.from_numpy(local).float(),
+        torch.zeros(4, model.num_betas),
+        torch.zeros(4, 3),
+        joints_only=True,
     ).joints.numpy()
     world = rotations_from_tpose(local)
     ours = [JOINT_INDEX[name] for name in JOINT_OF_MHR]
@@ -199,7 +230,11 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         torch.jit.script(FakeMhr(["body_world", *JOINT_OF_MHR.values()], states)).save(str(path))
-    answers = {name: np.zeros((3, *shape[1:])) for name, (_, shape) in OUTPUTS.items() if name != "joints_3d"}
+    answers = {
+        name: np.zeros((3, *shape[1:]))
+        for name, (_, shape) in OUTPUTS.items()
+        if name != "joints_3d"
+    }
     answers["mhr_params"][:, 0] = 1, 2, 3
     answers["cam_trans"][:] = [0.1, 0.2, 4.0]
     outputs = {name: OUTPUTS[name] for name in answers}
@@ -209,7 +244,9 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     backend._mhr = MhrModel(path)
     backend._network = backend.match(network)
     found = backend.infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
-    np.testing.assert_allclose(found.mesh.vertices[:, 1:], places[1:, ours] + [0.1, 0.2, 4.0], atol=1e-3)
+    np.testing.assert_allclose(
+        found.mesh.vertices[:, 1:], places[1:, ours] + [0.1, 0.2, 4.0], atol=1e-3
+    )
     assert violations(BodyEstimator, found, people=3) == []
 
     def wrist_errors_deg(bodies: Bodies) -> np.ndarray:
@@ -223,7 +260,9 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     assert wrist_errors_deg(found).max() < 20 < wrist_errors_deg(bare).max()
 
 
-def test_a_network_without_keypoints_in_3d_needs_the_body_model(graph_file: Any, loaded: Any) -> None:
+def test_a_network_without_keypoints_in_3d_needs_the_body_model(
+    graph_file: Any, loaded: Any
+) -> None:
     path = graph_file(outputs={name: port for name, port in OUTPUTS.items() if name != "joints_3d"})
     with pytest.raises(BackendError, match="option mhr"):
         loaded(InstantHmr, path)
@@ -242,23 +281,32 @@ def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
 
     def attach(backend: Any) -> list[Any]:
         def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
-            answers = {name: np.zeros((len(feed["image"]), *shape[1:])) for name, (_, shape) in OUTPUTS.items()}
+            answers = {
+                name: np.zeros((len(feed["image"]), *shape[1:]))
+                for name, (_, shape) in OUTPUTS.items()
+            }
             height, width = shown.photo.shape[:2]
-            boxes, camera = backend.estimates[0].boxes, backend.estimates[1]
+            boxes = backend.estimates[0].boxes
+            camera = backend.estimates[1]
             diagonal = np.hypot(height, width)
             answers["cam_trans"][:] = [0, 0, 4]
             answers["joints_3d"][:] = np.random.default_rng(0).normal(0, 0.3, (70, 3))
             for i, (x, y, side) in enumerate(feed["cliff_cond"].astype(float)):
-                middle, longer = np.array([x + 1, y + 1]) / 2 * [width, height], side * max(height, width)
+                middle = np.array([x + 1, y + 1]) / 2 * [width, height]
+                longer = side * max(height, width)
                 sizes = boxes[:, 2:] - boxes[:, :2]
-                apart = np.abs((boxes[:, :2] + sizes / 2) - middle).sum(1) + np.abs(sizes.max(1) - longer)
+                apart = np.abs((boxes[:, :2] + sizes / 2) - middle).sum(1) + np.abs(
+                    sizes.max(1) - longer
+                )
                 assert apart.min() < 0.01, "the condition is that of no box"
                 row = None if shown.world is None else whose(shown.world, boxes[apart.argmin()])
                 if shown.world is not None and row is not None:
                     points = world_mhr_keypoints(shown.world)[row]
                     hips = points[[9, 10]].mean(axis=0)
                     depth = hips[2] * diagonal / np.sqrt(camera.fx * camera.fy)
-                    place = np.append((project(hips, camera) - [(width - 1) / 2, (height - 1) / 2]) / diagonal, 1)
+                    place = np.append(
+                        (project(hips, camera) - [(width - 1) / 2, (height - 1) / 2]) / diagonal, 1
+                    )
                     answers["joints_3d"][i] = points - hips + [0, 0.9, 0.1]
                     answers["cam_trans"][i] = place * depth - [0, 0.9, 0.1]
             return answers
@@ -272,7 +320,9 @@ def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
 def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
     # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
     report = check_backend(
-        stand_in_instanthmr(stand_in, stand_in_network), "body_estimator", exact_limits={"MPJPE, mm": 16}
+        stand_in_instanthmr(stand_in, stand_in_network),
+        "body_estimator",
+        exact_limits={"MPJPE, mm": 16},
     )
     print(report.summary, report.accuracy)
     report.raise_if_failed()

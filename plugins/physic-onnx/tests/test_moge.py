@@ -23,7 +23,8 @@ NORMAL_OUT = ("float32", ("batch_size", "height", "width", 3))
 MASK_OUT = ("float32", ("batch_size", "height", "width"))
 SCALE_OUT = ("float32", ("batch_size",))
 
-SHIFT, UNIT = -0.7, 2.3
+SHIFT = -0.7
+UNIT = 2.3
 """What the stand-in's z lacks, and metres in one of its units."""
 
 
@@ -33,7 +34,9 @@ def outputs_called(scale: str) -> dict:
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A MoGe-2 whose points carry what it was fed: x, y, z = R, G, B of the image; the scale is the tokens."""
+    """A MoGe-2 whose points carry what it was fed: x, y, z = R, G, B of the image; the scale is the
+    tokens.
+    """
 
     def build(name: str = "model.onnx", inputs=INPUTS, outputs=None, mask=0.9) -> str:
         outputs = outputs_called("scale") if outputs is None else outputs
@@ -79,10 +82,15 @@ class TestContract:
     @pytest.mark.parametrize("scale", ["scale", "metric_scale", "whatever"])
     def test_fourth_output_is_the_scale_by_either_name_or_by_its_place(self, contract_graph, scale):
         image = np.full((20, 30, 3), 90, np.uint8)
-        assert self.raw(contract_graph(outputs=outputs_called(scale)), image, tokens=1500).scale == 1500
+        assert (
+            self.raw(contract_graph(outputs=outputs_called(scale)), image, tokens=1500).scale
+            == 1500
+        )
 
     @pytest.mark.parametrize(("dtype", "shape"), [("int64", ()), ("int64", (1,)), ("int32", ())])
-    def test_number_of_tokens_has_the_dimensions_that_the_file_says(self, contract_graph, dtype, shape):
+    def test_number_of_tokens_has_the_dimensions_that_the_file_says(
+        self, contract_graph, dtype, shape
+    ):
         path = contract_graph(inputs={"image": IMAGE_IN, "num_tokens": (dtype, shape)})
         assert self.raw(path, np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
 
@@ -106,7 +114,9 @@ class TestContract:
 
 
 def true_answer(shown, feed):
-    """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the size of its feed."""
+    """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the
+    size of its feed.
+    """
     height, width = feed["image"].shape[2:]
     rows, columns = shown.photo.shape[:2]
     v = (np.arange(height) + 0.5) * rows / height - 0.5
@@ -117,13 +127,20 @@ def true_answer(shown, feed):
         return map_coordinates(values, grid, order=order, mode="nearest")
 
     sky = ~np.isfinite(shown.depth)
-    # Points are asked for between pixels: they are found again on their rays, the depth being that of the nearest one.
+    # Points are asked for between pixels: they are found again on their rays, the depth being that
+    # of the nearest one.
     z = at_size(np.where(sky, 1.0, shown.depth), order=0)
     camera = shown.camera
-    points = np.stack([(grid[1] - camera.cx) / camera.fx * z, (grid[0] - camera.cy) / camera.fy * z, z], -1) / UNIT
+    points = (
+        np.stack(
+            [(grid[1] - camera.cx) / camera.fx * z, (grid[0] - camera.cy) / camera.fy * z, z], -1
+        )
+        / UNIT
+    )
     points[..., 2] -= SHIFT
     photo = np.stack([at_size(shown.photo[..., c].astype(float)) for c in range(3)]) / 255
-    if np.abs(photo - feed["image"][0]).mean() > 0.05:  # fed something else than this photo in RGB from 0 to 1
+    # fed something else than this photo in RGB from 0 to 1
+    if np.abs(photo - feed["image"][0]).mean() > 0.05:
         points = np.random.default_rng(0).random(points.shape)
     return {
         "points": points[None],
@@ -175,7 +192,11 @@ class TestWorld:
         world = build_world("stand", 1, size)
         found = loaded(Moge2Depth).infer(world.empty_image, Hints())
         np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
-        assert found.intrinsics.fx == found.intrinsics.fy == pytest.approx(world.intrinsics.fx, rel=1e-5)
+        assert (
+            found.intrinsics.fx
+            == found.intrinsics.fy
+            == pytest.approx(world.intrinsics.fx, rel=1e-5)
+        )
         assert (found.intrinsics.cx, found.intrinsics.cy) == ((size[0] - 1) / 2, (size[1] - 1) / 2)
         assert found.intrinsics.source == "MoGe-2"
         assert found.notes == ("MoGe-2 ran on CPU",)
@@ -183,10 +204,14 @@ class TestWorld:
     def test_point_map_leaves_the_unit_to_the_metric_depth(self, loaded):
         world = build_world("stand", 1, (320, 240))
         found = loaded(Moge2Pointmap).infer(world.image, Hints())
-        np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(
+            found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4
+        )
         assert found.unknown == "scale"
 
-    def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(self, perfect, loaded):
+    def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(
+        self, perfect, loaded
+    ):
         world = build_world("stand", 1, (960, 720))
         found = loaded(Moge2Depth, tokens=1200).infer(world.empty_image, Hints())
         assert perfect.networks[0].fed["image"].shape[2:] == (420, 560)
@@ -199,7 +224,9 @@ class TestWorld:
         world = build_world("stand", 1, (320, 240))
         given = replace(world.intrinsics, source="EXIF")
         found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=given))
-        np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(
+            found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4
+        )
         assert found.intrinsics == given
 
     def test_points_lie_on_the_rays_of_a_given_camera_even_if_it_is_wrong(self, loaded):
@@ -302,11 +329,18 @@ def test_photo_is_reduced_to_whole_patches_and_never_enlarged(size, tokens, seen
 
 
 @pytest.mark.parametrize("tokens", [1200, 2500, 3600])
-@pytest.mark.parametrize("size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)])
+@pytest.mark.parametrize(
+    "size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)]
+)
 def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
-    """By its forward pass it rounds sqrt(tokens / aspect) and sqrt(tokens * aspect) to rows and columns of patches."""
+    """By its forward pass it rounds sqrt(tokens / aspect) and sqrt(tokens * aspect) to rows and
+    columns of patches.
+    """
     height, width, asked = network_input_size(*size, tokens)
     aspect = width / height
-    assert (14 * round((asked / aspect) ** 0.5), 14 * round((asked * aspect) ** 0.5)) == (height, width)
+    assert (14 * round((asked / aspect) ** 0.5), 14 * round((asked * aspect) ** 0.5)) == (
+        height,
+        width,
+    )
     assert 0.85 * tokens <= asked <= tokens
     assert abs(np.log(aspect * size[0] / size[1])) < 0.01

@@ -14,7 +14,8 @@ from physic_core.types import Hints
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import SharedMoge
 
-HEIGHT, WIDTH = 48, 64
+HEIGHT = 48
+WIDTH = 64
 INPUTS = {"image": ("float32", ("b", 3, "h", "w")), "num_tokens": ("int64", ())}
 OUTPUTS = {
     "points": ("float32", ("b", "h", "w", 3)),
@@ -65,7 +66,9 @@ def open_in(backend, identity, opener):
 
 def backends(**options):
     """One of each interface, with settings that no other test has."""
-    return Moge2Pointmap(MogeOptions(threads=7, **options)), Moge2Depth(MogeOptions(threads=7, **options))
+    return Moge2Pointmap(MogeOptions(threads=7, **options)), Moge2Depth(
+        MogeOptions(threads=7, **options)
+    )
 
 
 def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):

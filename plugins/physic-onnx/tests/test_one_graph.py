@@ -47,6 +47,14 @@ class TestFile:
             DepthAnything3(weights="depth-anything-v2-larg").graph_file()
 
     def test_fingerprint_is_of_the_file(self, depth_file):
-        first = DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint()
+        first = DepthAnythingMetric(
+            DepthAnythingMetric.Options(weights=str(depth_file))
+        ).fingerprint()
         depth_file.write_bytes(depth_file.read_bytes() + b"\n")
-        assert first != DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint() != ""
+        assert (
+            first
+            != DepthAnythingMetric(
+                DepthAnythingMetric.Options(weights=str(depth_file))
+            ).fingerprint()
+            != ""
+        )

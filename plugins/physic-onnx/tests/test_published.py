@@ -44,7 +44,9 @@ def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
         for name in ("sam2-hiera-tiny",)
         for file in read_manifest(Sam2.manifest())[name].files
     }
-    assert {f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files} == listed
+    assert {
+        f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files
+    } == listed
 
 
 def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
@@ -55,9 +57,13 @@ def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
         archive.addfile(held, io.BytesIO(b"bad"))
     right = hashlib.sha256(b"good").hexdigest()
     with pytest.raises(SystemExit, match=r"4 bytes of .* 3 bytes of"):
-        tool.unpack(packed, tool.File("package/network.onnx", "set/network.onnx", 4, right), tmp_path)
+        tool.unpack(
+            packed, tool.File("package/network.onnx", "set/network.onnx", 4, right), tmp_path
+        )
     assert not list((tmp_path / "set").iterdir())
-    good = tool.File("package/network.onnx", "set/network.onnx", 3, hashlib.sha256(b"bad").hexdigest())
+    good = tool.File(
+        "package/network.onnx", "set/network.onnx", 3, hashlib.sha256(b"bad").hexdigest()
+    )
     assert tool.unpack(packed, good, tmp_path).read_bytes() == b"bad"
     assert tool.is_right(tmp_path / "set" / "network.onnx", good)
 
@@ -120,10 +126,16 @@ class TestFromPhotoToFiles:
 
     def test_the_masks_are_those_of_sam_2_and_the_rest_is_kept(self):
         photo = cv2.cvtColor(cv2.imread(str(PHOTO.with_name("couple.jpg"))), cv2.COLOR_BGR2RGB)
-        names = ({"name": "embedded"}, {"name": "sam2-onnx", "weights": "sam2-hiera-tiny", "detector": "embedded"})
-        own, sam = (load_backend("segmenter", options.pop("name"), **options)(photo) for options in names)
+        names = (
+            {"name": "embedded"},
+            {"name": "sam2-onnx", "weights": "sam2-hiera-tiny", "detector": "embedded"},
+        )
+        own, sam = (
+            load_backend("segmenter", options.pop("name"), **options)(photo) for options in names
+        )
         assert len(own) == len(sam) == 2
-        both, either = (own.masks & sam.masks).sum((1, 2)), (own.masks | sam.masks).sum((1, 2))
+        both = (own.masks & sam.masks).sum((1, 2))
+        either = (own.masks | sam.masks).sum((1, 2))
         assert ((both / either > 0.8) & (both < either)).all()
         assert sam.keypoints.joint_set.name == own.keypoints.joint_set.name
         assert sam.surfaces is not None
@@ -135,7 +147,8 @@ class TestFromPhotoToFiles:
             "segmenter.options.detector=embedded",
         ]  # fmt: skip
         sets = [word for setting in settings for word in ("--set", setting)]
-        photo, out = str(PHOTO.with_name("couple.jpg")), str(tmp_path / "out")
+        photo = str(PHOTO.with_name("couple.jpg"))
+        out = str(tmp_path / "out")
         done = CliRunner().invoke(main, ["run", photo, "-o", out, "--no-report", *sets])
         assert done.exit_code == 0, done.output
         found = Reconstruction.load(out)

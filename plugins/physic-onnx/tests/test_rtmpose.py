@@ -1,4 +1,6 @@
-"""RTMPose and RTMW3D: the grid of SimCC, colours, scores, depths, and the whole kit on stand-ins."""
+"""RTMPose and RTMW3D: the grid of SimCC, colours, scores, depths, and the whole kit on
+stand-ins.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,11 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
     """A file whose joint j is where the colour j mod 3 of what it is shown is strongest."""
 
     def make(
-        count: int = 17, size: tuple[int, int] = (256, 192), scale: float = 1.0, split: int = 2, **options: Any
+        count: int = 17,
+        size: tuple[int, int] = (256, 192),
+        scale: float = 1.0,
+        split: int = 2,
+        **options: Any,
     ) -> RtmPose:
         height, width = size
         resize = {"mode": "linear", "coordinate_transformation_mode": "asymmetric"}
@@ -58,12 +64,17 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
 
 @pytest.mark.parametrize("size", [(256, 192), (384, 288)])
 @pytest.mark.parametrize("split", [2, 3])
-def test_each_joint_is_found_at_the_blob_of_its_colour(rtmpose: Any, size: tuple[int, int], split: int) -> None:
+def test_each_joint_is_found_at_the_blob_of_its_colour(
+    rtmpose: Any, size: tuple[int, int], split: int
+) -> None:
     found = rtmpose(size=size, split=split).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
     apart = np.abs(found.points[0, :3] - PLACES).max()
-    print(f"{size}: {apart:.2f} px of the photo; a pixel of the input is {BOX[3] * 1.25 / size[0]:.2f} px")
+    print(
+        f"{size}: {apart:.2f} px of the photo; a pixel of the input is "
+        f"{BOX[3] * 1.25 / size[0]:.2f} px"
+    )
     assert apart < 0.42  # half a pixel of the input is 0.44 px
 
 
@@ -74,7 +85,9 @@ def answering(tmp_path: Path, constant_graph: Any, loaded: Any) -> Any:
     def make(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> RtmPose:
         held = {"simcc_x": x, "simcc_y": y} | ({} if z is None else {"simcc_z": z})
         size = (256, 192) if z is None else (384, 288)
-        path = constant_graph(tmp_path / "end2end.onnx", {"input": ("float32", (len(x), 3, *size))}, **held)
+        path = constant_graph(
+            tmp_path / "end2end.onnx", {"input": ("float32", (len(x), 3, *size))}, **held
+        )
         return loaded(RtmPose if z is None else Rtmw3d, path)
 
     return make
@@ -82,8 +95,10 @@ def answering(tmp_path: Path, constant_graph: Any, loaded: Any) -> Any:
 
 def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering: Any) -> None:
     rng = np.random.default_rng(0)
-    at_x, at_y = rng.integers(0, 384, 17), rng.integers(0, 512, 17)
-    x, y = np.zeros((1, 17, 384), np.float32), np.zeros((1, 17, 512), np.float32)
+    at_x = rng.integers(0, 384, 17)
+    at_y = rng.integers(0, 512, 17)
+    x = np.zeros((1, 17, 384), np.float32)
+    y = np.zeros((1, 17, 512), np.float32)
     x[0, np.arange(17), at_x], y[0, np.arange(17), at_y] = 0.9, 0.7
     backend = answering(x, y)
     found = backend.infer(blobs(PLACES), people(BOX, (10.0, 10.0, 200.0, 60.0)))
@@ -105,7 +120,9 @@ def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
     grey = np.full((200, 260, 3), 255, np.uint8)
     top = (1 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
     assert (rtmpose().infer(grey, people(BOX)).confidence == 1).all()
-    assert np.allclose(rtmpose(full_score=10.0).infer(grey, people(BOX)).confidence[0, :3], top / 10, atol=1e-5)
+    assert np.allclose(
+        rtmpose(full_score=10.0).infer(grey, people(BOX)).confidence[0, :3], top / 10, atol=1e-5
+    )
     assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
 
 
@@ -120,7 +137,8 @@ def test_simcc_decodes_as_rtmlib_does() -> None:
     from rtmlib.tools.pose_estimation.post_processings import get_simcc_maximum
 
     rng = np.random.default_rng(1)
-    along_x, along_y = rng.random((2, 17, 384)), rng.random((2, 17, 512))
+    along_x = rng.random((2, 17, 384))
+    along_y = rng.random((2, 17, 512))
     points, score = simcc_peaks(along_x, along_y)
     theirs, mean = get_simcc_maximum(along_x, along_y)
     assert np.allclose(points, theirs / 2)
@@ -128,15 +146,20 @@ def test_simcc_decodes_as_rtmlib_does() -> None:
 
 
 def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering: Any) -> None:
-    """A slow twin of the codec in its configurations: 288 x 384 px, two bins a pixel, depths of +-2.1744869 m."""
+    """A slow twin of the codec in its configurations: 288 x 384 px, two bins a pixel, depths of
+    +-2.1744869 m.
+    """
     rng = np.random.default_rng(2)
-    lines = [rng.normal(0.3, 0.2, (2, 133, length)).astype(np.float32) for length in (576, 768, 576)]
+    lines = [
+        rng.normal(0.3, 0.2, (2, 133, length)).astype(np.float32) for length in (576, 768, 576)
+    ]
     boxes = [BOX, (10.0, 10.0, 200.0, 60.0)]
     found = answering(*lines).infer(blobs(PLACES), people(*boxes))
     for row, box in enumerate(boxes):
         centre, scale = region(np.array(box), 288, 384)
         for joint in range(133):
-            bins, peak = [], []
+            bins = []
+            peak = []
             for line in lines:
                 values = list(line[row, joint])
                 bins.append(values.index(max(values)))
@@ -144,24 +167,38 @@ def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering: Any) -> None:
             for axis, side in ((0, 288), (1, 384)):
                 place = bins[axis] / 2 / side * scale[axis] + centre[axis] - scale[axis] / 2
                 assert abs(found.points[row, joint, axis] - place) < 1e-4
-            assert abs(found.world[row, joint, 2] - (bins[2] / 2 / (288 / 2) - 1) * 2.1744869) < 1e-4
+            assert (
+                abs(found.world[row, joint, 2] - (bins[2] / 2 / (288 / 2) - 1) * 2.1744869) < 1e-4
+            )
             assert abs(found.confidence[row, joint] - min(1, peak[0], peak[1])) < 1e-4
     assert violations(KeypointDetector, found, people=2) == []
 
 
 def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering: Any) -> None:
-    """A limb of an adult that points away from the camera looks short, and does not make the person small."""
+    """A limb of an adult that points away from the camera looks short, and does not make the person
+    small.
+    """
     names = SKELETONS["coco_wholebody133"].names
     places = dict.fromkeys(names, (0.0, 0.0, 0.0))
     for side, x in (("left", 0.2), ("right", -0.2)):
-        hip, shoulder = np.array([x / 2, 0, 0]), np.array([x, -0.5, 0])
+        hip = np.array([x / 2, 0, 0])
+        shoulder = np.array([x, -0.5, 0])
         knee = hip + np.array([0, 0.3, -np.sqrt(0.38**2 - 0.3**2)])
         elbow = shoulder + np.array([0, 0.2, np.sqrt(0.26**2 - 0.2**2)])
-        ankle, wrist = knee + np.array([0, 0.43, 0]), elbow + np.array([0, 0, -0.23])
-        limbs = {"hip": hip, "knee": knee, "ankle": ankle, "shoulder": shoulder, "elbow": elbow, "wrist": wrist}
+        ankle = knee + np.array([0, 0.43, 0])
+        wrist = elbow + np.array([0, 0, -0.23])
+        limbs = {
+            "hip": hip,
+            "knee": knee,
+            "ankle": ankle,
+            "shoulder": shoulder,
+            "elbow": elbow,
+            "wrist": wrist,
+        }
         places |= {f"{side}_{name}": place for name, place in limbs.items()}
     metres = np.array([places[name] for name in names])
-    at = np.round(metres * [200, 200, 288 / 2.1744869] + [288, 300, 288]).astype(int)  # 200 bins a metre
+    # 200 bins a metre
+    at = np.round(metres * [200, 200, 288 / 2.1744869] + [288, 300, 288]).astype(int)
     lines = [np.zeros((1, 133, length), np.float32) for length in (576, 768, 576)]
     for axis, line in enumerate(lines):
         line[0, np.arange(133), at[:, axis]] = 0.9
@@ -176,7 +213,9 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
 
     def make(kind: type, skeleton: str, count: int, size: tuple[int, int]) -> type:
         height, width = size
-        axes = {"simcc_x": width, "simcc_y": height} | ({"simcc_z": width} if kind is Rtmw3d else {})
+        axes = {"simcc_x": width, "simcc_y": height} | (
+            {"simcc_z": width} if kind is Rtmw3d else {}
+        )
 
         def attach(backend: Any) -> list[Any]:
             def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
@@ -184,13 +223,18 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
                 lines: dict[str, list[np.ndarray]] = {name: [] for name in axes}
                 for picture, box in zip(feed["input"], boxes, strict=True):
                     centre, scale = region(box, width, height)
-                    corner, step = centre - scale / 2, scale / [width, height]
+                    corner = centre - scale / 2
+                    step = scale / [width, height]
                     expected = normalised(sampled(shown.photo, corner, step, width, height))
-                    assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
+                    assert np.abs(picture - expected).mean() < 0.05, (
+                        "another picture than the network learned from"
+                    )
                     points, sure = joints(shown.world, box, skeleton)
                     at = (points - corner) / step
                     deep = (depths(shown.world, box, skeleton) / 2.1744869 + 1) * width / 2
-                    for (name, length), line in zip(axes.items(), (at[:, 0], at[:, 1], deep), strict=False):
+                    for (name, length), line in zip(
+                        axes.items(), (at[:, 0], at[:, 1], deep), strict=False
+                    ):
                         apart = np.arange(2 * length) / 2 - line[:, None]
                         lines[name].append(sure[:, None] * np.exp(-(apart**2) / 30))
                 return {name: np.stack(rows) for name, rows in lines.items()}
@@ -215,7 +259,9 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
         (Rtmw3d, "coco_wholebody133", 133, (384, 288)),
     ],
 )
-def test_conformance(stand_in_rtmpose: Any, kind: type, skeleton: str, count: int, size: tuple[int, int]) -> None:
+def test_conformance(
+    stand_in_rtmpose: Any, kind: type, skeleton: str, count: int, size: tuple[int, int]
+) -> None:
     report = check_backend(stand_in_rtmpose(kind, skeleton, count, size), "keypoint_detector")
     print(report.summary, report.accuracy)
     report.raise_if_failed()
@@ -226,7 +272,9 @@ def test_conformance(stand_in_rtmpose: Any, kind: type, skeleton: str, count: in
 def test_people_of_a_network_with_dynamic_ranges_do_not_change_each_other(
     graph: Any, node: Any, loaded: Any, tmp_path: Path, batch: str | int
 ) -> None:
-    """DynamicQuantizeLinear has one range for all rows: a bright person would make steps of a dark one coarse."""
+    """DynamicQuantizeLinear has one range for all rows: a bright person would make steps of a dark
+    one coarse.
+    """
     nodes = [
         node("DynamicQuantizeLinear", ["input"], ["bytes", "scale", "zero"]),
         node("DequantizeLinear", ["bytes", "scale", "zero"], ["seen"]),
@@ -240,7 +288,13 @@ def test_people_of_a_network_with_dynamic_ranges_do_not_change_each_other(
         ]
     ports = {"simcc_x": ("float32", (batch, 17, 384)), "simcc_y": ("float32", (batch, 17, 512))}
     constants = {"colours": np.arange(17) % 3, "twice": np.array([1, 1, 2], np.float32)}
-    path = graph(tmp_path / "int8.onnx", {"input": ("float32", (batch, 3, 256, 192))}, ports, nodes, constants)
+    path = graph(
+        tmp_path / "int8.onnx",
+        {"input": ("float32", (batch, 3, 256, 192))},
+        ports,
+        nodes,
+        constants,
+    )
     detector = loaded(RtmPose, path)
     photo = np.random.default_rng(0).integers(130, 170, (240, 640, 3), np.uint8)
     photo[:, 320:] += 85

@@ -1,4 +1,6 @@
-"""SAM 2 in both of its signatures: graphs of their contract, and networks that know what they are shown."""
+"""SAM 2 in both of its signatures: graphs of their contract, and networks that know what they are
+shown.
+"""
 
 from __future__ import annotations
 
@@ -63,12 +65,15 @@ CENTRES = (np.arange(256) + 0.5) * 4 - 0.5
 
 @pytest.fixture(scope="module")
 def folder(graph, node, tmp_path_factory):
-    """Files of a signature that answer the box itself as the second of three masks, and judge that one best."""
+    """Files of a signature that answer the box itself as the second of three masks, and judge that
+    one best.
+    """
 
     def make(signature):
         where = tmp_path_factory.mktemp("sam2")
         inputs, outputs = ENCODER[signature]
-        nodes, constants = [], {}
+        nodes = []
+        constants = {}
         for i, (name, shape) in enumerate(zip(FEATURES[signature], MAPS, strict=True)):
             constants |= {f"shape{i}": np.array(shape), "ones": np.ones((256, 1), np.float32)}
             nodes += [
@@ -79,8 +84,14 @@ def folder(graph, node, tmp_path_factory):
             ]
         graph(where / "tiny_encoder.onnx", inputs, outputs, nodes, constants)
         inputs, outputs = DECODER[signature]
-        mask, fit = ("pred_masks", "iou_scores") if signature == "transformers.js" else ("masks", "iou_predictions")
-        graph(where / "tiny_decoder.onnx", inputs, outputs, *decoder_body(node, signature, mask, fit))
+        mask, fit = (
+            ("pred_masks", "iou_scores")
+            if signature == "transformers.js"
+            else ("masks", "iou_predictions")
+        )
+        graph(
+            where / "tiny_decoder.onnx", inputs, outputs, *decoder_body(node, signature, mask, fit)
+        )
         return where
 
     return make
@@ -102,7 +113,11 @@ def decoder_body(node, signature, mask, fit):
     else:  # the first corner is what is labelled 2, the last what is labelled 3
         corners = []
         for label, name in ((2.0, "first"), (3.0, "last")):
-            constants |= {f"label_{name}": np.float32(label), "end": np.array([2]), "along": np.array([1])}
+            constants |= {
+                f"label_{name}": np.float32(label),
+                "end": np.array([2]),
+                "along": np.array([1]),
+            }
             corners += [
                 node("Equal", ["point_labels", f"label_{name}"], [f"is_{name}"]),
                 node("Cast", [f"is_{name}"], [f"as_{name}"], to=1),
@@ -135,16 +150,20 @@ def decoder_body(node, signature, mask, fit):
 @pytest.mark.parametrize("signature", FEATURES)
 @pytest.mark.parametrize("size", [(320, 640), (640, 400)])
 def test_the_mask_of_a_box_lies_at_that_box(folder, constant_graph, tmp_path, signature, size):
-    """From the photo to the square, as a prompt of the signature, and back: the mask is the box, to a cell's width.
+    """From the photo to the square, as a prompt of the signature, and back: the mask is the box, to
+    a cell's width.
 
-    Were labels, coordinates, the order of sides or the choice among the masks wrong, it were another.
+    Were labels, coordinates, the order of sides or the choice among the masks wrong, it were
+    another.
     """
     scale = 640 / max(size)
     boxes = np.array([[40.0, 60, 200, 290], [250, 30, 330, 310]])
     found = np.concatenate([boxes * scale, [[0.9], [0.8]]], axis=1)[None]
     frame = {"input": ("float32", ("b", 3, 640, 640))}
     detector = constant_graph(tmp_path / "detector.onnx", frame, dets=found)
-    options = Sam2Options(weights=str(folder(signature)), detector=str(detector), floor="none", threads=1)
+    options = Sam2Options(
+        weights=str(folder(signature)), detector=str(detector), floor="none", threads=1
+    )
     backend = Sam2(options)
     assert backend.missing() == ()
     backend.load()
@@ -159,7 +178,10 @@ def test_the_mask_of_a_box_lies_at_that_box(folder, constant_graph, tmp_path, si
 
 def networks_of(signature, stand_in_network, answer=None, encoder_ports=None):
     def encode(shown, feed):
-        return {name: np.zeros(shape, np.float32) for name, shape in zip(FEATURES[signature], MAPS, strict=True)}
+        return {
+            name: np.zeros(shape, np.float32)
+            for name, shape in zip(FEATURES[signature], MAPS, strict=True)
+        }
 
     encoder = stand_in_network(*(encoder_ports or ENCODER[signature]), encode)
     return encoder, stand_in_network(*DECODER[signature], answer or (lambda shown, feed: {}))
@@ -175,7 +197,9 @@ def test_the_tracker_of_sam_3_gets_values_from_minus_1_to_1(stand_in_network, sh
 
 
 def prompts_fed(signature, answer, stand_in_network, shown):
-    """What the decoder is fed for two boxes, and for a point inside and one outside, of a photo of 256 x 512 px."""
+    """What the decoder is fed for two boxes, and for a point inside and one outside, of a photo of
+    256 x 512 px.
+    """
     fed = []
 
     def record(photo, feed):
@@ -196,7 +220,9 @@ def prompts_fed(signature, answer, stand_in_network, shown):
 
 
 def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, shown):
-    """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is left to chance."""
+    """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is
+    left to chance.
+    """
 
     def answer(feed):
         n = max(feed["input_boxes"].shape[1], 1)
@@ -207,7 +233,10 @@ def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, 
     assert box["input_labels"].shape == (1, 2, 0)
     assert box["input_labels"].dtype == np.int64
     # The centres of the first and of the last pixel: 4 px of the square a pixel across, 2 down.
-    assert box["input_boxes"][0].tolist() == [[1.5, 0.5, 1021.5, 1022.5], [257.5, 256.5, 509.5, 510.5]]
+    assert box["input_boxes"][0].tolist() == [
+        [1.5, 0.5, 1021.5, 1022.5],
+        [257.5, 256.5, 509.5, 510.5],
+    ]
     assert point["input_boxes"].tolist() == [[[1.5, 512.5, 1021.5, 1022.5]]]
     assert point["input_points"].tolist() == [[[[1.5, 0.5], [1021.5, 1022.5]]]]
     assert point["input_labels"].tolist() == [[[1, 0]]]
@@ -217,7 +246,10 @@ def test_providers_without_empty_arrays_get_a_padding_point(stand_in_network, sh
     encoder, decoder = networks_of(
         "transformers.js",
         stand_in_network,
-        lambda shown, feed: {"iou_scores": np.zeros((1, 1, 3)), "pred_masks": np.zeros((1, 1, 3, 256, 256))},
+        lambda shown, feed: {
+            "iou_scores": np.zeros((1, 1, 3)),
+            "pred_masks": np.zeros((1, 1, 3, 256, 256)),
+        },
     )
     photo = np.zeros((20, 20, 3), np.uint8)
     encoder.show(shown(photo))
@@ -242,7 +274,9 @@ def test_files_of_samexporter_get_prompts_in_their_layout(stand_in_network, show
     assert box["point_labels"].dtype == np.float32
     assert box["mask_input"].shape == (2, 1, 256, 256)
     assert box["has_mask_input"].tolist() == [0]
-    assert point["point_coords"].tolist() == [[[1.5, 512.5], [1021.5, 1022.5], [1.5, 0.5], [1021.5, 1022.5]]]
+    assert point["point_coords"].tolist() == [
+        [[1.5, 512.5], [1021.5, 1022.5], [1.5, 0.5], [1021.5, 1022.5]]
+    ]
     assert point["point_labels"].tolist() == [[2, 3, 1, 0]]
 
 
@@ -262,7 +296,10 @@ def test_files_are_found_by_their_names(tmp_path):
         "prompt_encoder_mask_decoder_q4",
     ):
         (tmp_path / "onnx" / f"{name}.onnx").write_bytes(b"x")
-    assert [p.stem for p in find_sam2_files(tmp_path)] == ["vision_encoder", "prompt_encoder_mask_decoder"]
+    assert [p.stem for p in find_sam2_files(tmp_path)] == [
+        "vision_encoder",
+        "prompt_encoder_mask_decoder",
+    ]
     assert find_sam2_files(tmp_path, "fp16")[0].stem == "vision_encoder_fp16"
     with pytest.raises(BackendError, match="has not an encoder _q8"):
         find_sam2_files(tmp_path, "q8")
@@ -272,11 +309,15 @@ def standing(boxes, size=(200, 300), keypoints=None):
     masks = np.zeros((len(boxes), *size), bool)
     for mask, (x0, y0, x1, y1) in zip(masks, boxes, strict=True):
         mask[y0:y1, x0:x1] = True
-    return People(masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9), None, keypoints)
+    return People(
+        masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9), None, keypoints
+    )
 
 
 def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
-    """Not of those who are cut off by the photo's edge, nor of those who are wider than a standing person."""
+    """Not of those who are cut off by the photo's edge, nor of those who are wider than a standing
+    person.
+    """
     feet = feet_positions(standing([(20, 20, 60, 160)]))
     assert feet == pytest.approx(np.array([[39.5, 159, 20]]))
     assert not len(feet_positions(standing([(20, 60, 60, 200)])))
@@ -284,7 +325,9 @@ def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
 
 
 def test_if_most_people_are_cut_off_no_feet_are_used():
-    assert not len(feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
+    assert not len(
+        feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)]))
+    )
 
 
 def test_feet_are_ankles_where_they_are_known():
@@ -309,11 +352,17 @@ def test_points_of_the_ground_are_outside_people_and_inside_the_photo():
 
 def rt_detr(stand_in_network, joints=False):
     def answer(shown, feed):
-        logits, boxes = np.full((1, 300, 80), -9.0), np.full((1, 300, 4), 0.5)
+        logits = np.full((1, 300, 80), -9.0)
+        boxes = np.full((1, 300, 4), 0.5)
         height, width = shown.photo.shape[:2]
         for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown)):
             logits[0, 3 * i, 0] = 3 - 0.1 * i
-            boxes[0, 3 * i] = (x0 + x1) / 2 / width, (y0 + y1) / 2 / height, (x1 - x0) / width, (y1 - y0) / height
+            boxes[0, 3 * i] = (
+                (x0 + x1) / 2 / width,
+                (y0 + y1) / 2 / height,
+                (x1 - x0) / width,
+                (y1 - y0) / height,
+            )
         return {"logits": logits, "pred_boxes": boxes}
 
     ports = {"logits": ("float32", ("b", 300, 80)), "pred_boxes": ("float32", ("b", 300, 4))}
@@ -342,10 +391,17 @@ def yolox(stand_in_network):
         scale = 640 / max(shown.photo.shape[:2])
         output = np.zeros((1, len(cells), 85))
         for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown) * scale):
-            cx, cy = (x0 + x1) / 2, (y0 + y1) / 2
+            cx = (x0 + x1) / 2
+            cy = (y0 + y1) / 2
             cell = cells.index((16, int(cx // 16), int(cy // 16)))
             sides = np.log([(x1 - x0) / 16, (y1 - y0) / 16])
-            output[0, cell, :6] = cx / 16 - cx // 16, cy / 16 - cy // 16, *sides, 0.95, 0.95 - 0.02 * i
+            output[0, cell, :6] = (
+                cx / 16 - cx // 16,
+                cy / 16 - cy // 16,
+                *sides,
+                0.95,
+                0.95 - 0.02 * i,
+            )
         return {"output": output}
 
     port = {"images": ("float32", (1, 3, 640, 640))}
@@ -404,10 +460,15 @@ def decode(signature):
                 prompts = [(None, (feed["input_points"][0, 0], feed["input_labels"][0, 0]))]
         else:
             prompts = [
-                (points.ravel(), None) if labels.tolist() == [2, 3] else (None, (points[2:], labels[2:]))
+                (points.ravel(), None)
+                if labels.tolist() == [2, 3]
+                else (None, (points[2:], labels[2:]))
                 for points, labels in zip(feed["point_coords"], feed["point_labels"], strict=True)
             ]
-        answers = [of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p)) for b, p in prompts]
+        answers = [
+            of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p))
+            for b, p in prompts
+        ]
         masks, fits = (np.stack(part) for part in zip(*answers, strict=True))
         if signature == "transformers.js":
             return {"pred_masks": masks[None], "iou_scores": fits[None]}
@@ -440,21 +501,29 @@ def real(tmp_path_factory):
     class Decoder(Encoder):
         def forward(self, points, labels, boxes, *embeddings):
             answer = self.model(
-                image_embeddings=list(embeddings), input_points=points, input_labels=labels, input_boxes=boxes,
+                image_embeddings=list(embeddings), input_points=points, input_labels=labels, input_boxes=boxes,  # noqa: E501
                 multimask_output=True,
             )  # fmt: skip
             return answer.iou_scores, answer.pred_masks, answer.object_score_logits
 
     folder = tmp_path_factory.mktemp("real")
     inputs, outputs = DECODER["transformers.js"]
-    free = {"input_points": {1: "n", 2: "p"}, "input_labels": {1: "n", 2: "p"}, "input_boxes": {1: "boxes"}}
-    example = (torch.zeros(1, 2, 1, 2), -torch.ones(1, 2, 1, dtype=torch.int64), torch.ones(1, 2, 4))
+    free = {
+        "input_points": {1: "n", 2: "p"},
+        "input_labels": {1: "n", 2: "p"},
+        "input_boxes": {1: "boxes"},
+    }
+    example = (
+        torch.zeros(1, 2, 1, 2),
+        -torch.ones(1, 2, 1, dtype=torch.int64),
+        torch.ones(1, 2, 4),
+    )
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")
         picture = torch.zeros(1, 3, 1024, 1024)
         embeddings = tuple(model.get_image_embeddings(picture))
         torch.onnx.export(
-            Encoder(), (picture,), str(folder / "vision_encoder.onnx"), input_names=["pixel_values"],
+            Encoder(), (picture,), str(folder / "vision_encoder.onnx"), input_names=["pixel_values"],  # noqa: E501
             output_names=list(FEATURES["transformers.js"]), opset_version=17, dynamo=False,
         )  # fmt: skip
         torch.onnx.export(
@@ -466,7 +535,9 @@ def real(tmp_path_factory):
 
 
 def test_the_real_class_answers_boxes_the_same(real):
-    """The picture, the prompt and the network: against the library's class, asked with boxes as its users ask."""
+    """The picture, the prompt and the network: against the library's class, asked with boxes as its
+    users ask.
+    """
     model, networks = real
     photo = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
     boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
@@ -487,7 +558,8 @@ def test_the_real_class_answers_boxes_the_same(real):
 def test_the_real_class_answers_points_in_a_box_the_same(real):
     model, networks = real
     encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
-    inside, outside = np.array([[10.0, 20], [30, 40]]), np.array([[50.0, 5]])
+    inside = np.array([[10.0, 20], [30, 40]])
+    outside = np.array([[50.0, 5]])
     logits, fits = networks.masks_from_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
     points = encoded.to_input_pixels(np.concatenate([inside, outside]))
     corners = encoded.to_input_pixels(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
@@ -518,7 +590,8 @@ def sam2(stand_in, stand_in_network):
 
 
 @pytest.mark.parametrize(
-    ("signature", "detector"), [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)]
+    ("signature", "detector"),
+    [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)],
 )
 def test_conformance(sam2, signature, detector):
     # The network's masks have 256 x 256 cells, each of more than a pixel in these photos.

@@ -17,8 +17,11 @@ from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.errors import BackendError, DeviceError
 from physic_onnx.sessions import OnnxOptions, Port, open_network
 
-CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
-COREML, DIRECTML = "CoreMLExecutionProvider", "DmlExecutionProvider"
+CPU = "CPUExecutionProvider"
+CUDA = "CUDAExecutionProvider"
+TENSORRT = "TensorrtExecutionProvider"
+COREML = "CoreMLExecutionProvider"
+DIRECTML = "DmlExecutionProvider"
 
 
 @pytest.fixture
@@ -27,12 +30,19 @@ def doubler(graph, node, tmp_path):
 
     def build(dtype="float32", name="double.onnx"):
         nodes = [
-            node("Cast", ["count"], ["number"], to=onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype))),
+            node(
+                "Cast",
+                ["count"],
+                ["number"],
+                to=onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype)),
+            ),
             node("Add", ["image", "image"], ["twice"]),
             node("Add", ["twice", "number"], ["sum"]),
         ]
         inputs = {"image": (dtype, ("batch", 3, "height", "width")), "count": ("int64", ())}
-        return graph(tmp_path / name, inputs, {"sum": (dtype, ("batch", 3, "height", "width"))}, nodes)
+        return graph(
+            tmp_path / name, inputs, {"sum": (dtype, ("batch", 3, "height", "width"))}, nodes
+        )
 
     return build
 
@@ -49,7 +59,9 @@ class TestRunning:
             "image": Port("image", "float32", ("batch", 3, "height", "width")),
             "count": Port("count", "int64", ()),
         }
-        assert dict(network.outputs) == {"sum": Port("sum", "float32", ("batch", 3, "height", "width"))}
+        assert dict(network.outputs) == {
+            "sum": Port("sum", "float32", ("batch", 3, "height", "width"))
+        }
 
     @pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
     @pytest.mark.parametrize("fed", [np.float16, np.float32, np.float64])
@@ -63,13 +75,17 @@ class TestRunning:
     def test_non_contiguous_arrays_are_passed_correctly(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         image = np.random.default_rng(0).random((1, 4, 5, 3)).astype(np.float32)[:, ::-1]
-        (answer,) = network.run({"image": image.transpose(0, 3, 1, 2), "count": np.array(0)}, ["sum"])
+        (answer,) = network.run(
+            {"image": image.transpose(0, 3, 1, 2), "count": np.array(0)}, ["sum"]
+        )
         np.testing.assert_allclose(answer, 2 * image.transpose(0, 3, 1, 2))
 
     def test_photos_of_several_sizes_one_after_the_other(self, doubler):
         network = open_network(doubler(), OnnxOptions(threads=1), "cpu")
         for size in (4, 300, 7, 150):
-            (answer,) = network.run({"image": np.ones((2, 3, size, size)), "count": np.array(0)}, ["sum"])
+            (answer,) = network.run(
+                {"image": np.ones((2, 3, size, size)), "count": np.array(0)}, ["sum"]
+            )
             assert answer.shape == (2, 3, size, size)
 
     def test_bytes_are_not_taken_for_floats(self, doubler):
@@ -110,10 +126,22 @@ class TestProviders:
     @pytest.mark.parametrize(
         ("name", "device", "words"),
         [
-            ("auto", "cuda", "device 'cuda' needs CUDA, .* has only 'cpu': install onnxruntime-gpu in place of"),
-            ("tensorrt", "cuda", "is TensorRT, .* install onnxruntime-gpu .* and TensorRT beside it"),
+            (
+                "auto",
+                "cuda",
+                "device 'cuda' needs CUDA, .* has only 'cpu': install onnxruntime-gpu in place of",
+            ),
+            (
+                "tensorrt",
+                "cuda",
+                "is TensorRT, .* install onnxruntime-gpu .* and TensorRT beside it",
+            ),
             ("coreml", "cpu", "is CoreML, .* use the onnxruntime for macOS"),
-            ("directml", "cpu", "is DirectML, .* install onnxruntime-directml .*, or choose provider 'cpu'"),
+            (
+                "directml",
+                "cpu",
+                "is DirectML, .* install onnxruntime-directml .*, or choose provider 'cpu'",
+            ),
             ("auto", "mps", "unknown device 'mps': use 'cpu', 'cuda' or 'cuda:N'"),
             ("auto", "cpu:1", "unknown device 'cpu:1'"),
         ],
@@ -128,12 +156,18 @@ class TestProviders:
             open_network(doubler(), OnnxOptions(provider="cuda"), "cpu")
 
     @pytest.mark.parametrize(("provider", "words"), [("cuda", "CUDA"), ("tensorrt", "TensorRT")])
-    def test_a_provider_that_does_not_start_is_an_error_and_not_the_cpu(self, doubler, monkeypatch, provider, words):
-        """onnxruntime goes on with the CPU where CUDA's libraries do not fit, and raises nothing."""
+    def test_a_provider_that_does_not_start_is_an_error_and_not_the_cpu(
+        self, doubler, monkeypatch, provider, words
+    ):
+        """onnxruntime goes on with the CPU where CUDA's libraries do not fit, and raises
+        nothing.
+        """
         session = onnxruntime.InferenceSession
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [TENSORRT, CUDA, CPU])
         monkeypatch.setattr(
-            onnxruntime, "InferenceSession", lambda path, options, providers: session(path, options, providers=[CPU])
+            onnxruntime,
+            "InferenceSession",
+            lambda path, options, providers: session(path, options, providers=[CPU]),
         )
         with pytest.raises(DeviceError, match="could not start it"):
             open_network(doubler(), OnnxOptions(provider=provider), "cuda")
@@ -175,7 +209,8 @@ class TestFiles:
             open_network(tmp_path / "none.onnx", OnnxOptions(), "cpu")
 
     @pytest.mark.parametrize(
-        "content", [b"", b"<html>404</html>", b"version https://git-lfs.github.com/spec/v1\n", "cut short"]
+        "content",
+        [b"", b"<html>404</html>", b"version https://git-lfs.github.com/spec/v1\n", "cut short"],
     )
     def test_a_file_without_a_network_is_refused(self, doubler, content):
         path = doubler()
@@ -184,7 +219,9 @@ class TestFiles:
             open_network(path, OnnxOptions(), "cpu")
 
     @pytest.mark.parametrize("location", ["model.onnx_data", "parts/weights.bin"])
-    def test_weights_in_other_files_are_named_where_they_lack(self, graph, node, tmp_path, location):
+    def test_weights_in_other_files_are_named_where_they_lack(
+        self, graph, node, tmp_path, location
+    ):
         path = graph(
             tmp_path / "model.onnx",
             {"x": ("float32", (4,))},
@@ -194,7 +231,9 @@ class TestFiles:
         )
         model = onnx.load(path)
         (tmp_path / location).parent.mkdir(exist_ok=True)
-        onnx.external_data_helper.convert_model_to_external_data(model, location=location, size_threshold=0)
+        onnx.external_data_helper.convert_model_to_external_data(
+            model, location=location, size_threshold=0
+        )
         onnx.save(model, path)
         (answer,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(4)}, ["y"])
         np.testing.assert_array_equal(answer, [0, 1, 2, 3])
@@ -214,10 +253,12 @@ kept = open_session(Path(sys.argv[1]), 0, "cpu", broken="")
 own = set(os.listdir("/proc/self/task")) - before
 assert all(os.sched_getaffinity(int(task)) == cores for task in own), "outside of the cores of the process"
 assert kept.session.get_session_options().intra_op_num_threads == 1
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs Linux")
 def test_threads_0_stay_within_the_cores_of_the_process(doubler):
-    done = subprocess.run([sys.executable, "-c", CONFINED, str(doubler())], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", CONFINED, str(doubler())], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr

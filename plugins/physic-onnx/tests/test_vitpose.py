@@ -1,4 +1,6 @@
-"""ViTPose: both forms of the file, colours, the grid of its heat maps, and the whole kit on stand-ins."""
+"""ViTPose: both forms of the file, colours, the grid of its heat maps, and the whole kit on
+stand-ins.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from physic_testing.conformance import check_backend
 
 from .pose_worlds import BOX, PLACES, blobs, joints, normalised, people, region, sampled
 
-HEIGHT, WIDTH = 256, 192
+HEIGHT = 256
+WIDTH = 192
 PORTS = {
     "easy": ("input_0", "output_0", False),
     "hub": ("pixel_values", "heatmaps", False),
@@ -26,13 +29,19 @@ PORTS = {
 
 @pytest.fixture
 def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
-    """A file whose joint j is the colour j mod 3 of what it is shown, on the grid that such a network is trained on.
+    """A file whose joint j is the colour j mod 3 of what it is shown, on the grid that such a
+    network is trained on.
 
-    COCO's 17 joints: first and last cell are first and last pixel (UDP). All others: cell q is pixel 4 q.
+    COCO's 17 joints: first and last cell are first and last pixel (UDP). All others: cell q is
+    pixel 4 q.
     """
 
     def make(
-        kind: str = "easy", count: int = 17, batch: int | str = "batch", stated: bool = True, **options: Any
+        kind: str = "easy",
+        count: int = 17,
+        batch: int | str = "batch",
+        stated: bool = True,
+        **options: Any,
     ) -> VitPose:
         picture, maps, plus = PORTS[kind]
         inputs: dict[str, Any] = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
@@ -55,12 +64,18 @@ def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
             ]
         else:
             nodes.append(node("Identity", ["small"], [maps]))
-        constants = {"colours": np.arange(count) % 3} | ({"column": np.array([-1, 1, 1, 1])} if plus else {})
+        constants = {"colours": np.arange(count) % 3} | (
+            {"column": np.array([-1, 1, 1, 1])} if plus else {}
+        )
         size = (HEIGHT // 4, WIDTH // 4)
         if batch == 1:
             constants["size"] = np.array([1, count, *size], np.int64)
         else:  # a free batch: the size follows the picture
-            constants |= {"rest": np.array([count, *size]), "zero": np.array([0]), "one": np.array([1])}
+            constants |= {
+                "rest": np.array([count, *size]),
+                "zero": np.array([0]),
+                "one": np.array([1]),
+            }
             nodes = [
                 node("Shape", [picture], ["shape"]),
                 node("Slice", ["shape", "zero", "one"], ["rows"]),
@@ -68,7 +83,13 @@ def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
                 *nodes,
             ]
         joints = count if stated else "joints"
-        path = graph(tmp_path / "net.onnx", inputs, {maps: ("float32", (batch, joints, *size))}, nodes, constants)
+        path = graph(
+            tmp_path / "net.onnx",
+            inputs,
+            {maps: ("float32", (batch, joints, *size))},
+            nodes,
+            constants,
+        )
         return loaded(VitPose, path, **options)
 
     return make
@@ -85,14 +106,19 @@ def test_each_joint_is_found_at_the_blob_of_its_colour(vitpose: Any, kind: str) 
 
 
 @pytest.mark.parametrize("stated", [True, False])
-@pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
+@pytest.mark.parametrize(
+    ("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")]
+)
 def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(
     vitpose: Any, count: int, skeleton: str, stated: bool
 ) -> None:
     box = (300.0, 60.0, 560.0, 700.0)
     backend = vitpose(count=count, stated=stated)
     worst = 0.0
-    for places in ([(430.0, 80.0), (320.0, 250.0), (540.0, 690.0)], [(540.0, 380.0), (430.0, 360.0), (320.0, 640.0)]):
+    for places in (
+        [(430.0, 80.0), (320.0, 250.0), (540.0, 690.0)],
+        [(540.0, 380.0), (430.0, 360.0), (320.0, 640.0)],
+    ):
         found = backend.infer(blobs(places, (760, 900), sigma=30.0), people(box, size=(760, 900)))
         assert found.skeleton == skeleton
         worst = max(worst, float(np.linalg.norm(found.points[0, :3] - places, axis=1).max()))
@@ -108,7 +134,9 @@ def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose: An
 
 
 @pytest.mark.parametrize(("count", "expert"), [(17, 0), (133, 5)])
-def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose: Any, count: int, expert: int) -> None:
+def test_vitpose_plus_gets_the_expert_of_its_joint_set(
+    vitpose: Any, count: int, expert: int
+) -> None:
     """The fake network adds the number of its expert to its heat maps."""
     black = np.zeros((200, 260, 3), np.uint8)  # -2.1 to -1.8 after the normalisation
     assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()
@@ -132,19 +160,25 @@ def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> 
 
 @pytest.fixture(scope="module")
 def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
-    """The adapter over a network that draws a Gaussian where each joint of the person in the crop truly is."""
+    """The adapter over a network that draws a Gaussian where each joint of the person in the crop
+    truly is.
+    """
 
     def make(skeleton: str, count: int) -> type:
         def attach(backend: Any) -> list[Any]:
             def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
                 maps = []
-                ends = 1 if count == 17 else 0  # UDP counts from the first pixel to the last, the others pixels
+                # UDP counts from the first pixel to the last, the others pixels
+                ends = 1 if count == 17 else 0
                 boxes = backend.next_boxes(len(feed["input_0"]))
                 for picture, box in zip(feed["input_0"], boxes, strict=True):
                     centre, size = region(box, WIDTH, HEIGHT)
-                    corner, step = centre - size / 2, size / [WIDTH - ends, HEIGHT - ends]
+                    corner = centre - size / 2
+                    step = size / [WIDTH - ends, HEIGHT - ends]
                     expected = normalised(sampled(shown.photo, corner, step, WIDTH, HEIGHT))
-                    assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
+                    assert np.abs(picture - expected).mean() < 0.05, (
+                        "another picture than the network learned from"
+                    )
                     points, sure = joints(shown.world, box, skeleton)
                     cells = (points - corner) / size * [48 - ends, 64 - ends]
                     y, x = np.mgrid[:64, :48]

@@ -1,4 +1,6 @@
-"""ViTPose's class in transformers with random weights, exported as published files are, against its own pipeline."""
+"""ViTPose's class in transformers with random weights, exported as published files are, against its
+own pipeline.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def network(request: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool
     return model, Path(exported(model, heat_maps, inputs, {"heatmaps": free})), request.param
 
 
-def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[Any, Path, bool], loaded: Any) -> None:
+def test_the_exported_class_answers_as_transformers_own_pipeline(
+    network: tuple[Any, Path, bool], loaded: Any
+) -> None:
     import torch
     from scipy.ndimage import gaussian_filter
     from transformers.models.vitpose.image_processing_pil_vitpose import VitPoseImageProcessorPil
@@ -43,8 +47,11 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
     model, path, plus = network
     noise = np.random.default_rng(0).uniform(0, 255, (400, 420, 3))
     image = np.clip(gaussian_filter(noise, (3, 3, 0)) * 8 - 900, 0, 255).astype(np.uint8)
-    # Crops lie inside the photo: at its edge OpenCV blends with what is outside, and SciPy does not.
-    boxes = np.array([[110.0, 90.0, 200.0, 250.0], [100.0, 110.0, 260.0, 230.0], [150.0, 80.0, 210.0, 250.0]])
+    # Crops lie inside the photo: at its edge OpenCV blends with what is outside, and SciPy does
+    # not.
+    boxes = np.array(
+        [[110.0, 90.0, 200.0, 250.0], [100.0, 110.0, 260.0, 230.0], [150.0, 80.0, 210.0, 250.0]]
+    )
     backend = loaded(VitPose, path)
     assert backend.network.signature == (PLUS if plus else HUB)
     found = backend.infer(image, People(np.zeros((3, 400, 420), bool), boxes, np.ones(3)))
@@ -72,6 +79,7 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
         tame = (step <= 1).all(1) & (score > 0)
         assert (np.abs(found.points[row] - start) / cell).max() <= 1.001
         assert np.quantile(apart[tame], 0.9) < 0.02
-        same, wild = same + int(tame.sum()), wild + int((~tame).sum())
+        same = same + int(tame.sum())
+        wild = wild + int((~tame).sum())
     print(f"{same} joints as theirs; of {wild} theirs went off, or has no peak above zero")
     assert same > 40

@@ -1,8 +1,9 @@
 """Read depth maps and point maps of the user's from files, and bring them to the size of the photo.
 
-Phones of Apple store disparity in 8 bits beside a HEIC photo, and its range in units of 1 / metre ("pixelShift /
-(pixelFocalLength * baselineInMeters)", Apple's page "Creating Auxiliary Depth Data Manually"). Where two cameras
-measured it, the file calls it relative: its order is right, its size is not promised.
+Phones of Apple store disparity in 8 bits beside a HEIC photo, and its range in units of 1 / metre
+("pixelShift / (pixelFocalLength * baselineInMeters)", Apple's page "Creating Auxiliary Depth Data
+Manually"). Where two cameras measured it, the file calls it relative: its order is right, its size
+is not promised.
 """
 
 from __future__ import annotations
@@ -35,19 +36,27 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
 
     Raises:
         PackageMissingError: the package pi-heif is not installed.
-        InputError: the file cannot be read, has no depth map, or one of another kind than disparity with its range.
+        InputError: the file cannot be read, has no depth map, or one of another kind than disparity
+            with its range.
     """
-    source = ImageSource(str(path), path=path, what="depth map", formats="a HEIC photo of a phone that stores depth")
+    source = ImageSource(
+        str(path), path=path, what="depth map", formats="a HEIC photo of a phone that stores depth"
+    )
     with open_image(source) as (image, file):
         found = image.info.get("depth_images")
         if not found:
             raise InputError(
-                f"the photo {path} has no depth map: take one in portrait mode, or give the depth in another file"
+                f"the photo {path} has no depth map: take one in portrait mode, or give the depth "
+                f"in another file"
             )
         kind = found[0].info["metadata"]
-        if kind.get("representation_type") != _UNIFORM_DISPARITY or not {"d_min", "d_max"} <= kind.keys():
+        if (
+            kind.get("representation_type") != _UNIFORM_DISPARITY
+            or not {"d_min", "d_max"} <= kind.keys()
+        ):
             raise InputError(
-                f"the depth map in {path} is not disparity with its range (it says {kind or 'nothing'}), so its metres "
+                f"the depth map in {path} is not disparity with its range (it says "
+                f"{kind or 'nothing'}), so its metres "
                 "are not known; convert it to .npy"
             )
         with wrap_decoding_errors(source):
@@ -55,7 +64,10 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
             file.seek(0)
             is_relative = _RELATIVE.search(file.read()) is not None
     if values.ndim != 2 or values.dtype != np.uint8:
-        raise InputError(f"the depth map in {path} must have one channel of 8 bits, got {values.shape} {values.dtype}")
+        raise InputError(
+            f"the depth map in {path} must have one channel of 8 bits, got {values.shape} "
+            f"{values.dtype}"
+        )
     disparity = kind["d_min"] + (kind["d_max"] - kind["d_min"]) * values.astype(np.float64) / 255
     with np.errstate(divide="ignore"):
         return np.where(disparity > 0, 1 / disparity, np.inf), is_relative
@@ -69,14 +81,15 @@ _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 
 
 
 def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatArray, bool]:
-    """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it relative.
+    """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it
+    relative.
 
     Args:
-        path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W), a PNG of 16 bits with one channel, an .exr
-            file, or a HEIC photo of a phone.
+        path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W), a PNG of 16 bits with
+            one channel, an .exr file, or a HEIC photo of a phone.
         scale: metres per unit of the file.
-        invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest number of 16 bits
-            (65504) in floating point, in units of the file; None for no other.
+        invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest
+            number of 16 bits (65504) in floating point, in units of the file; None for no other.
 
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no known pixel.
@@ -93,7 +106,8 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
         values = _read_picture(path)
         if values.dtype == np.uint8:
             raise InputError(
-                f"the depth map {path} has 8 bits per pixel, whose unit is not known and whose steps are too coarse: "
+                f"the depth map {path} has 8 bits per pixel, whose unit is not known and whose "
+                f"steps are too coarse: "
                 "give a PNG of 16 bits in millimetres, or a .npy array in metres"
             )
     elif suffix == ".npz":
@@ -104,12 +118,15 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
         values = read_exr(path)
     else:
         raise InputError(
-            f"cannot read the depth map {path}: its name ends in none of .npy, .npz, .png, .exr, .heic; convert it"
+            f"cannot read the depth map {path}: its name ends in none of .npy, .npz, .png, .exr, "
+            f".heic; convert it"
         )
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2:
-        raise InputError(f"the depth map {path} must be (H, W), one number per pixel, got {values.shape}")
+        raise InputError(
+            f"the depth map {path} must be (H, W), one number per pixel, got {values.shape}"
+        )
     if values.dtype.kind not in "fiu":
         raise InputError(f"the depth map {path} must hold numbers, got {values.dtype}")
     depth = values.astype(np.float64)
@@ -119,7 +136,10 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     if invalid is not None and math.isfinite(invalid):
         unknown |= depth == invalid
     if unknown.all():
-        raise InputError(f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the invalid one")
+        raise InputError(
+            f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the "
+            f"invalid one"
+        )
     return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative
 
 
@@ -129,7 +149,8 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     A point is invalid if a coordinate is NaN or infinite, or z is not positive.
 
     Args:
-        path: a .npy array (H, W, 3), or an .npz with "points" (H, W, 3) and optionally "valid" (H, W) bool.
+        path: a .npy array (H, W, 3), or an .npz with "points" (H, W, 3) and optionally "valid" (H,
+            W) bool.
         scale: factor on the points.
 
     Raises:
@@ -143,29 +164,39 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     elif suffix == ".npz":
         points, valid = _load_npz(path, "points")
     else:
-        raise InputError(f"cannot read the point map {path}: its name ends in none of .npy, .npz; convert it")
+        raise InputError(
+            f"cannot read the point map {path}: its name ends in none of .npy, .npz; convert it"
+        )
     if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
-        raise InputError(f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}")
+        raise InputError(
+            f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}"
+        )
     points = points.astype(np.float64) * scale
     known = np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > 0)
     if valid is not None:
         if valid.shape != points.shape[:2] or valid.dtype != np.bool_:
             raise InputError(
-                f'"valid" of {path} must be {points.shape[:2]} bool like its points, got {valid.shape} {valid.dtype}'
+                f'"valid" of {path} must be {points.shape[:2]} bool like its points, got '
+                f"{valid.shape} {valid.dtype}"
             )
         known &= valid
     if not known.any():
-        raise InputError(f"the point map {path} has no valid point: every one is NaN, behind the camera or not valid")
+        raise InputError(
+            f"the point map {path} has no valid point: every one is NaN, behind the camera or not "
+            f"valid"
+        )
     return np.where(known[..., None], points, 0).astype(np.float32), known
 
 
 def resize_nearest(
     values: NDArray[np.generic], height: int, width: int, path: Path
 ) -> tuple[NDArray[np.generic], tuple[str, ...]]:
-    """Resize a map (H, W, ...) to the size of the photo without mixing pixels, and return it with a note.
+    """Resize a map (H, W, ...) to the size of the photo without mixing pixels, and return it with a
+    note.
 
     Raises:
-        InputError: the map has another aspect ratio than the photo, so that it shows another crop or photo.
+        InputError: the map has another aspect ratio than the photo, so that it shows another crop
+            or photo.
     """
     rows, columns = values.shape[:2]
     if (rows, columns) == (height, width):
@@ -175,17 +206,23 @@ def resize_nearest(
         and abs(math.log((columns / rows) / (width / height))) > _ASPECT_TOLERANCE
     ):
         raise InputError(
-            f"{path} is of {columns} x {rows} px, another aspect ratio than that of the photo, {width} x {height} px: "
+            f"{path} is of {columns} x {rows} px, another aspect ratio than that of the photo, "
+            f"{width} x {height} px: "
             "give a map of the same photo, upright and not cropped"
         )
     y = np.minimum(((np.arange(height) + 0.5) * rows / height).astype(int), rows - 1)
     x = np.minimum(((np.arange(width) + 0.5) * columns / width).astype(int), columns - 1)
-    note = f"{path.name} was resized from {columns} x {rows} to {width} x {height} px, each pixel from the nearest one"
+    note = (
+        f"{path.name} was resized from {columns} x {rows} to {width} x {height} px, each pixel "
+        f"from the nearest one"
+    )
     return np.ascontiguousarray(values[y][:, x]), (note,)
 
 
 def _is_rounded(rows: int, columns: int, height: int, width: int) -> bool:
-    """Return whether a map has the photo's sides at one scale, rounded to the patches of a network."""
+    """Return whether a map has the photo's sides at one scale, rounded to the patches of a
+    network.
+    """
     if rows % _PATCH_PX or columns % _PATCH_PX:
         return False
     scale = math.sqrt(columns * rows / (width * height))
@@ -199,11 +236,16 @@ def _require(path: Path, what: str) -> None:
 
 def _load_npy(path: Path) -> NDArray[np.generic]:
     try:
-        values = np.load(path, mmap_mode="r", allow_pickle=False)  # refuses a shape that is larger than the file
+        # refuses a shape that is larger than the file
+        values = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # damaged headers lead to many classes
-        raise InputError(f"cannot read {path}: it is not a NumPy array of numbers ({error})") from error
+        raise InputError(
+            f"cannot read {path}: it is not a NumPy array of numbers ({error})"
+        ) from error
     if not isinstance(values, np.ndarray):
-        raise InputError(f"cannot read {path}: it is an archive of arrays; save one array with numpy.save")
+        raise InputError(
+            f"cannot read {path}: it is an archive of arrays; save one array with numpy.save"
+        )
     _check_size(path, values.nbytes)  # a sparse file can be larger than the disk
     return values
 
@@ -213,18 +255,25 @@ def _load_npz(path: Path, needed: str) -> tuple[NDArray[np.generic], NDArray[np.
         with open_regular(path) as stream:
             names = read_names(stream)
             if needed not in names:
-                raise InputError(f'cannot read {path}: it has no array "{needed}"; it has {", ".join(names) or "none"}')
+                raise InputError(
+                    f'cannot read {path}: it has no array "{needed}"; it has '
+                    f"{', '.join(names) or 'none'}"
+                )
             wanted = [name for name in (needed, "valid") if name in names]
             arrays = read_arrays(stream, wanted, limit=MAX_BYTES)
     except InputError:
         raise
     except Exception as error:  # of NumPy, zipfile and its decompressors, which share no base class
-        raise InputError(f"cannot read {path}: it is not an archive of NumPy arrays ({error})") from error
+        raise InputError(
+            f"cannot read {path}: it is not an archive of NumPy arrays ({error})"
+        ) from error
     return arrays[needed], arrays.get("valid")
 
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
-    source = ImageSource(str(path), path=path, what="depth map", formats="a PNG of 16 bits with one channel")
+    source = ImageSource(
+        str(path), path=path, what="depth map", formats="a PNG of 16 bits with one channel"
+    )
     with open_image(source) as (image, _):
         decode(image, source)
         return np.asarray(image if image.mode in _GREY else image.convert("RGB"))
@@ -232,4 +281,7 @@ def _read_picture(path: Path) -> NDArray[np.generic]:
 
 def _check_size(path: Path, size: int) -> None:
     if size > MAX_BYTES:
-        raise InputError(f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than {MAX_BYTES / 1e9} GB")
+        raise InputError(
+            f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
+            f"{MAX_BYTES / 1e9} GB"
+        )

@@ -29,16 +29,20 @@ def read_exr(path: Path) -> NDArray[np.generic]:
 
     Raises:
         PackageMissingError: the package OpenEXR is not installed.
-        InputError: the file is damaged or too large, or none or several of its channels may be depth.
+        InputError: the file is damaged or too large, or none or several of its channels may be
+            depth.
     """
     with open_regular(path) as file:
         if file.read(4) != _MAGIC:
-            raise InputError(f"cannot read the depth map {path}: it is no EXR file, or it is damaged")
+            raise InputError(
+                f"cannot read the depth map {path}: it is no EXR file, or it is damaged"
+            )
     try:
         import OpenEXR
     except ImportError:
         raise PackageMissingError(
-            f"cannot read the depth map {path}: it is EXR, which needs one more package; run `pip install OpenEXR`, or "
+            f"cannot read the depth map {path}: it is EXR, which needs one more package; run `pip "
+            f"install OpenEXR`, or "
             "convert it to .npy"
         ) from None
     try:
@@ -46,10 +50,15 @@ def read_exr(path: Path) -> NDArray[np.generic]:
         size = sum(_bytes(part.header) for part in heads)
         if size > MAX_BYTES:
             raise InputError(
-                f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than {MAX_BYTES / 1e9} GB"
+                f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
+                f"{MAX_BYTES / 1e9} GB"
             )
         parts = OpenEXR.File(str(path), separate_channels=True).parts
-        found = {_name(part, name): channel.pixels for part in parts for name, channel in part.channels.items()}
+        found = {
+            _name(part, name): channel.pixels
+            for part in parts
+            for name, channel in part.channels.items()
+        }
     except InputError:
         raise
     except Exception as error:  # the package raises many classes for damaged files
@@ -72,7 +81,8 @@ def _name(part: Any, channel: str) -> str:
 def _depth(channels: Mapping[str, NDArray[np.generic]], path: Path) -> NDArray[np.generic]:
     """Return the channel that is depth.
 
-    It is the only one, the one that is named depth, Z without X and Y, or any of three equal colours.
+    It is the only one, the one that is named depth, Z without X and Y, or any of three equal
+    colours.
     """
     if len(channels) == 1:
         return next(iter(channels.values()))
@@ -82,9 +92,14 @@ def _depth(channels: Mapping[str, NDArray[np.generic]], path: Path) -> NDArray[n
     if "Z" in channels and not {"X", "Y"} & channels.keys():
         return channels["Z"]
     colours = [channels[name] for name in "RGB" if name in channels]
-    if not named and len(colours) == 3 and all(np.array_equal(colours[0], other) for other in colours[1:]):
+    if (
+        not named
+        and len(colours) == 3
+        and all(np.array_equal(colours[0], other) for other in colours[1:])
+    ):
         return colours[0]
     raise InputError(
-        f"cannot read the depth map {path}: which of its channels is depth cannot be told: {', '.join(channels)}; "
+        f"cannot read the depth map {path}: which of its channels is depth cannot be told: "
+        f"{', '.join(channels)}; "
         "write one channel, or name it Z or depth"
     )

@@ -1,4 +1,6 @@
-"""Metric depth and point map of the user's, from files: a depth camera, a scanner, or another program."""
+"""Metric depth and point map of the user's, from files: a depth camera, a scanner, or another
+program.
+"""
 
 from __future__ import annotations
 
@@ -22,22 +24,28 @@ class DepthFileOptions(interfaces.Options):
 
     path: Path | None = Field(
         None,
-        description="The file, which must be given: .npy (H, W), 16-bit .png, .exr where OpenCV reads it, or the .heic "
+        description="The file, which must be given: .npy (H, W), 16-bit .png, .exr where OpenCV "
+        "reads it, or the .heic "
         "photo of a phone that stores depth.",
     )
-    scale: float = Field(1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres.")
+    scale: float = Field(
+        1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres."
+    )
     invalid: float | None = Field(
         None,
         ge=-1e12,
         le=1e12,
         description="Value of unknown pixels in the file; 0, NaN and infinity are always unknown.",
     )
-    sigma: float = Field(0.01, ge=1e-6, le=10, description="Standard deviation of the logarithm of the file's scale.")
+    sigma: float = Field(
+        0.01, ge=1e-6, le=10, description="Standard deviation of the logarithm of the file's scale."
+    )
     relative_sigma: float = Field(
         0.2,
         ge=1e-6,
         le=10,
-        description="The same of a .heic file that calls its depth relative, as phones do that measure it with two "
+        description="The same of a .heic file that calls its depth relative, as phones do that "
+        "measure it with two "
         "cameras: no maker publishes a figure.",
     )
 
@@ -59,7 +67,8 @@ class DepthFile(interfaces.MetricDepth):
         return _missing_file(self.options.path, "metric_depth")
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Return the depth (H, W) of the file in metres, NaN where it is unknown and in ``hints.hole``.
+        """Return the depth (H, W) of the file in metres, NaN where it is unknown and in
+        ``hints.hole``.
 
         Raises:
             InputError: the file cannot be read, or shows another photo.
@@ -74,7 +83,10 @@ class DepthFile(interfaces.MetricDepth):
             raise _only_people(path, "depth")
         sigma = options.relative_sigma if is_relative else options.sigma
         if is_relative:
-            notes += (f"{path.name} calls its depth relative: its scale counts with a deviation of {100 * sigma:g} %",)
+            notes += (
+                f"{path.name} calls its depth relative: its scale counts with a deviation of "
+                f"{100 * sigma:g} %",
+            )
         return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
 
 
@@ -82,20 +94,28 @@ class PointmapFileOptions(interfaces.Options):
     """Settings of the point map from a file."""
 
     path: Path | None = Field(
-        None, description="The file, which must be given: .npy (H, W, 3), or .npz with points and valid (H, W)."
+        None,
+        description="The file, which must be given: .npy (H, W, 3), or .npz with points and valid "
+        "(H, W).",
     )
     scale: float = Field(
-        1.0, ge=1e-6, le=1e6, description="Factor on the points; without effect where their scale is unknown."
+        1.0,
+        ge=1e-6,
+        le=1e6,
+        description="Factor on the points; without effect where their scale is unknown.",
     )
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
-        "scale", description="What the file leaves open: a factor, a factor and a shift of z, or the same of 1 / z."
+        "scale",
+        description="What the file leaves open: a factor, a factor and a shift of z, or the same "
+        "of 1 / z.",
     )
 
 
 class PointmapFile(interfaces.RelativePointmap):
     """Point map of the photo from a file of the user's.
 
-    The file shows the photo with its people: for the inpainted photo, points in the inpainted hole are invalid.
+    The file shows the photo with its people: for the inpainted photo, points in the inpainted hole
+    are invalid.
     """
 
     written_for = 1
@@ -108,7 +128,8 @@ class PointmapFile(interfaces.RelativePointmap):
         return _missing_file(self.options.path, "relative_pointmap")
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Return the points (H, W, 3) of the file and their validity, without those in ``hints.hole``.
+        """Return the points (H, W, 3) of the file and their validity, without those in
+        ``hints.hole``.
 
         Raises:
             InputError: the file cannot be read, or shows another photo.
@@ -128,7 +149,8 @@ class PointmapFile(interfaces.RelativePointmap):
 
 def _only_people(path: Path, what: str) -> InputError:
     return InputError(
-        f"{path} has no {what} outside the people, so that nothing is known of the scene: give a map of the whole photo"
+        f"{path} has no {what} outside the people, so that nothing is known of the scene: give a "
+        f"map of the whole photo"
     )
 
 
@@ -137,10 +159,14 @@ def _missing_file(path: Path | None, interface: str) -> tuple[str, ...]:
         return (f"a file of this photo: set {interface}.options.path",)
     if path.is_file():
         return ()
-    return (f"{path}: there is no such file; set {interface}.options.path to the file of this photo",)
+    return (
+        f"{path}: there is no such file; set {interface}.options.path to the file of this photo",
+    )
 
 
 def _given(path: Path | None, interface: str) -> Path:
     if path is None:
-        raise InputError(f"no file was given: set {interface}.options.path to the file of this photo")
+        raise InputError(
+            f"no file was given: set {interface}.options.path to the file of this photo"
+        )
     return path

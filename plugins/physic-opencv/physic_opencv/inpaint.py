@@ -1,7 +1,7 @@
 """Diffusion inpainting with OpenCV: Telea's fast marching and Navier-Stokes.
 
-A hole much wider than the brush becomes streaks, and takes long. Such a hole is filled on a reduced image, and the
-smooth fill is enlarged inside the mask.
+A hole much wider than the brush becomes streaks, and takes long. Such a hole is filled on a reduced
+image, and the smooth fill is enlarged inside the mask.
 """
 
 from __future__ import annotations
@@ -22,13 +22,17 @@ class DiffusionOptions(interfaces.Options):
     """Settings of both diffusion inpainters."""
 
     radius_px: float = Field(
-        5.0, gt=0, le=50, description="Neighbourhood that a filled pixel is made from, px; 3-8 works."
+        5.0,
+        gt=0,
+        le=50,
+        description="Neighbourhood that a filled pixel is made from, px; 3-8 works.",
     )
     max_hole_px: int = Field(
         160,
         ge=16,
         le=100_000,
-        description="Longest side of a hole that is filled at full resolution, px. A larger one is filled on an image "
+        description="Longest side of a hole that is filled at full resolution, px. A larger one "
+        "is filled on an image "
         "reduced until it fits; smaller is faster and smoother.",
     )
 
@@ -39,7 +43,8 @@ class _Diffusion(interfaces.Inpainter):
     _method: ClassVar[str]
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values.
+        """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their
+        values.
 
         Raises:
             InputError: image or mask has another shape or dtype, or the mask covers everything.
@@ -51,7 +56,9 @@ class _Diffusion(interfaces.Inpainter):
 
 
 class Telea(_Diffusion):
-    """Fast marching (A. Telea, 2004): fills the hole from its border inwards with a weighted mean of known pixels.
+    """Fast marching (A.
+
+    Telea, 2004): fills the hole from its border inwards with a weighted mean of known pixels.
 
     The weights continue lines of equal brightness into the hole.
     """
@@ -61,7 +68,10 @@ class Telea(_Diffusion):
 
 
 class NavierStokes(_Diffusion):
-    """Navier-Stokes (M. Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid."""
+    """Navier-Stokes (M.
+
+    Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid.
+    """
 
     written_for = 1
     _method = "INPAINT_NS"
@@ -70,11 +80,14 @@ class NavierStokes(_Diffusion):
 def _check_mask(image: UInt8Array, mask: BoolArray) -> None:
     if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
         raise InputError(
-            f"The mask must be {image.shape[:2]} bool like the image, got {mask.shape} {mask.dtype}: "
+            f"The mask must be {image.shape[:2]} bool like the image, got {mask.shape} "
+            f"{mask.dtype}: "
             "resize it, or threshold it."
         )
     if mask.all():
-        raise InputError("The mask covers the whole image: leave some pixels unmasked to fill the hole from.")
+        raise InputError(
+            "The mask covers the whole image: leave some pixels unmasked to fill the hole from."
+        )
 
 
 def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOptions) -> UInt8Array:
@@ -84,7 +97,8 @@ def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOpt
     filled = image.copy()
     if not mask.any():
         return filled
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    rows = np.flatnonzero(mask.any(1))
+    columns = np.flatnonzero(mask.any(0))
     longest = int(max(rows[-1] - rows[0], columns[-1] - columns[0])) + 1
     factor = -(-longest // options.max_hole_px)
     if factor == 1:
@@ -97,19 +111,24 @@ def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOpt
     return filled
 
 
-def downsample_known(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[UInt8Array, BoolArray]:
+def downsample_known(
+    image: UInt8Array, mask: BoolArray, factor: int
+) -> tuple[UInt8Array, BoolArray]:
     """Downsample an image by an integer factor with means over unmasked pixels only.
 
     Args:
         image: (H, W, 3) uint8.
         mask: (H, W) bool.
-        factor: pixels of ``image`` along each side of a small pixel; the last row and column may hold fewer.
+        factor: pixels of ``image`` along each side of a small pixel; the last row and column may
+            hold fewer.
 
     Returns:
-        (ceil(H / factor), ceil(W / factor), 3) uint8, and the small mask: True where no unmasked pixel fell.
+        (ceil(H / factor), ceil(W / factor), 3) uint8, and the small mask: True where no unmasked
+        pixel fell.
     """
     height, width = mask.shape
-    rows, columns = np.arange(0, height, factor), np.arange(0, width, factor)
+    rows = np.arange(0, height, factor)
+    columns = np.arange(0, width, factor)
     known = ~mask
     weighted = np.where(known[..., None], image, 0).astype(np.int64)
     total = np.add.reduceat(np.add.reduceat(weighted, rows, axis=0), columns, axis=1)
@@ -119,7 +138,8 @@ def downsample_known(image: UInt8Array, mask: BoolArray, factor: int) -> tuple[U
 
 
 def _enlarge(small: UInt8Array, shape: tuple[int, int], factor: int) -> UInt8Array:
-    # Pixel centres are integers: small pixel i is the mean of factor * i ... factor * i + factor - 1.
+    # Pixel centres are integers: small pixel i is the mean of factor * i ... factor * i + factor -
+    # 1.
     """Enlarge an image by an integer factor, bilinear."""
     import cv2
 
@@ -127,5 +147,7 @@ def _enlarge(small: UInt8Array, shape: tuple[int, int], factor: int) -> UInt8Arr
     u = (np.arange(width, dtype=np.float32) - (factor - 1) / 2) / factor
     v = (np.arange(height, dtype=np.float32) - (factor - 1) / 2) / factor
     grid_u, grid_v = np.meshgrid(u, v)
-    large: UInt8Array = cv2.remap(small, grid_u, grid_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    large: UInt8Array = cv2.remap(
+        small, grid_u, grid_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
     return large

@@ -1,4 +1,6 @@
-"""Depth of files that other tools wrote (tools/real_files/depth.py): its channel has another name in each."""
+"""Depth of files that other tools wrote (tools/real_files/depth.py): its channel has another name
+in each.
+"""
 
 from __future__ import annotations
 
@@ -53,13 +55,18 @@ def written(path: Path, channels: dict[str, np.ndarray]) -> Path:
 def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path: Path, dtype: type) -> None:
     values = np.linspace(1, 8, 24, dtype=dtype).reshape(4, 6)
     values[0, 0] = 65504
-    depth, _ = read_depth(written(tmp_path / "d.exr", {"Depth.V": values, "Combined.A": values * 0}), 1.0, None)
+    depth, _ = read_depth(
+        written(tmp_path / "d.exr", {"Depth.V": values, "Combined.A": values * 0}), 1.0, None
+    )
     np.testing.assert_array_equal(depth.ravel()[1:], values.astype(np.float32).ravel()[1:])
     assert np.isnan(depth[0, 0])
 
 
 def test_a_colour_picture_is_no_depth(tmp_path: Path) -> None:
-    colours = {name: np.full((4, 6), value, np.float32) for name, value in zip("RGB", (1, 2, 3), strict=True)}
+    colours = {
+        name: np.full((4, 6), value, np.float32)
+        for name, value in zip("RGB", (1, 2, 3), strict=True)
+    }
     with pytest.raises(InputError, match="cannot be told"):
         read_depth(written(tmp_path / "d.exr", colours), 1.0, None)
 

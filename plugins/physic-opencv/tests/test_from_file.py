@@ -27,15 +27,19 @@ def depth(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE,
     return DepthFile(DepthFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
 
 
-def pointmap(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float):
+def pointmap(
+    path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float
+):
     return PointmapFile(PointmapFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
 
 
-# ---- depth -----------------------------------------------------------------------------------------------------------
+# ---- depth
+# --------------------------------------------------------------------------------------------------
 
 
 def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path: Path) -> None:
-    values, hole = DEPTH.copy(), np.zeros((4, 6), bool)
+    values = DEPTH.copy()
+    hole = np.zeros((4, 6), bool)
     values[0, :4] = np.nan, np.inf, 0, -1
     hole[1:3, 2:4] = True
     np.save(tmp_path / "d.npy", values)
@@ -75,7 +79,9 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -
         ("d.tif", np.ones((4, 6)), "ends in none of"),
     ],
 )
-def test_unusable_depth_is_refused(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
+def test_unusable_depth_is_refused(
+    tmp_path: Path, name: str, values: np.ndarray, message: str
+) -> None:
     with (tmp_path / name).open("wb") as file:
         np.save(file, values)
     with pytest.raises(InputError, match=message):
@@ -97,10 +103,13 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path) -> None:
     assert "set metric_depth.options.path" in problem
 
 
-# ---- depth beside a phone's photo ------------------------------------------------------------------------------------
+# ---- depth beside a phone's photo
+# ------------------------------------------------------------------------------------
 
 HEIC = Path(__file__).parent / "data" / "disparity.heic"
-"""A grey photo of 64 x 48 px with a disparity of 32 x 24 px from 1/4 to 2 per metre, left to right."""
+"""A grey photo of 64 x 48 px with a disparity of 32 x 24 px from 1/4 to 2 per metre, left to
+right.
+"""
 DISPARITY = 0.25 + 1.75 * np.linspace(0, 255, 32).round() / 255
 RELATIVE = b"<depthData:Accuracy>relative</depthData:Accuracy>"
 
@@ -130,12 +139,15 @@ def test_the_scale_of_relative_disparity_is_uncertain(tmp_path: Path) -> None:
 
 def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
     path = heic(tmp_path, b"auxid:2", b"auxid:9")
-    with pytest.raises(InputError, match=f"the photo {path} has no depth map: take one in portrait mode"):
+    with pytest.raises(
+        InputError, match=f"the photo {path} has no depth map: take one in portrait mode"
+    ):
         depth(path)
 
 
 def test_depth_without_its_range_is_refused(tmp_path: Path) -> None:
-    path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")  # another kind of message than depth representation
+    # another kind of message than depth representation
+    path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")
     with pytest.raises(InputError, match="not disparity with its range"):
         depth(path)
 
@@ -146,7 +158,8 @@ def test_a_heic_file_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
         depth(HEIC)
 
 
-# ---- point map -------------------------------------------------------------------------------------------------------
+# ---- point map
+# --------------------------------------------------------------------------------------------------
 
 POINTS = np.stack([*np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4)), DEPTH], -1)
 
@@ -167,7 +180,8 @@ def test_a_file_of_points_gives_points_and_validity(tmp_path: Path) -> None:
     assert (found.unknown, found.intrinsics) == ("scale", None)
 
 
-# ---- in the pipeline and in the kit ----------------------------------------------------------------------------------
+# ---- in the pipeline and in the kit
+# ----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -199,12 +213,18 @@ def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: Wo
     assert result.scene.floor.offset == pytest.approx(stand.floor.offset, rel=0.02)
 
 
-def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(tmp_path: Path, stand: World) -> None:
+def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(
+    tmp_path: Path, stand: World
+) -> None:
     depth = stand.points(people=True)[..., 2] * np.linspace(1, 1.1, stand.depth.shape[1])[None]
     np.save(tmp_path / "depth.npy", depth)
     config = load_config(
         preset="mock",
-        overrides=["run.cache=false", "engine.joint.optimiser.steps=5", "relative_pointmap.options.noise=0"],
+        overrides=[
+            "run.cache=false",
+            "engine.joint.optimiser.steps=5",
+            "relative_pointmap.options.noise=0",
+        ],
     ).with_photo({"depth": str(tmp_path / "depth.npy")})
     result = reconstruct(stand.image, config)
     near = cv2.dilate(stand.masks.any(0).astype(np.uint8), np.ones((9, 9))) > 0
@@ -226,26 +246,38 @@ def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path: Path, stand: World
         reconstruct(stand.image, config.with_photo({"depth": str(tmp_path / "depth.npy")}))
 
 
-def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(tmp_path: Path, stand: World) -> None:
+def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(
+    tmp_path: Path, stand: World
+) -> None:
     millimetres = np.nan_to_num(stand.depth * 1000).round().astype(np.uint16)
     cv2.imwrite(str(tmp_path / "depth.png"), millimetres)
     with Pipeline({"extends": "mock", "run": {"cache": False}}) as pipeline:
-        mine = pipeline(stand.image, intrinsics=stand.intrinsics, settings={"depth": str(tmp_path / "depth.png")})
+        mine = pipeline(
+            stand.image,
+            intrinsics=stand.intrinsics,
+            settings={"depth": str(tmp_path / "depth.png")},
+        )
         plain = pipeline(stand.image, intrinsics=stand.intrinsics)
         with pytest.raises(WeightsMissingError, match=r"other\.png"):
             pipeline(stand.image, settings={"depth": str(tmp_path / "other.png")})
     backends = [
-        {s.provenance.interface: s.provenance for s in result.stages if s.provenance} for result in (mine, plain)
+        {s.provenance.interface: s.provenance for s in result.stages if s.provenance}
+        for result in (mine, plain)
     ]
     assert [found["metric_depth"].backend for found in backends] == ["file", "mock"]
     assert backends[0]["metric_depth"].options["scale"] == 0.001
     assert backends[0]["relative_pointmap"].backend == "mock"
     known = mine.scene.valid & ~stand.masks.any(0) & np.isfinite(stand.depth)
-    assert np.median(mine.scene.points[..., 2][known] / stand.depth[known]) == pytest.approx(1, abs=0.02)
+    assert np.median(mine.scene.points[..., 2][known] / stand.depth[known]) == pytest.approx(
+        1, abs=0.02
+    )
 
 
 def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
-    flags = {"--depth": {"photo": {"depth": "d.png"}}, "--pointmap": {"photo": {"pointmap": "p.npz"}}}
+    flags = {
+        "--depth": {"photo": {"depth": "d.png"}},
+        "--pointmap": {"photo": {"pointmap": "p.npz"}},
+    }
     config = load_config(preset="mock", flags=flags)
     assert config.choice("metric_depth").model_dump() == {
         "backend": "file", "options": {"scale": 0.001, "path": str(Path("d.png").absolute())},
@@ -255,19 +287,29 @@ def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
         "options": {"path": str(Path("p.npz").absolute())},
     }
     assert config.choice("inpainter").backend == "physic-mock:mock"
-    chosen = ["metric_depth.backend=physic-opencv:file", "metric_depth.options={scale = 0.01, sigma = 0.1}"]
+    chosen = [
+        "metric_depth.backend=physic-opencv:file",
+        "metric_depth.options={scale = 0.01, sigma = 0.1}",
+    ]
     kept = load_config(preset="mock", overrides=chosen, flags=flags).choice("metric_depth").options
     assert kept == {"scale": 0.01, "sigma": 0.1, "path": str(Path("d.png").absolute())}
     assert Path(config.as_dict()["photo"]["depth"]) == Path("d.png").absolute()
 
 
 @pytest.mark.parametrize(
-    ("unit", "metres"), [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("ft", 0.3048), ("1/5000", 0.0002)]
+    ("unit", "metres"),
+    [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("ft", 0.3048), ("1/5000", 0.0002)],
 )
 def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> None:
     for name in ("d.png", "d.npy"):
-        flags = {"--depth": {"photo": {"depth": name}}, "--depth-unit": {"photo": {"depth_unit": unit}}}
-        assert load_config(preset="mock", flags=flags).choice("metric_depth").options["scale"] == metres
+        flags = {
+            "--depth": {"photo": {"depth": name}},
+            "--depth-unit": {"photo": {"depth_unit": unit}},
+        }
+        assert (
+            load_config(preset="mock", flags=flags).choice("metric_depth").options["scale"]
+            == metres
+        )
 
 
 @pytest.mark.parametrize(
@@ -277,10 +319,15 @@ def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> 
         ({"depth": "d.png", "depth_unit": "1/0"}, "1/5000"),
         ({"depth": "d.png", "depth_unit": "5000"}, "1/5000"),
         ({"depth_unit": "mm"}, "without depth"),
-        ({"depth": "d.png", "intrinsics": [9, 9, 5, 5], "distortion": [0.1, 0, 0, 0, 0]}, "undistort both"),
+        (
+            {"depth": "d.png", "intrinsics": [9, 9, 5, 5], "distortion": [0.1, 0, 0, 0, 0]},
+            "undistort both",
+        ),
     ],
 )
-def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(given: dict[str, str], message: str) -> None:
+def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(
+    given: dict[str, str], message: str
+) -> None:
     with pytest.raises(ConfigError, match=message):
         load_config(preset="mock", flags={"flags": {"photo": given}})
 
@@ -299,27 +346,40 @@ def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
 
 
 def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
-    array = "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
+    array = (
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
+    )
     (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + array.encode())
     with pytest.raises(InputError, match=r"huge\.npy: it is not a NumPy array of numbers"):
         read_depth(tmp_path / "huge.npy", 1.0, None)
     header = b"IHDR" + 2 * (30_000).to_bytes(4) + b"\x10\x00\x00\x00\x00"
-    png = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0d" + header + zlib.crc32(header).to_bytes(4) + b"\0\0\0\0IDAT"
+    png = (
+        b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0d"
+        + header
+        + zlib.crc32(header).to_bytes(4)
+        + b"\0\0\0\0IDAT"
+    )
     (tmp_path / "huge.png").write_bytes(png + zlib.crc32(b"IDAT").to_bytes(4))
     with pytest.raises(InputError, match="more than 150 megapixels"):
         read_depth(tmp_path / "huge.png", 1.0, None)
     with (tmp_path / "sparse.npy").open("wb") as file:
-        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (20_000, 20_000)})
+        np.lib.format.write_array_header_1_0(
+            file, {"descr": "<f8", "fortran_order": False, "shape": (20_000, 20_000)}
+        )
         file.truncate(file.tell() + 8 * 20_000**2)
     with pytest.raises(InputError, match=r"3\.2 GB, more than"):
         read_depth(tmp_path / "sparse.npy", 1.0, None)
 
 
-@pytest.mark.parametrize(("photo", "made"), [((1080, 1920), (280, 504)), ((2532, 1170), (504, 238))])
+@pytest.mark.parametrize(
+    ("photo", "made"), [((1080, 1920), (280, 504)), ((2532, 1170), (504, 238))]
+)
 def test_a_map_whose_sides_a_network_rounded_to_14_px_is_stretched(
     photo: tuple[int, int], made: tuple[int, int]
 ) -> None:
-    values, notes = resize_nearest(np.arange(made[0] * made[1], dtype=float).reshape(made), *photo, Path("a.npy"))
+    values, notes = resize_nearest(
+        np.arange(made[0] * made[1], dtype=float).reshape(made), *photo, Path("a.npy")
+    )
     assert values.shape == photo
     assert values[0, 0] == 0
     assert values[-1, -1] == made[0] * made[1] - 1

@@ -9,7 +9,8 @@ from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea
 def gradient(height: int = 90, width: int = 120) -> np.ndarray:
     """A slope of 120 grey levels along x, 90 along y."""
     v, u = np.mgrid[:height, :width]
-    u, v = 120 * u / width, 90 * v / height
+    u = 120 * u / width
+    v = 90 * v / height
     return np.stack([u + v, 200 - u, 60 + v], axis=2).astype(np.uint8)
 
 
@@ -31,9 +32,11 @@ def test_a_slope_is_restored(method):
 
 @pytest.mark.parametrize("method", [Telea, NavierStokes])
 def test_what_was_under_the_mask_never_leaks_out_even_from_a_reduced_image(method):
-    image, mask = gradient(240, 320), disc((240, 320), (160, 120), 61)
+    image = gradient(240, 320)
+    mask = disc((240, 320), (160, 120), 61)
     options = DiffusionOptions(max_hole_px=40)
-    black, white = image.copy(), image.copy()
+    black = image.copy()
+    white = image.copy()
     black[mask], white[mask] = 0, 255
     filled = method(options).infer(black, mask)
     np.testing.assert_array_equal(filled[mask], method(options).infer(white, mask)[mask])

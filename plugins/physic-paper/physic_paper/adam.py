@@ -1,7 +1,7 @@
 """Adam, the optimiser of the paper.
 
-Its first steps can lose a start that is nearly optimal: it is then repeated with a tenth of the learning rate, at most
-twice.
+Its first steps can lose a start that is nearly optimal: it is then repeated with a tenth of the
+learning rate, at most twice.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from physic_core.engine.joint.optimiser import (
 )
 from physic_core.types.bounds import Count, Positive, PositiveCount
 
-_RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose energy has only increased
+# restarts with a tenth of the learning rate, for people whose energy has only increased
+_RATE_CUTS = 2
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,15 @@ class AdamOptimiser(Optimiser):
     ) -> MinimisationResult:
         """Take all steps; repeat them at a lower rate while people have kept their start."""
         origin = energy.state.pack()
-        result, rate = super().minimise(energy, progress, groups), self.learning_rate
+        result = super().minimise(energy, progress, groups)
+        rate = self.learning_rate
         for _ in range(_RATE_CUTS):
             if not energy.state.parameters() or bool(energy.state.people_changed(origin).all()):
                 break
             rate /= 10
-            again = super(AdamOptimiser, replace(self, learning_rate=rate)).minimise(energy, groups=groups)
+            again = super(AdamOptimiser, replace(self, learning_rate=rate)).minimise(
+                energy, groups=groups
+            )
             result = join_results(energy, origin, result, again)
         return result
 
@@ -63,7 +67,8 @@ class AdamOptimiser(Optimiser):
 def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) -> BlockResult:
     """Take Adam steps between two refreshes; steps may raise the energy.
 
-    People with non-finite gradients return to the previous step and are kept there until the next refresh.
+    People with non-finite gradients return to the previous step and are kept there until the next
+    refresh.
     """
     assert optimiser is not None  # without free parameters no step is taken
     state = energy.state

@@ -1,4 +1,6 @@
-"""Stage 4 of presets "paper", "release" and "prox": contact by distance to the nearest scene point."""
+"""Stage 4 of presets "paper", "release" and "prox": contact by distance to the nearest scene
+point.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,10 @@ from physic_core.types.bounds import NotNegative
 
 @dataclass(frozen=True)
 class DistanceContact(ContactMethod):
-    """Stage 4 as published: contact by distance. ``threshold`` and ``skin_threshold`` are not used."""
+    """Stage 4 as published: contact by distance.
+
+    ``threshold`` and ``skin_threshold`` are not used.
+    """
 
     distance_m: NotNegative = 0.02
     """Largest distance to scene or floor of a vertex in contact, metres; as released."""
@@ -52,7 +57,9 @@ class DistanceContact(ContactMethod):
 
 
 def with_floor_samples(problem: JointProblem) -> JointProblem:
-    """Return the problem with samples of the floor among the points of the scene, instead of its plane."""
+    """Return the problem with samples of the floor among the points of the scene, instead of its
+    plane.
+    """
     if problem.floor_normal is None or problem.floor_points is None:
         return problem
     up = problem.floor_normal.expand_as(problem.floor_points)

@@ -23,7 +23,9 @@ _FEWEST_SAMPLES = 40
 _REFITS = 8
 
 
-def fit_floor_metric(points: Tensor, normals: Tensor, valid: Tensor, floor_mask: Tensor | None) -> FloorSearch:
+def fit_floor_metric(
+    points: Tensor, normals: Tensor, valid: Tensor, floor_mask: Tensor | None
+) -> FloorSearch:
     """Fit a floor plane to the points and normals of a floor mask (paper Sec. 3.1).
 
     Args:
@@ -38,7 +40,8 @@ def fit_floor_metric(points: Tensor, normals: Tensor, valid: Tensor, floor_mask:
     if floor_mask is None:
         return FloorSearch(None, "no_pixels")
     candidate = floor_mask & valid & (normals != 0).any(-1)
-    cloud, directions = points[candidate].double(), normals[candidate].double()
+    cloud = points[candidate].double()
+    directions = normals[candidate].double()
     if len(cloud) < _FEWEST_SAMPLES:
         return FloorSearch(None, "no_pixels")
     plane = _ransac(cloud, directions)
@@ -51,9 +54,12 @@ def fit_floor_metric(points: Tensor, normals: Tensor, valid: Tensor, floor_mask:
             return FloorSearch(None, "no_consensus")
         n, o = _principal_plane(cloud[inlier])
     if float(o) < 0:
-        n, o = -n, -o
+        n = -n
+        o = -o
     share = float(_is_inlier(n, o, cloud, directions).double().mean())
-    below = float((height_over_plane(points[valid].double(), n, o) < -10 * _TOLERANCE_M).double().mean())
+    below = float(
+        (height_over_plane(points[valid].double(), n, o) < -10 * _TOLERANCE_M).double().mean()
+    )
     if share <= MIN_INLIER_SHARE:
         return FloorSearch(None, "no_consensus", share, below)
     inliers = valid & (height_over_plane(points, n, float(o)).abs() < _TOLERANCE_M)
@@ -64,7 +70,9 @@ def fit_floor_metric(points: Tensor, normals: Tensor, valid: Tensor, floor_mask:
 def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
     """Return normal (3,) and offset of the plane through three points with the most inliers."""
     generator = torch.Generator().manual_seed(_SEED)
-    corner = cloud[torch.randint(len(cloud), (_HYPOTHESES, 3), generator=generator).to(cloud.device)]
+    corner = cloud[
+        torch.randint(len(cloud), (_HYPOTHESES, 3), generator=generator).to(cloud.device)
+    ]
     raw = torch.linalg.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = torch.linalg.vector_norm(raw, dim=-1)
     flat = length > 1e-12
@@ -80,7 +88,9 @@ def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:
 
 
 def _is_inlier(normal: Tensor, offset: Tensor, points: Tensor, directions: Tensor) -> Tensor:
-    """Return whether points (M, 3) with normals (M, 3) lie on planes (..., 3), (...): (..., M) bool."""
+    """Return whether points (M, 3) with normals (M, 3) lie on planes (..., 3), (...): (..., M)
+    bool.
+    """
     near = (normal @ points.T + offset[..., None]).abs() < _TOLERANCE_M
     return near & ((normal @ directions.T).abs() > _MIN_NORMAL_COSINE)
 

@@ -13,10 +13,12 @@ _LEAST_MARGIN_M = 1e-3  # of the grid's box around coplanar points
 
 
 class GridSearch(NearestPointSearch):
-    """Nearest-point search by the nearest point of the closest node of a regular grid, which is approximate.
+    """Nearest-point search by the nearest point of the closest node of a regular grid, which is
+    approximate.
 
-    The grid spans the bounding box of the points, enlarged by a tenth on each side, as in the released code. Nodes are
-    searched exactly when first used. Vertices outside the grid are searched exactly.
+    The grid spans the bounding box of the points, enlarged by a tenth on each side, as in the
+    released code. Nodes are searched exactly when first used. Vertices outside the grid are
+    searched exactly.
 
     Args:
         points: (M, 3) metres, camera frame; M may be 0.
@@ -29,12 +31,16 @@ class GridSearch(NearestPointSearch):
         super().__init__(points, normals, radius)
         if not len(points):
             return
-        low, high = points.amin(0), points.amax(0)
+        low = points.amin(0)
+        high = points.amax(0)
         margin = (0.1 * (high - low)).clamp(min=_LEAST_MARGIN_M)
-        self._low, self._high = low - margin, high + margin
+        self._low = low - margin
+        self._high = high + margin
         self._last = cells - 1
         self._table = torch.full((cells**3,), -1, dtype=torch.int64, device=points.device)
-        self._exact = cKDTree(points.cpu().double().numpy(), balanced_tree=False, compact_nodes=False)
+        self._exact = cKDTree(
+            points.cpu().double().numpy(), balanced_tree=False, compact_nodes=False
+        )
 
     def lookup(self, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
         """Return the point of the node of each place, and its distance."""

@@ -7,13 +7,17 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 KNN_SHARE = 0.05
-"""Number of neighbours, the point itself among them, as a share of the short image side; as released."""
+"""Number of neighbours, the point itself among them, as a share of the short image side; as
+released.
+"""
 
 _SIGMA = 1.45  # outlier threshold over the mean, in standard deviations; as released
 
 
 def knn_outliers(points: Tensor, neighbors: int, sigma: float = _SIGMA) -> Tensor:
-    """Return points with an unusually large mean squared distance to their neighbours (paper Sec. 4.1): (M,) bool.
+    """Return points with an unusually large mean squared distance to their neighbours (paper Sec.
+
+    4.1): (M,) bool.
 
     Args:
         points: (M, 3), any unit, finite.
@@ -48,4 +52,6 @@ def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
     tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
     # The first neighbour is the point itself.
     distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
-    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(points.device)
+    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(
+        points.device
+    )

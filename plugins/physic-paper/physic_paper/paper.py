@@ -2,34 +2,44 @@
 
 Choices where the paper gives no detail, and deviations from it:
 
-- L_j2d is a sum over keypoints, weighted by confidence, and L_reg weighs visible vertices by 1. Of 18 differences
-  between rows of the paper's ablation, the sign agrees, disagrees or is within the interval on 48 synthetic scenes for:
-  sum and 1: 7, 2, 9; sum and 0: 6, 2, 10; mean and 1: 5, 3, 10; mean and 0: 8, 4, 6. ``reduction`` and
-  ``visible_weight`` select a reading of stage 3; stage 2 takes the sum.
-- Keypoints below .5 (as released) or outside the picture are skipped. Loosely defined keypoints of a joint set count
-  less.
-- "Two iterations of L-BFGS, unit rate" are two steps of up to 15 iterations with a strong-Wolfe line search. On five
-  photos the result does not depend on the search. With the released absolute pixels only the search converges.
-- Stage 2 never increases a person's reprojection error, measured by L_j2d and by the median: lambda_j2d is increased
-  until this holds. Otherwise the Chamfer sum over all points outweighs the keypoints: bodies with an error of 1.6 to
-  3.2 px ended at 5 to 29 px. None of six synthetic scenes changed, since their bodies start with a large error.
-- After stage 3 people return to their start if their own energy is lower there, and Adam is repeated with a tenth of
-  the learning rate, at most twice. This concerns 4 of 531 people in synthetic scenes, and 1 of 9 photos with a floor.
-- eps of L_c is not printed. It is .15 m as released, of the distance (the paper compares its square with eps).
-- rho takes the distance, as in its original definition and in the released code, with shape 1 and scale 1 m, which are
-  not printed. The paper writes the square inside. Below .15 m rho is half the squared distance.
-- L_i searches within 1 m. The paper has no limit, but the search structure needs one. Compared with the released .15 m,
-  the scale of two synthetic scenes changed by at most 1e-4, and the energy in the fourth digit.
-- L_reg weighs hidden vertices 12 times as much as visible ones (the paper: "more"), and translation and scale by 1
-  ("weakly"). The root rotation is free, since the text regularises in root-relative space. The released weight of 50 is
-  not used: on two synthetic scenes the final energy is .4 and .5 of that with the weight.
-- Human points scale with the scene, without a gradient to its scale. Rotations are optimised as their first two columns
-  (as released).
-- The nearest-point grid covers the surroundings of the people only. Vertices inside eyes and mouth are skipped.
-- Stage 1 draws 20 minimal samples for the alignment and 200 for the floor, with inliers within 1 cm and 30 degrees; k
-  is 5 % of the short side, with 1.45 sigma; the floor has 100 x 100 points. The paper names only the methods. A given
-  camera is kept.
-- eps_c of the contact map is 4 cm. It is not printed, and calibrated by precision and recall on synthetic scenes.
+- L_j2d is a sum over keypoints, weighted by confidence, and L_reg weighs visible vertices by 1. Of
+  18 differences between rows of the paper's ablation, the sign agrees, disagrees or is within the
+  interval on 48 synthetic scenes for: sum and 1: 7, 2, 9; sum and 0: 6, 2, 10; mean and 1: 5, 3,
+  10; mean and 0: 8, 4, 6. ``reduction`` and ``visible_weight`` select a reading of stage 3; stage 2
+  takes the sum.
+- Keypoints below .5 (as released) or outside the picture are skipped. Loosely defined keypoints of
+  a joint set count less.
+- "Two iterations of L-BFGS, unit rate" are two steps of up to 15 iterations with a strong-Wolfe
+  line search. On five photos the result does not depend on the search. With the released absolute
+  pixels only the search converges.
+- Stage 2 never increases a person's reprojection error, measured by L_j2d and by the median:
+  lambda_j2d is increased until this holds. Otherwise the Chamfer sum over all points outweighs the
+  keypoints: bodies with an error of 1.6 to 3.2 px ended at 5 to 29 px. None of six synthetic scenes
+  changed, since their bodies start with a large error.
+- After stage 3 people return to their start if their own energy is lower there, and Adam is
+  repeated with a tenth of the learning rate, at most twice. This concerns 4 of 531 people in
+  synthetic scenes, and 1 of 9 photos with a floor.
+- eps of L_c is not printed. It is .15 m as released, of the distance (the paper compares its square
+  with eps).
+- rho takes the distance, as in its original definition and in the released code, with shape 1 and
+  scale 1 m, which are not printed. The paper writes the square inside. Below .15 m rho is half the
+  squared distance.
+- L_i searches within 1 m. The paper has no limit, but the search structure needs one. Compared with
+  the released .15 m, the scale of two synthetic scenes changed by at most 1e-4, and the energy in
+  the fourth digit.
+- L_reg weighs hidden vertices 12 times as much as visible ones (the paper: "more"), and translation
+  and scale by 1 ("weakly"). The root rotation is free, since the text regularises in root-relative
+  space. The released weight of 50 is not used: on two synthetic scenes the final energy is .4 and
+  .5 of that with the weight.
+- Human points scale with the scene, without a gradient to its scale. Rotations are optimised as
+  their first two columns (as released).
+- The nearest-point grid covers the surroundings of the people only. Vertices inside eyes and mouth
+  are skipped.
+- Stage 1 draws 20 minimal samples for the alignment and 200 for the floor, with inliers within 1 cm
+  and 30 degrees; k is 5 % of the short side, with 1.45 sigma; the floor has 100 x 100 points. The
+  paper names only the methods. A given camera is kept.
+- eps_c of the contact map is 4 cm. It is not printed, and calibrated by precision and recall on
+  synthetic scenes.
 """
 
 from __future__ import annotations
@@ -64,11 +74,16 @@ from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.chamfer import ChamferDepthTerm, ChamferSettings
 from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
-from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
+from physic_paper.terms.printed_regularisation import (
+    PrintedRegularisationSettings,
+    PrintedRegularisationTerm,
+)
 from physic_paper.terms.reprojection import confident_keypoints
 
 CONTACT_RANGE_M = 0.15
-"""Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not printed."""
+"""Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not
+printed.
+"""
 
 _MIN_CONFIDENCE = 0.5  # as released
 _barron = partial(robust_loss, "barron", c=1.0)
@@ -82,7 +97,9 @@ class PaperReprojectionSettings:
     weight: NotNegative = 10_000.0
     """Lambda_j2d of Eq. 5; 0 removes the term."""
     reduction: Literal["sum", "mean"] = "sum"
-    """Reduction of a person's squared errors, weighted by confidence: their "sum", or their "mean" over keypoints."""
+    """Reduction of a person's squared errors, weighted by confidence: their "sum", or their "mean"
+    over keypoints.
+    """
 
 
 @dataclass(frozen=True)
@@ -95,7 +112,9 @@ class PaperVisibilitySettings(VisibilitySettings):
 
 @dataclass(frozen=True)
 class PaperOptimisation(PublishedOptimisation):
-    """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex weights."""
+    """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex
+    weights.
+    """
 
     optimiser: AdamOptimiser = field(default_factory=AdamOptimiser)
     """Adam."""
@@ -109,7 +128,9 @@ class PaperOptimisation(PublishedOptimisation):
     """Contact with the scene."""
     penetration: PointPenetrationSettings = field(default_factory=PointPenetrationSettings)
     """Vertices inside the scene."""
-    regularisation: PrintedRegularisationSettings = field(default_factory=PrintedRegularisationSettings)
+    regularisation: PrintedRegularisationSettings = field(
+        default_factory=PrintedRegularisationSettings
+    )
     """Deviation from the start."""
 
     @property
@@ -118,7 +139,9 @@ class PaperOptimisation(PublishedOptimisation):
         return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, samples of the floor, and static contacts if these are chosen."""
+        """Return the problem with all limbs visible, samples of the floor, and static contacts if
+        these are chosen.
+        """
         problem = super().prepare(problem)
         return with_static_contacts(problem) if self.contact.source == "static" else problem
 
@@ -126,8 +149,12 @@ class PaperOptimisation(PublishedOptimisation):
         """Return 1 for each vertex."""
         return torch.ones_like(area_m2)
 
-    def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
-        """Return the grid over the whole scene, since its nodes depend on the extent of the scene."""
+    def nearby_scene(
+        self, context: JointContext, vertices: Tensor, scale: float
+    ) -> NearestPointSearch:
+        """Return the grid over the whole scene, since its nodes depend on the extent of the
+        scene.
+        """
         problem = context.problem
         return GridSearch(problem.scene_points, problem.scene_normals, context.search_radius_m)
 
@@ -140,9 +167,14 @@ class PaperOptimisation(PublishedOptimisation):
         return replace(found, weight=found.weight / torch.where(total > 0, total, 1.0))
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
+        self,
+        context: JointContext,
+        bodies: BodyOutput,
+        self_occlusion: OcclusionTracker,
+        last: Visibility | None,
     ) -> Visibility:
-        """Return the visibility of the posed bodies; keep the camera-facing vertices of the first update.
+        """Return the visibility of the posed bodies; keep the camera-facing vertices of the first
+        update.
 
         "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
         """
@@ -162,7 +194,9 @@ class PaperOptimisation(PublishedOptimisation):
                 self.penetration,
                 context,
                 _barron,
-                lambda snapshot: snapshot.visibility.eligible & ~(snapshot.visibility.hidden & aware),
+                lambda snapshot: (
+                    snapshot.visibility.eligible & ~(snapshot.visibility.hidden & aware)
+                ),
             ),
             PrintedRegularisationTerm(self.regularisation, context, occlusion_aware=aware),
             SceneScaleTerm(self.regularisation.weight),

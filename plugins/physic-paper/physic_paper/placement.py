@@ -9,7 +9,12 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.method import FEWEST_POINTS, POINTMAP_TOLERANCE, Fit, PlacementMethod
+from physic_core.engine.placement.method import (
+    FEWEST_POINTS,
+    POINTMAP_TOLERANCE,
+    Fit,
+    PlacementMethod,
+)
 from physic_core.engine.placement.place import median_reprojection_px
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
@@ -55,11 +60,15 @@ class PaperPlacement(PlacementMethod):
         """Return the mask of all people."""
         return people
 
-    def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
+    def weigh_background(
+        self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor
+    ) -> Tensor | None:
         """Return None: all background counts the same."""
         return None
 
-    def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
+    def clean_points(
+        self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
+    ) -> Tensor:
         """Return all points of the person but outliers by the distance to their neighbours."""
         points = cloud[known & inside]
         return points[~image_outliers(points, size[0], size[1])]
@@ -98,20 +107,31 @@ class PaperPlacement(PlacementMethod):
         if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
             return Fit(x, seen)
         chamfer = self.chamfer_term(person, seen)
-        before, weight = chamfer.median(x), self.reprojection_weight
+        before = chamfer.median(x)
+        weight = self.reprojection_weight
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
-        x = solve_lbfgs(x, chamfer, (lambda move: weight * self.reprojection_loss(person, move)) if enough else None)
+        x = solve_lbfgs(
+            x,
+            chamfer,
+            (lambda move: weight * self.reprojection_loss(person, move)) if enough else None,
+        )
         return Fit(x, seen, (before, chamfer.median(x)))
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
-        """Return x (4,), moved towards the keypoints until their error is no larger than at the start."""
+        """Return x (4,), moved towards the keypoints until their error is no larger than at the
+        start.
+        """
         if len(person.keypoints) < FEWEST_KEYPOINTS:
             return fit.x
-        came, term = torch.zeros_like(fit.x), self.reprojection_term(person)
+        came = torch.zeros_like(fit.x)
+        term = self.reprojection_term(person)
         largest = term_energy(term, came), median_reprojection_px(person, came) or 0.0
 
         def fits(at: Tensor) -> bool:
-            return term_energy(term, at) <= largest[0] and (median_reprojection_px(person, at) or 0.0) <= largest[1]
+            return (
+                term_energy(term, at) <= largest[0]
+                and (median_reprojection_px(person, at) or 0.0) <= largest[1]
+            )
 
         # The total weight of all pairs of Eq. 4. Without points its value has no effect.
         pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
@@ -131,7 +151,9 @@ class ReleasePlacement(PaperPlacement):
         """Return all keypoints."""
         return list(range(len(skeleton)))
 
-    def weigh_keypoints(self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+    def weigh_keypoints(
+        self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor
+    ) -> Tensor:
         """Return the weights of the released code."""
         return released_keypoint_weights(skeleton, keypoints, confidence, masks)
 
@@ -145,7 +167,11 @@ class ReleasePlacement(PaperPlacement):
 
     def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
         """Return the released loss () after a translation (3,), metres."""
-        one = (project(person.landmarks + move, person.K)[None], person.keypoints[None], person.confidence[None])
+        one = (
+            project(person.landmarks + move, person.K)[None],
+            person.keypoints[None],
+            person.confidence[None],
+        )
         return released_reprojection(*one, person.size, person.people).sum()
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
@@ -154,10 +180,12 @@ class ReleasePlacement(PaperPlacement):
 
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
         """Return the losses, that of the keypoints as released."""
-        losses, weight = super().losses(person, fit), self.reprojection_weight
+        losses = super().losses(person, fit)
+        weight = self.reprojection_weight
         if "reprojection" in losses:
             ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
             losses["reprojection"] = {
-                end: weight * float(self.reprojection_loss(person, at[:3])) for end, at in ends.items()
+                end: weight * float(self.reprojection_loss(person, at[:3]))
+                for end, at in ends.items()
             }
         return losses

@@ -1,7 +1,8 @@
-"""Settings of the engine of presets "paper" (as printed), "release" (as released) and "prox" (a baseline).
+"""Settings of the engine of presets "paper" (as printed), "release" (as released) and "prox" (a
+baseline).
 
-The docstring of each preset's own module lists its deviations from the publication: :mod:`physic_paper.paper`,
-:mod:`physic_paper.release` and :mod:`physic_paper.prox`.
+The docstring of each preset's own module lists its deviations from the publication:
+:mod:`physic_paper.paper`, :mod:`physic_paper.release` and :mod:`physic_paper.prox`.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from physic_paper.prox import ProxOptimisation
 from physic_paper.release import ReleaseOptimisation
 from physic_paper.scene import PaperScene, ProxScene, ReleaseScene
 
-# As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
-# calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
+# As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not
+# printed. 4 cm is calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall
+# (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04
 
 PAPER = EngineSettings(
@@ -28,7 +30,10 @@ PAPER = EngineSettings(
 """Preset "paper"."""
 
 RELEASE = EngineSettings(
-    scene=ReleaseScene(), placement=ReleasePlacement(), joint=ReleaseOptimisation(), contact=DistanceContact()
+    scene=ReleaseScene(),
+    placement=ReleasePlacement(),
+    joint=ReleaseOptimisation(),
+    contact=DistanceContact(),
 )
 """Preset "release"."""
 

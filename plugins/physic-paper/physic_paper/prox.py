@@ -31,7 +31,8 @@ from physic_paper.terms.point_penetration import PointPenetrationSettings, Point
 from physic_paper.terms.printed_regularisation import ParameterPriorTerm
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
 
-_FULL_HD_PX = 1920  # long side of PROX's images, which define the scale of its robust reprojection loss
+# long side of PROX's images, which define the scale of its robust reprojection loss
+_FULL_HD_PX = 1920
 _REPROJECTION_SCALE_PX = 100.0
 _SEARCH_RADIUS_M = 0.5  # search radius of contact and penetration
 _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
@@ -42,7 +43,9 @@ _POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; halved, since a rotation is t
 
 @dataclass(frozen=True)
 class ProxReprojectionSettings:
-    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920 px."""
+    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920
+    px.
+    """
 
     weight: NotNegative = 1.0
     """Weight of the term; 0 removes it."""
@@ -53,7 +56,9 @@ class ProxContactSettings:
     """Settings of the contact term of static body parts."""
 
     weight: NotNegative = 1e4 / _CONTACT_SCALE_M**2
-    """Weight of the mean robust distance, which saturates at the square of its scale (in PROX at 1); 0 removes it."""
+    """Weight of the mean robust distance, which saturates at the square of its scale (in PROX at
+    1); 0 removes it.
+    """
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,9 @@ class ProxPriorSettings:
 
 @dataclass(frozen=True)
 class ProxOptimisation(PublishedOptimisation):
-    """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps."""
+    """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the
+    first steps.
+    """
 
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
@@ -113,7 +120,8 @@ class ProxOptimisation(PublishedOptimisation):
                 partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
             ),
             ParameterPriorTerm(
-                state, {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others}
+                state,
+                {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others},
             ),
             LimitTerm(self.limits),
         ]

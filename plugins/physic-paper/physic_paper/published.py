@@ -19,7 +19,9 @@ from physic_paper.contact import with_floor_samples
 
 
 class UnwhitenedState(State):
-    """Free parameters in their own units; the scale is the factor on the scene, not its logarithm."""
+    """Free parameters in their own units; the scale is the factor on the scene, not its
+    logarithm.
+    """
 
     def _initial_values(self) -> dict[str, Tensor]:
         start = self.start
@@ -35,10 +37,13 @@ class UnwhitenedState(State):
         }
 
     def unpack(self) -> Estimate:
-        """Convert the free parameters to bodies and scene; two columns of a rotation are orthonormalised."""
+        """Convert the free parameters to bodies and scene; two columns of a rotation are
+        orthonormalised.
+        """
         import roma  # which imports torch._dynamo, for longer than a second
 
-        start, values = self.start, self.values
+        start = self.start
+        values = self.values
         body_and_hands = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
         first = roma.special_gramschmidt(values["root"])[:, None]
         log_scale = values["scale"].clamp(min=1e-3).log()
@@ -56,15 +61,19 @@ class UnwhitenedState(State):
 class PublishedOptimisation(JointMethod):
     """Settings that "paper", "release" and "prox" share.
 
-    Raw parameters, all limbs visible, people who count alike, and nearest points at every evaluation, among all points
-    of the scene and samples of the floor.
+    Raw parameters, all limbs visible, people who count alike, and nearest points at every
+    evaluation, among all points of the scene and samples of the floor.
     """
 
     nearest_every_step: ClassVar[bool] = True
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, and samples of the floor among the scene points."""
-        finite = torch.isfinite(problem.scene_points).all(-1) & torch.isfinite(problem.scene_normals).all(-1)
+        """Return the problem with all limbs visible, and samples of the floor among the scene
+        points.
+        """
+        finite = torch.isfinite(problem.scene_points).all(-1) & torch.isfinite(
+            problem.scene_normals
+        ).all(-1)
         problem = replace(
             problem,
             observed=torch.ones_like(problem.observed),
@@ -79,7 +88,9 @@ class PublishedOptimisation(JointMethod):
         return torch.ones_like(problem.transl0[:, 2])
 
     def initial_state(self, context: JointContext) -> State:
-        """Return raw parameters without depth offsets; without a scene, its scale is constant as well."""
+        """Return raw parameters without depth offsets; without a scene, its scale is constant as
+        well.
+        """
         problem = context.problem
         constant = {*self.frozen, "offset"} | (set() if len(problem.scene_points) else {"scale"})
         start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])

@@ -1,23 +1,27 @@
 """Preset "release": the joint energy of the released code.
 
-Measured on a problem of the released code (one person, 2570 vertices): terms agree within 2e-5, gradients within 5e-5
-of the largest entry, stage 1 within 1 um; outliers, grid and contact map agree exactly; stage 3 ends 2.0 mm from the
-released result. Deviations, with their effect on that problem where it was measured:
+Measured on a problem of the released code (one person, 2570 vertices): terms agree within 2e-5,
+gradients within 5e-5 of the largest entry, stage 1 within 1 um; outliers, grid and contact map
+agree exactly; stage 3 ends 2.0 mm from the released result. Deviations, with their effect on that
+problem where it was measured:
 
-- Stage 2 uses a line search. It ends 2 um from the minimum of the released objective. Without it the released code ends
-  100 mm from the minimum, and 5.5 mm from its own result when it is run again.
-- Limbs are hidden if less than 0.7 of their vertices are visible. Grazing rays change this share by up to 0.05 when
-  vertices move by 1 um, in the released code too. At the first update one limb of twelve is visible here
-  and hidden there.
-- Bodies have 69 of the 133 keypoints, each weighted as in the released code: stage 1 differs by 9.6 mm with them,
-  stage 2 by 2.9 mm. The root of a hand is excluded from the mean confidence by which a hand is rejected.
-- The floor is searched with 200 hypotheses of three points each: .01 mm. Of 455 points that are dropped by their
-  normals 8 differ, by ties among their neighbours.
-- A vertex outside the box of the grid is searched exactly. The released code then searches all vertices exactly (there
-  was no such vertex).
-- The scene is not enlarged before stage 2 (factor 1 there), and fx and fy are not averaged (equal there).
-- After stage 3 people return to their start if their own energy is lower there, and Adam is repeated with a tenth of
-  the learning rate. Not measured.
+- Stage 2 uses a line search. It ends 2 um from the minimum of the released objective. Without it
+  the released code ends 100 mm from the minimum, and 5.5 mm from its own result when it is run
+  again.
+- Limbs are hidden if less than 0.7 of their vertices are visible. Grazing rays change this share by
+  up to 0.05 when vertices move by 1 um, in the released code too. At the first update one limb of
+  twelve is visible here and hidden there.
+- Bodies have 69 of the 133 keypoints, each weighted as in the released code: stage 1 differs by 9.6
+  mm with them, stage 2 by 2.9 mm. The root of a hand is excluded from the mean confidence by which
+  a hand is rejected.
+- The floor is searched with 200 hypotheses of three points each: .01 mm. Of 455 points that are
+  dropped by their normals 8 differ, by ties among their neighbours.
+- A vertex outside the box of the grid is searched exactly. The released code then searches all
+  vertices exactly (there was no such vertex).
+- The scene is not enlarged before stage 2 (factor 1 there), and fx and fy are not averaged (equal
+  there).
+- After stage 3 people return to their start if their own energy is lower there, and Adam is
+  repeated with a tenth of the learning rate. Not measured.
 - Vertices inside eyes and mouth are skipped. Not measured.
 """
 
@@ -38,7 +42,12 @@ from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.body import SceneScaleTerm
 from physic_core.geometry.robust import robust_loss
-from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings, PaperVisibilitySettings
+from physic_paper.paper import (
+    CONTACT_RANGE_M,
+    PaperOptimisation,
+    PaperReprojectionSettings,
+    PaperVisibilitySettings,
+)
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
 from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
 from physic_paper.released.visibility import update_released_visibility
@@ -61,13 +70,19 @@ class ReleaseReprojectionSettings(PaperReprojectionSettings):
 
 @dataclass(frozen=True)
 class ReleaseOptimisation(PaperOptimisation):
-    """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, union of all masks."""
+    """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, union of
+    all masks.
+    """
 
-    visibility: PaperVisibilitySettings = field(default_factory=lambda: PaperVisibilitySettings(facing_deg=_FACING_DEG))
+    visibility: PaperVisibilitySettings = field(
+        default_factory=lambda: PaperVisibilitySettings(facing_deg=_FACING_DEG)
+    )
     """Visibility of vertices."""
     reprojection: ReleaseReprojectionSettings = field(default_factory=ReleaseReprojectionSettings)
     """Keypoints."""
-    penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15))
+    penetration: PointPenetrationSettings = field(
+        default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15)
+    )
     """Vertices inside the scene."""
     regularisation: PrintedRegularisationSettings = field(
         default_factory=lambda: PrintedRegularisationSettings(visible_weight=0.0)
@@ -75,7 +90,9 @@ class ReleaseOptimisation(PaperOptimisation):
     """Deviation from the start."""
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, and the union of all masks as the mask of each person."""
+        """Return the problem with all limbs visible, and the union of all masks as the mask of each
+        person.
+        """
         masks = problem.masks.any(0, keepdim=True).expand_as(problem.masks)
         return replace(super().prepare(problem), masks=masks, human_points=human_points_of(problem))
 
@@ -84,7 +101,11 @@ class ReleaseOptimisation(PaperOptimisation):
         return released_keypoints(problem)
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
+        self,
+        context: JointContext,
+        bodies: BodyOutput,
+        self_occlusion: OcclusionTracker,
+        last: Visibility | None,
     ) -> Visibility:
         """Return the visibility of the posed bodies, computed as in the released code."""
         return update_released_visibility(context, bodies, self_occlusion, last)
@@ -100,8 +121,17 @@ class ReleaseOptimisation(PaperOptimisation):
         return [
             ReleasedReprojectionTerm(context, self.reprojection.weight),
             ChamferDepthTerm(self.depth, context),
-            PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron, per_axis=True, outside_only=True),
-            PointPenetrationTerm(self.penetration, context, _barron, may_not_penetrate, per_axis=True),
+            PointContactTerm(
+                context,
+                self.contact.weight,
+                CONTACT_RANGE_M,
+                _barron,
+                per_axis=True,
+                outside_only=True,
+            ),
+            PointPenetrationTerm(
+                self.penetration, context, _barron, may_not_penetrate, per_axis=True
+            ),
             ReleasedRegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),
             SceneScaleTerm(self.regularisation.weight),
         ]

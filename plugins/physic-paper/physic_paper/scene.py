@@ -10,20 +10,32 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.floor import FloorEvidence
-from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE, Cameras, PixelSurface, SceneMethod, scene_camera
+from physic_core.engine.scene.method import (
+    METRIC_DEPTH_TOLERANCE,
+    Cameras,
+    PixelSurface,
+    SceneMethod,
+    scene_camera,
+)
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.types.bounds import NotNegative, PositiveOrInfinite
 from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
-from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
+from physic_paper.released.pointmap import (
+    published_floor_grid,
+    published_normal_outliers,
+    published_normals,
+)
 
 _GRID_SIDE = 100  # floor points along each side, as released
 
 
 def released_alignment_options(tolerance: float) -> AlignmentOptions:
-    """Return the alignment options of the paper (Eq. 1), with the 20 hypotheses of the released code."""
+    """Return the alignment options of the paper (Eq. 1), with the 20 hypotheses of the released
+    code.
+    """
     return AlignmentOptions(tolerance, hypotheses=20, residual="metric")
 
 
@@ -33,37 +45,52 @@ class PaperScene(SceneMethod):
 
     far_m: PositiveOrInfinite = math.inf
     floor: Literal["metric", "off"] = "metric"  # type: ignore[assignment]  # its own search
-    """"metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor points. "off" finds no
-    floor."""
+    """"metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor
+    points. "off" finds no floor.
+    """
     carve_m: NotNegative = 0.0
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
     rescales_depth: ClassVar[bool] = False
 
-    def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
+    def share_camera(
+        self, points: Tensor, depth: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor, Cameras]:
         """Return the arguments: each map keeps its camera."""
         return points, depth, cameras
 
-    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
-        """Return the points, moved for a given camera only, and that camera or the median of the point map's."""
+    def place_on_rays(
+        self, points: Tensor, valid: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor]:
+        """Return the points, moved for a given camera only, and that camera or the median of the
+        point map's.
+        """
         if cameras.given is not None:
             return super().place_on_rays(points, valid, cameras)
         return points, scene_camera(points, valid, replace(cameras, metric_depth=None))
 
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
-        """Return normals over depth edges, no edges, and outliers by the distance to their neighbours."""
+        """Return normals over depth edges, no edges, and outliers by the distance to their
+        neighbours.
+        """
         return PixelSurface(
-            pointmap_normals(points, known, math.inf), torch.zeros_like(known), _outliers_by_distance(points, known)
+            pointmap_normals(points, known, math.inf),
+            torch.zeros_like(known),
+            _outliers_by_distance(points, known),
         )
 
-    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
+    def search_floor(
+        self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
+    ) -> FloorSearch:
         """Find the floor in metres, on the points of its mask."""
         if self.floor == "off":
             return FloorSearch(None, "switched_off")
         return fit_floor_metric(points, surface, valid, evidence.mask)
 
-    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None) -> Tensor:
+    def sample_floor(
+        self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None
+    ) -> Tensor:
         """Return 10000 points of a grid over the extent of the scene."""
         return published_floor_grid(floor.normal, floor.offset, known, _GRID_SIDE)
 
@@ -77,7 +104,9 @@ class ReleaseScene(PaperScene):
         outliers = _outliers_by_distance(points, known)
         found = published_normals(points, known)
         kept = known & ~outliers
-        outliers[kept] = published_normal_outliers(points[kept], found[kept], int(KNN_SHARE * min(known.shape)))
+        outliers[kept] = published_normal_outliers(
+            points[kept], found[kept], int(KNN_SHARE * min(known.shape))
+        )
         return PixelSurface(found, torch.zeros_like(known), outliers)
 
 

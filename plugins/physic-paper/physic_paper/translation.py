@@ -1,4 +1,7 @@
-"""Solvers of stage 2 as in the paper: Adam and L-BFGS on sums of squares. Float64 on the CPU, metres."""
+"""Solvers of stage 2 as in the paper: Adam and L-BFGS on sums of squares.
+
+Float64 on the CPU, metres.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +22,20 @@ from physic_core.engine.placement.terms import (
 # Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _ADAM_STEPS = 30
 _LEARNING_RATE = 1e-2
-_LBFGS_STEPS, _LBFGS_INNER = 2, 15
+_LBFGS_STEPS = 2
+_LBFGS_INNER = 15
 _LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step diverges on the released energy
 _DOUBLINGS = 40
 
 
 class TranslationPrior:
-    """Quadratic prior of the translation t: ``weight |t - place|^2``, with the preferred translation ``place``."""
+    """Quadratic prior of the translation t: ``weight |t - place|^2``, with the preferred
+    translation ``place``.
+    """
 
     def __init__(self, place: Tensor, weight: float) -> None:
-        self.place, self.weight = place, weight
+        self.place = place
+        self.weight = weight
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         slope = torch.eye(4, dtype=torch.float64)[:3][None]
@@ -56,7 +63,9 @@ def solve_lbfgs(x: Tensor, chamfer: ChamferTerm, loss: Callable[[Tensor], Tensor
         loss: weighted Eq. 2 of the translation (3,); None without enough keypoints.
     """
     move = x[:3].clone().requires_grad_()
-    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH)
+    optimizer = torch.optim.LBFGS(
+        [move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH
+    )
 
     def energy() -> Tensor:
         optimizer.zero_grad()
@@ -74,12 +83,16 @@ def solve_lbfgs(x: Tensor, chamfer: ChamferTerm, loss: Callable[[Tensor], Tensor
 
 
 def restore_keypoint_fit(
-    reprojection: PlacementReprojectionTerm, x: Tensor, stiffness: float, fits: Callable[[Tensor], bool]
+    reprojection: PlacementReprojectionTerm,
+    x: Tensor,
+    stiffness: float,
+    fits: Callable[[Tensor], bool],
 ) -> Tensor:
-    """Move x towards the minimum of the keypoint errors until ``fits(x)`` is true; return zeros if this fails.
+    """Move x towards the minimum of the keypoint errors until ``fits(x)`` is true; return zeros if
+    this fails.
 
-    Minimises ``stiffness |t - x|^2`` plus the reprojection term with increasing weight. Up to a constant, the first
-    part is Eq. 4 with fixed pairs.
+    Minimises ``stiffness |t - x|^2`` plus the reprojection term with increasing weight. Up to a
+    constant, the first part is Eq. 4 with fixed pairs.
 
     Args:
         reprojection: of a person with enough keypoints; its weight is changed.

@@ -1,4 +1,6 @@
-"""A problem and what the authors' published optimiser made of it, read from one file of numbers, as our own types."""
+"""A problem and what the authors' published optimiser made of it, read from one file of numbers, as
+our own types.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from physic_core.types import (
 from physic_paper.released.pointmap import published_normals
 
 _WHOLE = SKELETONS["coco_wholebody133"]
-SKELETON = Skeleton("wholebody131", tuple(name for name in _WHOLE.names if not name.endswith("hand_root")))
+SKELETON = Skeleton(
+    "wholebody131", tuple(name for name in _WHOLE.names if not name.endswith("hand_root"))
+)
 """COCO-WholeBody without the roots of both hands, which no body has."""
 
 JOINT_SETS = {
@@ -54,7 +58,9 @@ class Published:
         return torch.from_numpy(np.array(self.arrays[name]))
 
     def bits(self, name: str, shape: tuple[int, ...] | None = None) -> Tensor:
-        """A stored array of booleans; those without a stored shape fill the picture, or ``shape``."""
+        """A stored array of booleans; those without a stored shape fill the picture, or
+        ``shape``.
+        """
         packed = f"{name}__bits" if f"{name}__bits" in self.arrays else name
         if f"{name}__shape" in self.arrays:
             shape = tuple(self.arrays[f"{name}__shape"].tolist())
@@ -73,20 +79,24 @@ class Published:
     def points(self, name: str = "one/in/scene_depth_u16") -> Tensor:
         """(H, W, 3) of a depth map, infinite where it is not valid."""
         count = self.arrays[name].astype(np.float64)
-        depth = torch.from_numpy(np.where(count == _INVALID_DEPTH, np.inf, count * self.arrays["camera/depth_unit"]))
+        depth = torch.from_numpy(
+            np.where(count == _INVALID_DEPTH, np.inf, count * self.arrays["camera/depth_unit"])
+        )
         points = unproject(pixel_grid(*self.size, depth), depth, self["camera/K"].double()).float()
         return torch.where(torch.isfinite(depth)[..., None], points, torch.inf)
 
     @cached_property
     def scene(self) -> tuple[Tensor, Tensor]:
         """Points and normals that are left of the scene, (M, 3) each."""
-        kept, points = self.bits("one/out/pre/inlier"), self.points()
+        kept = self.bits("one/out/pre/inlier")
+        points = self.points()
         return points[kept], published_normals(points, torch.isfinite(points).all(-1))[kept]
 
     @cached_property
     def floor(self) -> Tensor:
         """(10000, 3) of which every ninth along both axes is stored."""
-        plane, grid = self["one/out/pre/plane"].double(), self["one/out/pre/plane_grid"].double()
+        plane = self["one/out/pre/plane"].double()
+        grid = self["one/out/pre/plane_grid"].double()
         x, z = (_ninefold(line) for line in (grid[:, 0, 0], grid[0, :, 2]))
         x, z = (line.flatten() for line in torch.meshgrid(x, z, indexing="ij"))
         y = -(plane[0] * x + plane[2] * z + plane[3]) / plane[1]
@@ -94,7 +104,8 @@ class Published:
 
     def human_map(self) -> Tensor:
         """(H, W, 3) of the photo with its person."""
-        points, person = self.points(), self.bits("one/in/person_pixel")
+        points = self.points()
+        person = self.bits("one/in/person_pixel")
         depth = self["one/in/person_depth_u16"].double() * float(self.arrays["camera/depth_unit"])
         uv = pixel_grid(*self.size, depth)[person]
         points[person] = unproject(uv, depth, self["camera/K"].double()).float()
@@ -116,7 +127,9 @@ class Published:
     # States of the optimiser
 
     def raw(self, tag: str) -> dict[str, Tensor]:
-        """Parameters of a state, as :class:`physic_core.engine.joint.state.State` has them when raw."""
+        """Parameters of a state, as :class:`physic_core.engine.joint.state.State` has them when
+        raw.
+        """
         return self._by_group(f"one/out/{tag}/param")
 
     def gradients(self, tag: str, term: str) -> dict[str, Tensor]:
@@ -138,7 +151,11 @@ class Published:
         """(1, 55, 3, 3) of a state."""
         raw = self.raw(tag)
         rotations = torch.eye(3).repeat(1, 55, 1, 1)
-        for group, rows in (("root", slice(0, 1)), ("pose", slice(1, 22)), ("hands", slice(25, 55))):
+        for group, rows in (
+            ("root", slice(0, 1)),
+            ("pose", slice(1, 22)),
+            ("hands", slice(25, 55)),
+        ):
             rotations[:, rows] = roma.special_gramschmidt(raw[group]).reshape(1, -1, 3, 3)
         return rotations
 
@@ -146,7 +163,8 @@ class Published:
         """Stage 3's problem.
 
         Args:
-            start: state whose translation it starts from, and whose head decides where the face's contour is.
+            start: state whose translation it starts from, and whose head decides where the face's
+                contour is.
             skeleton: joint set of the keypoints.
         """
         rotations, betas, estimated = self.given("init")
@@ -181,7 +199,10 @@ class Published:
     def body(self, rotations: Tensor) -> BodyModel:
         """The body, with its face's contour as rotations (55, 3, 3) turn the head."""
         everything = self._points133(rotations)
-        regressors = {kind: replace(everything, matrix=everything.matrix[rows]) for kind, rows in JOINT_SETS.items()}
+        regressors = {
+            kind: replace(everything, matrix=everything.matrix[rows])
+            for kind, rows in JOINT_SETS.items()
+        }
         return replace(self._body, regressors=regressors)
 
     @cached_property
@@ -205,14 +226,17 @@ class Published:
             outer=np.ones(len(a["body/v_template"]), bool),
         )
         names = ["torso", *(f"{side}_{limb}" for side in ("left", "right") for limb in _LIMBS)]
-        part = np.array([PART_NAMES.index(name) for name in names])[a["body/part12"].astype(np.int64) + 1]
+        part = np.array([PART_NAMES.index(name) for name in names])[
+            a["body/part12"].astype(np.int64) + 1
+        ]
         picks = replace(derive_vertex_sets(arrays), part_of_vertex=part)
         return build_body_model(replace(arrays, picks=picks))
 
     def _points133(self, rotations: Tensor) -> LandmarkRegressor:
         """The 133 points; the two that no body has are its pelvis."""
         a = self.arrays
-        faces, row = a["body/faces"], contour_row(rotations)
+        faces = a["body/faces"]
+        row = contour_row(rotations)
         corners = [
             *a["body/extra_joint_vertex"][:, None],
             *faces[a["body/lmk_faces_idx"]],
@@ -235,7 +259,9 @@ _ROWS = {"root": slice(0, 1), "body": slice(1, 22), "lhand": slice(25, 40), "rha
 
 
 def contour_row(rotations: Tensor) -> int:
-    """Which of 79 rows the face's contour takes: whole degrees of the head's yaw, 0 to 39, then -1 to -39."""
+    """Which of 79 rows the face's contour takes: whole degrees of the head's yaw, 0 to 39, then -1
+    to -39.
+    """
     turn = torch.eye(3)
     for joint in (12, 9, 6, 3, 0):
         turn = rotations[joint] @ turn

@@ -12,19 +12,28 @@ from physic_core.geometry.pointmap import pointmap_normals
 from physic_paper import floor_metric
 from physic_paper.floor_metric import fit_floor_metric
 
-ROWS, COLUMNS = 180, 240
-RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)))
+ROWS = 180
+COLUMNS = 240
+RAYS = pixel_rays(
+    ROWS,
+    COLUMNS,
+    intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)),
+)
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 
 
 def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
-    up = torch.tensor([0.0, -math.cos(math.radians(15)), -math.sin(math.radians(15))], dtype=torch.float64)
+    up = torch.tensor(
+        [0.0, -math.cos(math.radians(15)), -math.sin(math.radians(15))], dtype=torch.float64
+    )
     floor = 1.5 / (-(RAYS @ up)).clamp(min=1e-3)
     depth = floor.clamp(max=6.0)
     depth[60:120, 10:50] = depth[60:120, 10:50].clamp(max=3.5)
     on_floor = floor <= depth
     on_floor[60:120, 10:50] = True  # the mask covers a piece of furniture too
-    noise = torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    noise = torch.randn(
+        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(0)
+    )
     points = RAYS * (depth * (1 + 0.0005 * noise))[..., None]
     found = fit_floor_metric(points, pointmap_normals(RAYS * depth[..., None], ALL), ALL, on_floor)
     assert math.degrees(math.acos(min(1.0, float(found.plane.normal.double() @ up)))) < 0.1
@@ -39,7 +48,9 @@ def test_without_a_floor_mask_no_floor_is_found() -> None:
 
 
 def test_points_without_a_plane_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
+    points = RAYS * (
+        1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0))
+    )
     monkeypatch.setattr(floor_metric, "MIN_INLIER_SHARE", 0.3)
     found = fit_floor_metric(points, pointmap_normals(points, ALL, math.inf), ALL, ALL)
     assert (found.plane, found.reason) == (None, "no_consensus")

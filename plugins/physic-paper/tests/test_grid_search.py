@@ -11,14 +11,23 @@ from physic_paper.grid_search import GridSearch
 def room(count: int = 20_000) -> tuple[torch.Tensor, torch.Tensor]:
     """Points of a floor and a wall, with their normals."""
     g = torch.Generator().manual_seed(0)
-    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor([-2.0, 1.2, 2.0])
-    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor([-2.0, -1.8, 6.0])
-    up, back = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
-    return torch.cat([floor, wall]), torch.cat([up.expand(count // 2, 3), back.expand(count // 2, 3)])
+    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor(
+        [-2.0, 1.2, 2.0]
+    )
+    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor(
+        [-2.0, -1.8, 6.0]
+    )
+    up = torch.tensor([0.0, -1.0, 0.0])
+    back = torch.tensor([0.0, 0.0, -1.0])
+    return torch.cat([floor, wall]), torch.cat(
+        [up.expand(count // 2, 3), back.expand(count // 2, 3)]
+    )
 
 
 def vertices(count: int = 500) -> torch.Tensor:
-    box = torch.rand(2, count, 3, generator=torch.Generator().manual_seed(1)) * torch.tensor([1.0, 1.8, 1.0])
+    box = torch.rand(2, count, 3, generator=torch.Generator().manual_seed(1)) * torch.tensor(
+        [1.0, 1.8, 1.0]
+    )
     return box + torch.tensor([-0.5, -0.5, 5.0])
 
 
@@ -37,7 +46,8 @@ def test_a_vertex_outside_the_box_changes_nothing_for_the_others():
     grid = GridSearch(*room(), radius=0.15)
     inside = vertices()[0, :10]
     with_stray = torch.cat([inside, torch.tensor([[100.0, 0.0, 0.0]])])
-    alone, both = grid.query(inside), grid.query(with_stray)
+    alone = grid.query(inside)
+    both = grid.query(with_stray)
     assert torch.equal(both.distance[:-1], alone.distance)
     assert not both.found[-1]
 
@@ -45,7 +55,9 @@ def test_a_vertex_outside_the_box_changes_nothing_for_the_others():
 def test_the_radius_is_in_metres_of_the_scaled_scene():
     scene = GridSearch(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3), radius=0.15, cells=16)
     for scale in (1.0, 2.0):
-        query = scene.query(torch.tensor([[0.0, 0.14, 2.0 * scale], [0.0, 0.16, 2.0 * scale]]), scale=scale)
+        query = scene.query(
+            torch.tensor([[0.0, 0.14, 2.0 * scale], [0.0, 0.16, 2.0 * scale]]), scale=scale
+        )
         assert query.found.tolist() == [True, False]
         torch.testing.assert_close(query.distance, torch.tensor([0.14, torch.inf]))
 

@@ -1,7 +1,9 @@
-"""Preset "release" against the numbers of the published optimiser: terms, gradients, stages and contact map.
+"""Preset "release" against the numbers of the published optimiser: terms, gradients, stages and
+contact map.
 
-The file of numbers is not part of the project; test_release_rules.py holds the same rules without it. Constant parts of
-terms, which have no gradient, are skipped: log Z(1) of the robust loss, and the two keypoints that no body has.
+The file of numbers is not part of the project; test_release_rules.py holds the same rules without
+it. Constant parts of terms, which have no gradient, are skipped: log Z(1) of the robust loss, and
+the two keypoints that no body has.
 """
 
 from __future__ import annotations
@@ -39,13 +41,15 @@ RELEASE = engine_preset("release")
 TERMS = ("j2d", "depth", "contact", "penetration", "reg")
 WEIGHTS = {"j2d": 10_000.0, "depth": 0.005, "contact": 0.7, "penetration": 0.3, "reg": 45.0}
 STATES = (
-    "s1_start", "s1_end", "s2_start", "s2_end", "s3_start", "s3_it1", "s3_it10", "s3_it30", "s3_it31", "s3_it50",
-    "s3_end", "probe",
+    "s1_start", "s1_end", "s2_start", "s2_end", "s3_start", "s3_it1", "s3_it10", "s3_it30",
+    "s3_it31", "s3_it50", "s3_end", "probe",
 )  # fmt: skip
 WHOSE = ("final", "probe", "truth")
 WITH_GRADIENTS = ("s1_start", "s3_start", "s3_it10", "probe")
 
-pytestmark = pytest.mark.skipif(not FILE.is_file(), reason=f"the published optimiser's numbers are not there: {FILE}")
+pytestmark = pytest.mark.skipif(
+    not FILE.is_file(), reason=f"the published optimiser's numbers are not there: {FILE}"
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +67,12 @@ def at(published: Published, state: str) -> JointEnergy:
         everywhere = torch.ones_like(energy.snapshot.visibility.in_mask)
         energy.snapshot = replace(
             energy.snapshot,
-            visibility=replace(energy.snapshot.visibility, in_mask=everywhere, facing=everywhere, hidden=~everywhere),
+            visibility=replace(
+                energy.snapshot.visibility,
+                in_mask=everywhere,
+                facing=everywhere,
+                hidden=~everywhere,
+            ),
         )
     else:
         # Limbs are looked at anew after 30 steps, when all of them are seen.
@@ -71,7 +80,9 @@ def at(published: Published, state: str) -> JointEnergy:
         limbs = published.bits(f"one/out/{'probe' if again else 's3_start'}/vertex_self_occluded")
         energy.snapshot = replace(
             energy.snapshot,
-            visibility=replace(energy.snapshot.visibility, hidden=~energy.snapshot.visibility.in_mask | limbs),
+            visibility=replace(
+                energy.snapshot.visibility, hidden=~energy.snapshot.visibility.in_mask | limbs
+            ),
         )
     return energy
 
@@ -98,7 +109,8 @@ def stored_terms(published: Published, state: str) -> dict[str, float]:
 
 @pytest.mark.parametrize("state", STATES)
 def test_every_term_is_the_published_one(published: Published, state: str) -> None:
-    got, want = unweighted(at(published, state)), stored_terms(published, state)
+    got = unweighted(at(published, state))
+    want = stored_terms(published, state)
     for term in TERMS:
         value = float(got[term].detach())
         assert value == pytest.approx(want[term], rel=1e-4, abs=1e-12), term
@@ -113,8 +125,11 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
         found = torch.autograd.grad(value, groups, retain_graph=True, allow_unused=True)
         for (group, want), gradient in zip(stored.items(), found, strict=True):
             got = torch.zeros_like(want) if gradient is None else gradient
-            largest = max(float(published.gradients(s, term)[group].abs().max()) for s in WITH_GRADIENTS)
-            rounding = 1e-6 * largest  # of a mesh that has not left its start, the stored gradient is nothing else
+            largest = max(
+                float(published.gradients(s, term)[group].abs().max()) for s in WITH_GRADIENTS
+            )
+            # of a mesh that has not left its start, the stored gradient is nothing else
+            rounding = 1e-6 * largest
             allowed = max(1e-3 * float(want.abs().max()), rounding)
             assert float((got - want).abs().max()) <= allowed, (term, group)
 
@@ -122,8 +137,13 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
 def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Published) -> None:
     energy = JointEnergy(published.problem(), RELEASE.joint)
     for _ in range(2):
-        assert torch.equal(energy.snapshot.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))
-        assert torch.equal(energy.snapshot.visibility.facing, published.bits("one/out/s3_start/vertex_camera_facing"))
+        assert torch.equal(
+            energy.snapshot.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask")
+        )
+        assert torch.equal(
+            energy.snapshot.visibility.facing,
+            published.bits("one/out/s3_start/vertex_camera_facing"),
+        )
         with torch.no_grad():
             energy.state.values["translation"] += 0.2
         energy.refresh()
@@ -133,24 +153,32 @@ def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Pu
 def test_limbs_are_seen_by_the_published_share(published: Published, state: str) -> None:
     model = published.problem().model
     names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
-    parts = sorted(limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right"))
+    parts = sorted(
+        limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right")
+    )
     assert {model.part_names[p] for p in parts} == set(names)
     pytest.importorskip("embreex", reason="the published shares depend on the rounding of Embree")
     vertices = published[f"one/out/{state}/vertices"][0]
     shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts)
     stored = published[f"one/out/{state}/part_visible_fraction"][0].double()
-    # Exactly the same here; rays along the silhouette are rounding, and another processor may round otherwise.
+    # Exactly the same here; rays along the silhouette are rounding, and another processor may round
+    # otherwise.
     assert float((shares - stored).abs().max()) < 0.05
 
 
 def test_keypoints_weigh_as_published(published: Published) -> None:
     columns = JOINT_SETS[SKELETON]
     context = JointEnergy(published.problem(), RELEASE.joint).context
-    assert torch.equal(context.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns])
+    assert torch.equal(
+        context.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns]
+    )
 
 
 def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> None:
-    """Only body and feet are detected: of 23, 69 and 131 keypoints. Then of 33, which lie elsewhere, by the weight."""
+    """Only body and feet are detected: of 23, 69 and 131 keypoints.
+
+    Then of 33, which lie elsewhere, by the weight.
+    """
     values = []
     for skeleton, columns in JOINT_SETS.items():
         problem = published.problem(skeleton=skeleton)
@@ -161,7 +189,12 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
     assert values == pytest.approx([values[0]] * 3, rel=1e-5)
     problem = published.problem()
     points = torch.full((1, 33, 2), 300.0)
-    given = replace(problem, keypoints=points, keypoint_confidence=torch.ones(1, 33), skeleton=SKELETONS["blazepose33"])
+    given = replace(
+        problem,
+        keypoints=points,
+        keypoint_confidence=torch.ones(1, 33),
+        skeleton=SKELETONS["blazepose33"],
+    )
     context = JointEnergy(given, RELEASE.joint).context
     assert context.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
@@ -174,25 +207,35 @@ def test_nearest_points_are_those_of_the_published_grid(published: Published) ->
     same = found.index == published["one/out/knn/s1.0/idx"].long()
     assert (~same).sum() <= 2  # ties
     for state in ("s1_start", "s3_start", "s3_it10", "s3_end", "probe"):
-        found = scene.query(published[f"one/out/{state}/vertices"], float(published[f"one/out/{state}/param/scale"]))
+        found = scene.query(
+            published[f"one/out/{state}/vertices"], float(published[f"one/out/{state}/param/scale"])
+        )
         assert torch.equal(found.index, published[f"one/out/{state}/nn_idx"].long())
 
 
-def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(published: Published) -> None:
+def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(
+    published: Published,
+) -> None:
     problem, (rotations, betas, transl) = published.problem(), published.given("init")
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
-    weight = released_keypoint_weights(SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks)
+    weight = released_keypoint_weights(
+        SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks
+    )
     placed = place_bodies(
         PlacedBodies(
-            posed.vertices, mean_face_normals(posed.vertices, model.faces), model.landmarks(posed, SKELETON), transl
+            posed.vertices,
+            mean_face_normals(posed.vertices, model.faces),
+            model.landmarks(posed, SKELETON),
+            transl,
         ),
         PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),
         problem.K,
         method=RELEASE.placement,
     )
     assert float((placed.keypoint_transl - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
-    # The objective there, of which the stored value has the constant part of two keypoints that no body has.
+    # The objective there, of which the stored value has the constant part of two keypoints that no
+    # body has.
     terms = placed.diagnostics[0]["losses"]
     lowest = float(published["one/out/s2_wolfe/value"]) - 5000 * constant_part(published)
     assert terms["reprojection"]["end"] + terms["chamfer"]["end"] == pytest.approx(lowest, rel=1e-4)
@@ -204,7 +247,9 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
     result = optimize(published.problem(), RELEASE.joint)
     off = 1e3 * (result.vertices - published["one/out/s3_end/vertices"]).norm(dim=-1)
     assert float(off.mean()) < 5
-    assert result.scene_scale == pytest.approx(float(published["one/out/s3_end/param/scale"]), abs=2e-3)
+    assert result.scene_scale == pytest.approx(
+        float(published["one/out/s3_end/param/scale"]), abs=2e-3
+    )
 
 
 @pytest.mark.parametrize("whose", WHOSE)
@@ -236,7 +281,8 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     valid = torch.isfinite(points).all(-1)
     normals = published_normals(points, valid)
     off = (normals[::6, ::6] - published["one/out/pre/normals_stride6"]).abs().amax(-1)
-    # In one pixel the differences are nearly parallel: the published number there is rounded by float32.
+    # In one pixel the differences are nearly parallel: the published number there is rounded by
+    # float32.
     assert int((off > 1e-5).sum()) <= 1
     assert float(off.max()) < 1e-4
     given = SceneInput(
@@ -248,7 +294,8 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
         FloorEvidence(published.bits("one/in/floor_mask")),
     )
     scene = solve_scene(given, RELEASE.scene)
-    assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8  # ties among neighbours
+    # ties among neighbours
+    assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8
     assert len(scene.floor_points) == len(published.floor)
     assert float((scene.floor_points - published.floor).abs().max()) < 5e-5
     problem = replace(
@@ -271,6 +318,9 @@ def test_outliers_are_the_published_ones(published: Published) -> None:
     assert torch.equal(kept, published.bits("one/out/pre/inlier_points"))
     person = published.human_map()
     kept = human_points(
-        person, torch.isfinite(person).all(-1), published.bits("one/in/person_pixel"), RELEASE.placement
+        person,
+        torch.isfinite(person).all(-1),
+        published.bits("one/in/person_pixel"),
+        RELEASE.placement,
     )
     assert torch.equal(kept, published.human_points)

@@ -1,4 +1,6 @@
-"""One reconstruction from two to eight photos of one moment: ``ScenePipeline`` and the command ``physic scene``."""
+"""One reconstruction from two to eight photos of one moment: ``ScenePipeline`` and the command
+``physic scene``.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,13 @@ _NAMES = {
 @hookimpl
 def physic_commands() -> list[PluginItem]:
     """Return the record of ``physic scene``."""
-    return [PluginItem("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos.")]
+    return [
+        PluginItem(
+            "scene",
+            "physic_scene.command:scene",
+            "Reconstruct one moment from two to eight photos.",
+        )
+    ]
 
 
 def __getattr__(name: str) -> Any:

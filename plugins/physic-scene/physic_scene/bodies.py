@@ -1,4 +1,6 @@
-"""One body for each person from several photos: their mean pose and shape, at the place of the person's points."""
+"""One body for each person from several photos: their mean pose and shape, at the place of the
+person's points.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class MeanBodies:
         """Return the parameters of some people."""
         index = torch.as_tensor(list(rows), dtype=torch.int64)
         expression = self.betas.new_zeros(len(index), model.num_expression)
-        return parameters_from_rotations(self.rotations[index], self.betas[index], expression, self.transl[index])
+        return parameters_from_rotations(
+            self.rotations[index], self.betas[index], expression, self.transl[index]
+        )
 
 
 def mean_bodies(
@@ -73,13 +77,20 @@ def mean_bodies(
         return MeanBodies(rotations, betas, transl.clone(), (body.joints + transl[:, None]).numpy())
 
 
-def _mean_parameters(people: Sequence[PhotoPeople], rows: IntArray, bundle: Bundle) -> tuple[Tensor, Tensor]:
-    """Return the robust mean of rotations (P, 55, 3, 3), reference frame, and the mean shape (P, K)."""
-    rotations, betas = [], []
+def _mean_parameters(
+    people: Sequence[PhotoPeople], rows: IntArray, bundle: Bundle
+) -> tuple[Tensor, Tensor]:
+    """Return the robust mean of rotations (P, 55, 3, 3), reference frame, and the mean shape (P,
+    K).
+    """
+    rotations = []
+    betas = []
     for row in rows:
         views = np.flatnonzero(row >= 0).tolist()
         own = np.stack([people[v].rotations[row[v]] for v in views])
         own[:, 0] = np.einsum("vji,vjk->vik", bundle.rotation[views], own[:, 0])
-        rotations.append(np.stack([mean_rotation(own[:, j], np.ones(len(views))) for j in range(own.shape[1])]))
+        rotations.append(
+            np.stack([mean_rotation(own[:, j], np.ones(len(views))) for j in range(own.shape[1])])
+        )
         betas.append(np.mean([people[v].betas[row[v]] for v in views], axis=0))
     return torch.from_numpy(np.stack(rotations)), torch.from_numpy(np.stack(betas))

@@ -1,18 +1,20 @@
-"""Cameras of several photos by a bundle adjustment whose points are the keypoints of matched people.
+"""Cameras of several photos by a bundle adjustment whose points are the keypoints of matched
+people.
 
-Unknown are the pose of each camera but the reference's, the logarithm of each focal length, and the place of each
-person's keypoints in the reference frame. Residuals, in units of their expected sizes, through a Cauchy loss:
+Unknown are the pose of each camera but the reference's, the logarithm of each focal length, and the
+place of each person's keypoints in the reference frame. Residuals, in units of their expected
+sizes, through a Cauchy loss:
 
 * keypoints: projected points against detections;
-* bodies: points against the landmarks of each photo's body, up to that body's place and, weakly, its turn; errors along
-  the line of sight are larger;
+* bodies: points against the landmarks of each photo's body, up to that body's place and, weakly,
+  its turn; errors along the line of sight are larger;
 * bones: lengths between points against those of the bodies;
 * floors: their normals against each other;
 * focal lengths against those of the photos, which share a part of their error.
 
-The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after the adjustment:
-points are means of bodies with different errors of rotation, which makes them too small. Solved by Levenberg-Marquardt
-steps on sparse normal equations.
+The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after
+the adjustment: points are means of bodies with different errors of rotation, which makes them too
+small. Solved by Levenberg-Marquardt steps on sparse normal equations.
 """
 
 from __future__ import annotations
@@ -39,10 +41,13 @@ if TYPE_CHECKING:
 _NEAREST_M = 0.1
 _FIXED = 1e-6  # standard deviation of a parameter that stays
 _KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
-_ROTATION_STATED, _POSITION_STATED = 1.33, 0.71
-"""Factors on the standard deviations that follow from the curvature of the energy, which does not know that bodies of
-one photo err alike. They make them those of 26 pairs of photos of a rig; on the pairs that took no part, errors of
-rotations then are 1.1 and 1.2 of them, those of camera centres 1.1 and 1.0."""
+_ROTATION_STATED = 1.33
+_POSITION_STATED = 0.71
+"""Factors on the standard deviations that follow from the curvature of the energy, which does not
+know that bodies of one photo err alike. They make them those of 26 pairs of photos of a rig; on the
+pairs that took no part, errors of rotations then are 1.1 and 1.2 of them, those of camera centres
+1.1 and 1.0.
+"""
 _BONES = (
     ("shoulder", "elbow"),
     ("elbow", "wrist"),
@@ -54,12 +59,14 @@ _BONES = (
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """Settings of the bundle adjustment; the other expected sizes are those of ``measured_errors.json``.
+    """Settings of the bundle adjustment; the other expected sizes are those of
+    ``measured_errors.json``.
 
     Attributes:
         keypoint: factor on the measured errors of keypoints.
-        outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the least errors of
-            directions on twelve worlds, and stated uncertainties that match them; 1.0 and 1.5 have larger errors.
+        outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the
+            least errors of directions on twelve worlds, and stated uncertainties that match them;
+            1.0 and 1.5 have larger errors.
         steps: most steps at each of ``rounds``.
         rounds: factors on ``outlier``, one after the other, so that a rough start can converge.
     """
@@ -72,9 +79,12 @@ class BundleSettings:
 
 SOLVED_CAMERAS = BundleSettings()
 KNOWN_CAMERAS = BundleSettings(keypoint=0.25, outlier=3.0)
-"""Settings for the points of known cameras. The errors measured on worlds are those of people to whom cameras are
-fitted. With ``keypoint`` 1, points of four photos follow the bodies, although the keypoints are more accurate. On two
-moments of a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that is left out."""
+"""Settings for the points of known cameras.
+
+The errors measured on worlds are those of people to whom cameras are fitted. With ``keypoint`` 1,
+points of four photos follow the bodies, although the keypoints are more accurate. On two moments of
+a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that is left out.
+"""
 
 
 @dataclass(frozen=True)
@@ -125,14 +135,19 @@ class MomentObservations:
 
         def gather(name: str) -> FloatArray:
             return np.stack(
-                [np.asarray(getattr(photo, name))[np.maximum(rows[:, v], 0)] for v, photo in enumerate(people)]
+                [
+                    np.asarray(getattr(photo, name))[np.maximum(rows[:, v], 0)]
+                    for v, photo in enumerate(people)
+                ]
             )
 
         known = np.array([photo.pose is not None for photo in people])
         names = people[0].skeleton.names
         bones = bones_of(names)
         landmarks = gather("landmarks")
-        length = np.linalg.norm(landmarks[:, :, bones[:, 0]] - landmarks[:, :, bones[:, 1]], axis=-1)
+        length = np.linalg.norm(
+            landmarks[:, :, bones[:, 0]] - landmarks[:, :, bones[:, 1]], axis=-1
+        )
         mean = np.exp(np.nanmean(np.where(shown[..., None], np.log(length), np.nan), axis=0))
         return cls(
             K=np.stack([photo.K for photo in people]),
@@ -174,9 +189,13 @@ class Bundle:
 
     @classmethod
     def start(cls, observations: MomentObservations, poses: Sequence[CameraPose]) -> Bundle:
-        """Return a start from poses of the cameras: points are the mean of the photos' landmarks."""
+        """Return a start from poses of the cameras: points are the mean of the photos'
+        landmarks.
+        """
         shown = observations.shown
-        common = np.stack([pose.to_common(observations.landmarks[v]) for v, pose in enumerate(poses)])
+        common = np.stack(
+            [pose.to_common(observations.landmarks[v]) for v, pose in enumerate(poses)]
+        )
         weight = shown[..., None, None] * np.maximum(observations.confidence, 0.02)[..., None]
         return cls(
             rotation=np.stack([pose.rotation for pose in poses]),
@@ -192,7 +211,9 @@ class Bundle:
         return CameraPose(self.rotation[view], self.translation[view])
 
     def scaled(self, factor: float) -> Bundle:
-        """Return a copy with all lengths multiplied; the bodies' places are corrections of the start, and stay."""
+        """Return a copy with all lengths multiplied; the bodies' places are corrections of the
+        start, and stay.
+        """
         return replace(self, translation=factor * self.translation, points=factor * self.points)
 
     def moved(self, step: FloatArray) -> Bundle:
@@ -215,8 +236,8 @@ class Bundle:
 class ResidualBlock:
     """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
 
-    Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; with None, each is
-    separate.
+    Residuals with the same number in ``group`` (m,) are outliers together, by their mean square;
+    with None, each is separate.
     """
 
     residual: FloatArray
@@ -229,11 +250,16 @@ class ResidualBlock:
 def bones_of(names: Sequence[str]) -> IntArray:
     """Return the keypoints (B, 2) at the ends of the bones of a skeleton's arms, legs and trunk."""
     ends = [(f"{side}_{a}", f"{side}_{b}") for side in SIDES for a, b in _BONES]
-    return np.array([(names.index(a), names.index(b)) for a, b in ends if a in names and b in names])
+    return np.array(
+        [(names.index(a), names.index(b)) for a, b in ends if a in names and b in names]
+    )
 
 
 def adjust(
-    observations: MomentObservations, start: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
+    observations: MomentObservations,
+    start: Bundle,
+    reference: int,
+    settings: BundleSettings = SOLVED_CAMERAS,
 ) -> Bundle:
     """Return the cameras and points with the least energy near a start.
 
@@ -249,7 +275,9 @@ def adjust(
         damping = 1e-3
         normal, gradient, energy = _normal_equations(observations, state, reference, wide)
         for _ in range(settings.steps):
-            step = -splu(csc_array(normal + diags_array(damping * normal.diagonal()))).solve(gradient)
+            step = -splu(csc_array(normal + diags_array(damping * normal.diagonal()))).solve(
+                gradient
+            )
             trial = state.moved(step)
             found = _normal_equations(observations, trial, reference, wide)
             if found[2] >= energy:
@@ -265,19 +293,28 @@ def adjust(
 
 
 def energy(
-    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
+    observations: MomentObservations,
+    state: Bundle,
+    reference: int,
+    settings: BundleSettings = SOLVED_CAMERAS,
 ) -> float:
-    """Return the energy of cameras and points: twice the negative logarithm of their likelihood, up to a constant."""
+    """Return the energy of cameras and points: twice the negative logarithm of their likelihood, up
+    to a constant.
+    """
     return _normal_equations(observations, state, reference, settings)[2]
 
 
 def uncertainties(
-    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
+    observations: MomentObservations,
+    state: Bundle,
+    reference: int,
+    settings: BundleSettings = SOLVED_CAMERAS,
 ) -> FloatArray:
-    """Return the standard deviations (V, 3) of each camera, from the curvature of the energy and the factors on them.
+    """Return the standard deviations (V, 3) of each camera, from the curvature of the energy and
+    the factors on them.
 
-    They are those of the rotation relative to the reference, radians, of the camera centre, metres, and of the
-    logarithm of the focal length.
+    They are those of the rotation relative to the reference, radians, of the camera centre, metres,
+    and of the logarithm of the focal length.
     """
     normal, _, _ = _normal_equations(observations, state, reference, settings)
     views = len(state.rotation)
@@ -286,7 +323,9 @@ def uncertainties(
     for v in range(views):
         own = covariance[6 * v : 6 * v + 6, 6 * v : 6 * v + 6]
         # The centre is -R^T t: a rotation by w turns it by R^T (t x w).
-        moves = np.hstack([state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T])
+        moves = np.hstack(
+            [state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T]
+        )
         focal = covariance[6 * views + v, 6 * views + v]
         variances[v] = np.trace(own[:3, :3]), max(np.trace(moves @ own @ moves.T), 0.0), focal
     sigmas: FloatArray = np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
@@ -298,8 +337,12 @@ def _normal_equations(
 ) -> tuple[csc_array, FloatArray, float]:
     """Return normal matrix, gradient and energy, with Cauchy weights."""
     size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
-    energy, first = 0.0, 0
-    values, rows, columns, residuals = [], [], [], []
+    energy = 0.0
+    first = 0
+    values = []
+    rows = []
+    columns = []
+    residuals = []
     for block in _blocks(observations, state, reference, settings):
         weight, own = robust_weights(block, settings.outlier)
         energy += own
@@ -318,14 +361,17 @@ def _normal_equations(
 def _blocks(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> list[ResidualBlock]:
-    views, first_turn = len(state.rotation), 7 * len(state.rotation) + state.points.size
-    errors, known = measured_errors(), np.flatnonzero(observations.known).tolist()
+    views = len(state.rotation)
+    first_turn = 7 * len(state.rotation) + state.points.size
+    errors = measured_errors()
+    known = np.flatnonzero(observations.known).tolist()
     return [
         # The frame is that of the reference camera, which is a known one if there are any.
         *(_prior(np.zeros(6), 6 * v, _FIXED) for v in {reference, *known}),
         *(_prior(np.zeros(1), 6 * views + v, _FIXED) for v in known),
         _focal_block(state.log_focal, observations.focal_sigma, 6 * views),
-        # The place of a body is free; where a photo does not show the person, place and turn are without meaning.
+        # The place of a body is free; where a photo does not show the person, place and turn are
+        # without meaning.
         _prior(state.place.reshape(-1), first_turn + state.place.size, 1e4),
         _prior(np.zeros(state.place.size), first_turn, 1e4),
         *itertools.chain.from_iterable(
@@ -340,14 +386,19 @@ def _blocks(
 def _person_blocks(
     observations: MomentObservations, state: Bundle, v: int, p: int, settings: BundleSettings
 ) -> Iterator[ResidualBlock]:
-    """Yield the residuals of the keypoints of person ``p`` in photo ``v``, of the body there, and of its turn."""
+    """Yield the residuals of the keypoints of person ``p`` in photo ``v``, of the body there, and
+    of its turn.
+    """
     views, people, joints = (*observations.shown.shape, state.points.shape[1])
-    errors, of_keypoints = measured_errors(), _errors_of(observations.names)
+    errors = measured_errors()
+    of_keypoints = _errors_of(observations.names)
     each = np.broadcast_to(np.eye(3), (joints, 3, 3))
     turned = state.points[p] @ state.rotation[v].T
     local = turned + state.translation[v]
     # Derivatives of the points in the camera's frame by the camera (6) and themselves (3).
-    moves = np.concatenate([-_cross(turned), each, np.broadcast_to(state.rotation[v], (joints, 3, 3))], axis=2)
+    moves = np.concatenate(
+        [-_cross(turned), each, np.broadcast_to(state.rotation[v], (joints, 3, 3))], axis=2
+    )
     camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
     at = 7 * views + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
 
@@ -357,9 +408,13 @@ def _person_blocks(
     weight = np.sqrt(of_keypoints.share) * (confidence > 0) / unit
     seen = weight > 0
     columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
-    jacobian = weight[:, None, None] * np.concatenate([by_local @ moves, by_focal[..., None]], axis=2)
+    jacobian = weight[:, None, None] * np.concatenate(
+        [by_local @ moves, by_focal[..., None]], axis=2
+    )
     residual = weight[:, None] * (uv - observations.points[v, p])
-    yield ResidualBlock(residual[seen], jacobian[seen], columns[seen], group=observations.limb[seen])
+    yield ResidualBlock(
+        residual[seen], jacobian[seen], columns[seen], group=observations.limb[seen]
+    )
 
     middle = observations.landmarks[v, p].mean(axis=0)
     body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
@@ -368,7 +423,9 @@ def _person_blocks(
     scaled = _along_and_across(middle, 1 / of_keypoints.along_m, 1 / of_keypoints.across_m)
     residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
     jacobian = scaled @ np.concatenate([moves, _cross(body), -each], axis=2)
-    yield ResidualBlock(residual, jacobian, np.concatenate([camera, at, own], axis=1), group=observations.limb)
+    yield ResidualBlock(
+        residual, jacobian, np.concatenate([camera, at, own], axis=1), group=observations.limb
+    )
     about, tilt = 1 / np.radians(errors.turn_deg)
     turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
     vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
@@ -381,7 +438,9 @@ def _errors_of(names: tuple[str, ...]) -> KeypointErrors:
 
 
 def robust_weights(block: ResidualBlock, outlier: float) -> tuple[FloatArray, float]:
-    """Return the Cauchy weights (m,) of residuals that are outliers beyond a size, and their energy."""
+    """Return the Cauchy weights (m,) of residuals that are outliers beyond a size, and their
+    energy.
+    """
     square = (block.residual**2).sum(1)
     if not block.robust:
         return np.ones(len(square)), float(square.sum())
@@ -393,7 +452,9 @@ def robust_weights(block: ResidualBlock, outlier: float) -> tuple[FloatArray, fl
 
 
 def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
-    """Return matrices (n, 3, 3) that scale vectors along the line of sight to a point (3,), and across it."""
+    """Return matrices (n, 3, 3) that scale vectors along the line of sight to a point (3,), and
+    across it.
+    """
     ray = point / np.linalg.norm(point)
     line = np.outer(ray, ray)
     scaled: FloatArray = along[:, None, None] * line + across[:, None, None] * (np.eye(3) - line)
@@ -401,7 +462,9 @@ def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) 
 
 
 def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> ResidualBlock:
-    """Return the residuals of the logarithms of focal lengths (V,), which share a part of their error."""
+    """Return the residuals of the logarithms of focal lengths (V,), which share a part of their
+    error.
+    """
     common, own = np.square(measured_errors().focal)
     share = common / (common + own)
     covariance = (1 - share) * np.diag(sigma**2) + share * np.outer(sigma, sigma)
@@ -417,7 +480,8 @@ def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Residu
 
 def _limb(name: str) -> int:
     """Return the number of a keypoint's arm or leg, 0 for trunk and head."""
-    side, kind = name.partition("_")[0], keypoint_class(name)
+    side = name.partition("_")[0]
+    kind = keypoint_class(name)
     if side not in SIDES or kind == "head":
         return 0
     return 1 + SIDES.index(side) + 2 * (kind in ("hip", "knee", "foot"))
@@ -427,10 +491,14 @@ def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> Residua
     """Return the residuals of parameters (n,) from 0; their columns begin at ``first``."""
     n = len(values)
     slope = np.broadcast_to(1 / np.asarray(sigma, np.float64), (n,))
-    return ResidualBlock((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
+    return ResidualBlock(
+        (values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False
+    )
 
 
-def _bone_block(observations: MomentObservations, state: Bundle, first_point: int, bone: float) -> ResidualBlock:
+def _bone_block(
+    observations: MomentObservations, state: Bundle, first_point: int, bone: float
+) -> ResidualBlock:
     """Return the residuals of bone lengths."""
     people, joints, _ = state.points.shape
     a, b = observations.bones.T
@@ -440,15 +508,22 @@ def _bone_block(observations: MomentObservations, state: Bundle, first_point: in
     residual = np.log(length / observations.bone_m) / sigma
     slope = along / length[..., None] ** 2 / sigma[..., None]
     person = joints * np.arange(people)[:, None]
-    columns = first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
+    columns = (
+        first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
+    )
     jacobian = np.concatenate([-slope, slope], axis=-1)
-    return ResidualBlock(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
+    return ResidualBlock(
+        residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6)
+    )
 
 
-def _floor_blocks(observations: MomentObservations, state: Bundle, floor_deg: float) -> list[ResidualBlock]:
+def _floor_blocks(
+    observations: MomentObservations, state: Bundle, floor_deg: float
+) -> list[ResidualBlock]:
     """Return the residuals of the floors' normals of each two photos."""
     known = np.flatnonzero(np.isfinite(observations.up).all(1))
-    # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they count as n floors.
+    # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they
+    # count as n floors.
     unit = np.radians(floor_deg) * np.sqrt(max(len(known), 1))
     blocks = []
     for a, b in itertools.combinations(known, 2):
@@ -456,12 +531,18 @@ def _floor_blocks(observations: MomentObservations, state: Bundle, floor_deg: fl
         turned = motion @ observations.up[a]
         jacobian = np.hstack([motion @ _cross(observations.up[a]), -_cross(turned)]) / unit
         columns = np.concatenate([np.arange(6 * a, 6 * a + 3), np.arange(6 * b, 6 * b + 3)])
-        blocks.append(ResidualBlock((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
+        blocks.append(
+            ResidualBlock((turned - observations.up[b])[None] / unit, jacobian[None], columns[None])
+        )
     return blocks
 
 
-def _projection(local: FloatArray, K: FloatArray, log_focal: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return pixels (n, 2) of points (n, 3), and their derivatives (n, 2, 3) and (n, 2) by point and log focal."""
+def _projection(
+    local: FloatArray, K: FloatArray, log_focal: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return pixels (n, 2) of points (n, 3), and their derivatives (n, 2, 3) and (n, 2) by point
+    and log focal.
+    """
     z = np.maximum(local[:, 2], _NEAREST_M)
     focal = np.exp(log_focal) * np.array([K[0, 0], K[1, 1]])
     from_centre = focal * local[:, :2] / z[:, None]
@@ -481,4 +562,7 @@ def _cross(vectors: FloatArray) -> FloatArray:
     """Return the matrices (..., 3, 3) of the cross products with vectors (..., 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)
-    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
+    return np.stack(
+        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)],
+        axis=-2,
+    )

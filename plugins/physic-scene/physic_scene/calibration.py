@@ -14,7 +14,15 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveInt,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError, InputError
@@ -45,7 +53,8 @@ class KnownCamera(ShortRepr):
 
     Attributes:
         lens: matrix and distortion, px of the upright photo file.
-        pose: (4, 4) rigid transform from the frame of the camera to that of the rig, metres; None where unknown.
+        pose: (4, 4) rigid transform from the frame of the camera to that of the rig, metres; None
+            where unknown.
         name: in the file.
         by_order: whether the photo has it by its place, as no photo has the name of a camera.
     """
@@ -57,7 +66,9 @@ class KnownCamera(ShortRepr):
 
 
 class _Table(BaseModel):
-    """A camera of the file, in OpenCV's convention: a point x of the rig is ``R x + t`` in the frame of the camera."""
+    """A camera of the file, in OpenCV's convention: a point x of the rig is ``R x + t`` in the
+    frame of the camera.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -73,14 +84,19 @@ class _Table(BaseModel):
         if min(fx, fy) <= 0 or skew or zero or last != (0, 0, 1):
             raise ValueError(f"K should be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (got {self.K})")
         if len(self.distortion) not in (0, 4, 5):
-            raise ValueError(f"distortion should be k1, k2, p1, p2 and perhaps k3 (got {self.distortion})")
+            raise ValueError(
+                f"distortion should be k1, k2, p1, p2 and perhaps k3 (got {self.distortion})"
+            )
         self.distortion += (5 - len(self.distortion)) * (0.0,)
         if (self.R is None) != (self.t is None):
             raise ValueError("R and t belong together: give both, or only K")
         if self.R is not None:
             R = np.array(self.R)
             if np.abs(R @ R.T - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R) < 0:
-                raise ValueError(f"R should be a rotation from the frame of the rig to that of the camera (got {R})")
+                raise ValueError(
+                    f"R should be a rotation from the frame of the rig to that of the camera (got "
+                    f"{R})"
+                )
         return self
 
     def turned(self) -> Self:
@@ -139,12 +155,16 @@ def read_calibration(
             size than its camera, or cameras are over 100 m apart without a unit.
     """
     if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
-        raise ConfigError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
+        raise ConfigError(
+            f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most "
+            f"{_LARGEST_UNIT:g} m"
+        )
     rig, cameras = _cameras(path)
     if rig.of_images and unit_m is None:
         raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
-            "length in metres by --camera-unit (unit_m in Python), which is a known distance divided "
+            "length in metres by --camera-unit (unit_m in Python), which is a known distance "
+            "divided "
             "by the same distance in the file"
         )
     find = _image_for if rig.of_images else _name_for
@@ -155,13 +175,17 @@ def read_calibration(
     if not any(named):
         raise InputError(
             f"{path} has no camera for {', '.join(photo.name for photo in photos)}, but for "
-            f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, must "
+            f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, "
+            f"must "
             "be or begin with that of its camera"
         )
     found: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
         if name is not None and named.count(name) > 1:
-            raise InputError(f"several photos are of camera {name} of {path}, such as {photo.name}: give one of each")
+            raise InputError(
+                f"several photos are of camera {name} of {path}, such as {photo.name}: give one "
+                f"of each"
+            )
         if name is None:
             found.append(None)
             continue
@@ -170,7 +194,8 @@ def read_calibration(
             stated = cameras[name].size or "no size, and its principal point is off the middle"
             cause = "is turned or not" if fitting else f"has {size}"
             raise InputError(
-                f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the photo as it "
+                f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the "
+                f"photo as it "
                 "was calibrated, or the calibration of its size"
             )
         found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
@@ -180,12 +205,17 @@ def read_calibration(
 
 
 def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:
-    """Refuse cameras that are too far apart to see the same people, before any photo is reconstructed."""
-    places = [camera.pose[:3, 3] for camera in cameras if camera is not None and camera.pose is not None]
+    """Refuse cameras that are too far apart to see the same people, before any photo is
+    reconstructed.
+    """
+    places = [
+        camera.pose[:3, 3] for camera in cameras if camera is not None and camera.pose is not None
+    ]
     apart = max((float(np.linalg.norm(a - b)) for a, b in combinations(places, 2)), default=0.0)
     if apart > _FARTHEST_APART:
         raise InputError(
-            f"two cameras of {path} are {apart:.0f} m apart: give the length of its unit with --camera-unit "
+            f"two cameras of {path} are {apart:.0f} m apart: give the length of its unit with "
+            f"--camera-unit "
             "(unit_m in Python), such as 0.001 for millimetres"
         )
 
@@ -217,7 +247,8 @@ def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
 
 def _name_for(photo: Path, cameras: Iterable[str]) -> str | None:
     """Return the longest name of a camera that the photo, its beginning or its folder has."""
-    stem, folder = photo.stem, photo.resolve().parent.name
+    stem = photo.stem
+    folder = photo.resolve().parent.name
 
     def fits(name: str) -> bool:
         begins = stem.startswith(name) and not stem[len(name) : len(name) + 1].isalnum()

@@ -55,7 +55,8 @@ def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
 
 def _unsupported(name: str, lens: str) -> ValueError:
     return ValueError(
-        f"the lens of camera {name} is {lens}, and only pinhole cameras with k1, k2, p1, p2, k3 can be "
+        f"the lens of camera {name} is {lens}, and only pinhole cameras with k1, k2, p1, p2, k3 "
+        f"can be "
         "used: remove the distortion of its photos (colmap image_undistorter, "
         "cv2.fisheye.undistortImage), and give the cameras of the new photos"
     )
@@ -66,7 +67,11 @@ def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
     if isinstance(rotation, str | None):  # Caliscope has written "null"
         return {}
     values = np.asarray(rotation, np.float64)
-    R = Rotation.from_rotvec(values.ravel()).as_matrix() if values.size == 3 else values.reshape(3, 3)
+    R = (
+        Rotation.from_rotvec(values.ravel()).as_matrix()
+        if values.size == 3
+        else values.reshape(3, 3)
+    )
     return {"R": R.tolist(), "t": np.ravel(translation).tolist()}
 
 
@@ -84,7 +89,11 @@ def _read_toml(path: Path) -> CameraFile:
     tables: dict[str, Any] = {}
     turns: dict[str, int] = {}
     for key, one in entries.items():
-        if not isinstance(one, dict) or not isinstance(one.get("matrix"), list) or one.get("ignore"):
+        if (
+            not isinstance(one, dict)
+            or not isinstance(one.get("matrix"), list)
+            or one.get("ignore")
+        ):
             continue
         name = str(one.get("name", f"cam_{key}" if nested else key))
         if name in tables:
@@ -133,7 +142,8 @@ def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any])
     far = [f"{key} = {values[key]}" for key in _FAR if values.get(key)]
     if far or model not in _COLMAP:
         raise _unsupported(name, " with ".join((model, *far)))
-    cx, cy = values["cx"] - 0.5, values["cy"] - 0.5
+    cx = values["cx"] - 0.5
+    cy = values["cy"] - 0.5
     return {
         "size": size,
         "K": [[values["fx"], 0, cx], [0, values["fy"], cy], [0, 0, 1]],
@@ -147,7 +157,8 @@ def _read_nerfstudio(path: Path) -> CameraFile:
     tables = {}
     for frame in document["frames"]:
         one = {**frame, **document}  # what is stated of all frames counts
-        name, model = one["file_path"], one.get("camera_model", "OPENCV")
+        name = one["file_path"]
+        model = one.get("camera_model", "OPENCV")
         values = one | {"fx": one["fl_x"], "fy": one["fl_y"]}
         to_world = np.array(one["transform_matrix"], np.float64)[:3]
         R = (to_world[:, :3] * _OPENGL).T

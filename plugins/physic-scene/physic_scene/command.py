@@ -1,4 +1,6 @@
-"""The command ``physic scene``: reconstruct several photos of one moment, and write one folder of results."""
+"""The command ``physic scene``: reconstruct several photos of one moment, and write one folder of
+results.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ if TYPE_CHECKING:
 @click.option(
     "--stature",
     type=Numbers("metres,..."),
-    help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
+    help="Known standing heights: one for all people, or from left to right in the first photo, 0 "
+    "where unknown.",
 )
 @click.option("--age", metavar="YEARS", type=Number(), help="Known age of all people.")
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
@@ -72,12 +75,20 @@ def scene(
     except ValueError as error:  # which names the size
         raise click.UsageError(str(error)) from error
     if unit_m is not None and calibration is None:
-        raise click.UsageError("--camera-unit is the unit of a file of --cameras: give both, or leave it out")
+        raise click.UsageError(
+            "--camera-unit is the unit of a file of --cameras: give both, or leave it out"
+        )
     sizes, digests = _read(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     if cameras and any(one and one.by_order for one in cameras):
-        order = ", ".join(f"{photo.name} is {one and one.name}" for photo, one in zip(photos, cameras, strict=True))
-        echo(f"warning: no photo has the name of a camera, so cameras are taken in order: {order}", err=True)
+        order = ", ".join(
+            f"{photo.name} is {one and one.name}"
+            for photo, one in zip(photos, cameras, strict=True)
+        )
+        echo(
+            f"warning: no photo has the name of a camera, so cameras are taken in order: {order}",
+            err=True,
+        )
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:
@@ -89,7 +100,13 @@ def scene(
         ScenePipeline(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
         result = solver(photos, cameras=cameras, known=known, progress=progress)
-        save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet), photos=all_photos)
+        save_scene(
+            result,
+            str(out),
+            overwrite=overwrite,
+            page=_page(result, quiet=quiet),
+            photos=all_photos,
+        )
     if quiet:
         for text in result.reconstruction.warnings:
             echo(f"warning: {text}", err=True)
@@ -131,7 +148,8 @@ def _table(result: SceneResult) -> str:
 
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
     for photo in result.photos:
-        own, camera = photo.index == result.reference, photo.camera
+        own = photo.index == result.reference
+        camera = photo.camera
         rows.append(
             (
                 photo.name,

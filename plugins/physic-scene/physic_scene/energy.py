@@ -1,4 +1,6 @@
-"""The engine's preset "default" for bodies whose place several photos show, with their floor and their contact."""
+"""The engine's preset "default" for bodies whose place several photos show, with their floor and
+their contact.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,13 @@ if TYPE_CHECKING:
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
-_KEYPOINT, _OUTLIER = 0.02, 1.5
-"""Expected errors of the keypoints of all photos in stage 3, which include those of the cameras, as a share of the
-stature in px, and how many of them make an outlier. The errors and the regularisation of a single photo bend bodies
-until they fit cameras that do not agree: 35 instead of 31 mm PA-MPJPE on eight worlds."""
+_KEYPOINT = 0.02
+_OUTLIER = 1.5
+"""Expected errors of the keypoints of all photos in stage 3, which include those of the cameras, as
+a share of the stature in px, and how many of them make an outlier. The errors and the
+regularisation of a single photo bend bodies until they fit cameras that do not agree: 35 instead of
+31 mm PA-MPJPE on eight worlds.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +46,12 @@ class OtherViews(ShortRepr):
 
     Attributes:
         placed: (N,) bool, people whose place several photos show.
-        contact: (N, V) sum of the probabilities of contact by the single photos that show each person.
+        contact: (N, V) sum of the probabilities of contact by the single photos that show each
+            person.
         photos: (N,) their number.
-        floors: (2, 4) normal and offset of the floor of the single reference photo, at the solved scale, and of the
-            floor of all photos; None if the reference photo or all others have no floor.
+        floors: (2, 4) normal and offset of the floor of the single reference photo, at the solved
+            scale, and of the floor of all photos; None if the reference photo or all others have no
+            floor.
         known_scale: whether known cameras give the scale of the scene, which then stays.
     """
 
@@ -62,8 +69,12 @@ class ViewsScene(SceneMethod):
     views: OtherViews | None = None
     """Evidence of the other cameras."""
 
-    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
-        """Return the metric points (H, W, 3), moved along their rays as the floor moves, and the camera (3, 3)."""
+    def place_on_rays(
+        self, points: Tensor, valid: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor]:
+        """Return the metric points (H, W, 3), moved along their rays as the floor moves, and the
+        camera (3, 3).
+        """
         placed, camera = super().place_on_rays(points, valid, cameras)
         if self.views is None or self.views.floors is None:
             return placed, camera
@@ -74,7 +85,9 @@ class ViewsScene(SceneMethod):
         factor = (after[3] / before[3] * slopes[0] / slopes[1]).clamp(1 / _MOST_MOVED, _MOST_MOVED)
         return placed * factor[..., None], camera
 
-    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
+    def search_floor(
+        self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
+    ) -> FloorSearch:
         """Find the floor, and return the plane of all photos in its place."""
         found = super().search_floor(points, valid, surface, evidence)
         if self.views is None or self.views.floors is None or found.plane is None:
@@ -92,7 +105,9 @@ class ViewsPlacement(PlacementMethod):
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), without a translation for people of known place."""
-        return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]]) if self.is_placed(person) else fit.x
+        return (
+            torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]]) if self.is_placed(person) else fit.x
+        )
 
     def is_placed(self, person: PlacementProblem) -> bool:
         """Return whether other photos show the place of the body."""
@@ -102,27 +117,36 @@ class ViewsPlacement(PlacementMethod):
 
 @dataclass(frozen=True)
 class ViewsContact(ContactMethod):
-    """Stage 4 of preset "default", with the mean probability over the solution and all single photos."""
+    """Stage 4 of preset "default", with the mean probability over the solution and all single
+    photos.
+    """
 
     views: OtherViews | None = None
     """Evidence of the other cameras."""
     views_threshold: float = 0.4
-    """Least mean probability of a vertex in contact. 0.4 has the best F1 of four worlds with four views; 0.35 has 0.01
-    less."""
+    """Least mean probability of a vertex in contact.
+
+    0.4 has the best F1 of four worlds with four views; 0.35 has 0.01 less.
+    """
 
     def touch(self, given: ContactInput, near: Distances) -> Touch:
         """Return the contacts by the mean probability, for people whom several photos show."""
         assert self.views is not None
-        own, photos = super().touch(given, near), self.views.photos
+        own = super().touch(given, near)
+        photos = self.views.photos
         assert own.probability is not None
-        probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[:, None]
+        probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[
+            :, None
+        ]
         reach = torch.where(torch.isfinite(near.by_kind), near.by_kind.abs(), torch.inf)
         nearest = torch.where(torch.isfinite(reach).any(0), reach.argmin(0), HIDDEN)
         may_touch = given.model.outer & given.finite[:, None]
         touches = (probability >= self.views_threshold) & may_touch
         kind = torch.where(touches, torch.where(own.kind >= 0, own.kind, nearest), -1)
         several = (photos > 0)[:, None]
-        return Touch(torch.where(several, kind, own.kind), torch.where(several, probability, own.probability))
+        return Touch(
+            torch.where(several, kind, own.kind), torch.where(several, probability, own.probability)
+        )
 
 
 def require_default_engine(settings: EngineSettings) -> None:
@@ -131,12 +155,19 @@ def require_default_engine(settings: EngineSettings) -> None:
     Raises:
         ConfigError: they are of another preset.
     """
-    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementMethod:
-        raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
+    if (
+        type(settings.joint) is not DefaultOptimisation
+        or type(settings.placement) is not PlacementMethod
+    ):
+        raise ConfigError(
+            "physic scene solves with engine.preset 'default': leave engine.preset out"
+        )
 
 
 def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSettings:
-    """Return settings of preset "default" with other photos, and with the errors of their keypoints."""
+    """Return settings of preset "default" with other photos, and with the errors of their
+    keypoints.
+    """
     assert isinstance(settings.joint, DefaultOptimisation)
 
     def taken(part: object) -> dict[str, object]:

@@ -1,4 +1,6 @@
-"""Backends that return the solution of several photos: bodies and metric depth of the reference photo."""
+"""Backends that return the solution of several photos: bodies and metric depth of the reference
+photo.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ class SolvedBodies(BodyEstimator):
         return backend
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """Return the bodies.
 
@@ -34,14 +41,17 @@ class SolvedBodies(BodyEstimator):
         """
         if len(people) != len(self._bodies.parameters):
             raise BackendError(
-                f"the reference photo showed {len(self._bodies.parameters)} people alone and now {len(people)}: "
+                f"the reference photo showed {len(self._bodies.parameters)} people alone and now "
+                f"{len(people)}: "
                 "its segmenter does not repeat its results"
             )
         return self._bodies
 
 
 class SolvedDepth(MetricDepth):
-    """Returns the depth of the reference photo at the scale of all photos, which is not voted on again."""
+    """Returns the depth of the reference photo at the scale of all photos, which is not voted on
+    again.
+    """
 
     reads = ("scale",)
     _depth: DepthMap

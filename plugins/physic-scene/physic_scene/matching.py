@@ -1,13 +1,14 @@
 """Match the people of several photos by the energy of the cameras that each answer gives.
 
-The user says that the photos are of one moment, so that two of them always have a best answer. Pose, stature and
-clothes of a pair of people order the first guesses. Each guess gives a motion between the cameras, and the motion
-brings further people into the same place. The bundle adjustment of these people decides between the answers: half of
-its energy, plus the cost of different clothes, minus a bonus for each matched person.
+The user says that the photos are of one moment, so that two of them always have a best answer.
+Pose, stature and clothes of a pair of people order the first guesses. Each guess gives a motion
+between the cameras, and the motion brings further people into the same place. The bundle adjustment
+of these people decides between the answers: half of its energy, plus the cost of different clothes,
+minus a bonus for each matched person.
 
-Over more photos, each pair of people has odds: the best answer of their two photos in which they are the same person
-against the best one in which they are not. The surest pairs are joined first, as long as the photos of both sides
-agree.
+Over more photos, each pair of people has odds: the best answer of their two photos in which they
+are the same person against the best one in which they are not. The surest pairs are joined first,
+as long as the photos of both sides agree.
 """
 
 from __future__ import annotations
@@ -34,19 +35,27 @@ _SAME_PLACE = 9.0  # largest sum of squares of pose, place and turn, in their un
 
 # All below were chosen on three moments of a rig of five cameras.
 _WORTH = 40.0
-"""Half of the energy that one more matched person may cost. Of 30 pairs of photos, the second and third person of right
-answers cost 10 to 40. 25 and 40 join as many pairs by the right people, with 33 and with 55 right and 4 and 4 wrong
-people."""
+"""Half of the energy that one more matched person may cost.
+
+Of 30 pairs of photos, the second and third person of right answers cost 10 to 40. 25 and 40 join as
+many pairs by the right people, with 33 and with 55 right and 4 and 4 wrong people.
+"""
 _CLOTHES = 3.0
-"""Cost of a difference of the chroma of clothes, per CIELAB unit. With 3, 26 of 30 pairs of photos have the right
-people; without, 21."""
+"""Cost of a difference of the chroma of clothes, per CIELAB unit.
+
+With 3, 26 of 30 pairs of photos have the right people; without, 21.
+"""
 _CLOTHES_MOST = 36.0
 """Largest cost of the clothes of one person: that of 12 units, which light of two colours makes."""
-_POSE_M, _PLACE, _TURN_DEG = 0.15, 0.15, 25.0
-"""Differences that count as one unit in the order of the guesses: mean of 22 joints, of places as a share of the
-distance, and of turns."""
+_POSE_M = 0.15
+_PLACE = 0.15
+_TURN_DEG = 25.0
+"""Differences that count as one unit in the order of the guesses: mean of 22 joints, of places as a
+share of the distance, and of turns.
+"""
 _GUESSES = 8  # pairs of people of two photos that give a motion, the likeliest first
-_QUICK = replace(SOLVED_CAMERAS, rounds=SOLVED_CAMERAS.rounds[1:], steps=10)  # each answer starts near
+# each answer starts near
+_QUICK = replace(SOLVED_CAMERAS, rounds=SOLVED_CAMERAS.rounds[1:], steps=10)
 
 Pairs = tuple[tuple[int, int], ...]
 
@@ -77,15 +86,23 @@ def match_pair(one: PhotoPeople, two: PhotoPeople) -> PairMatch:
         cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs))
         found[pairs] = _WORTH * len(pairs) - cost, motion
     best = max(found, key=lambda pairs: found[pairs][0])
-    return PairMatch(best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape))
+    return PairMatch(
+        best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape)
+    )
 
 
-def answer_cost(one: PhotoPeople, two: PhotoPeople, pairs: Pairs, motion: CameraPose) -> tuple[float, CameraPose]:
-    """Return what an answer costs, half of the energy of its people and their clothes, and its motion near a start."""
+def answer_cost(
+    one: PhotoPeople, two: PhotoPeople, pairs: Pairs, motion: CameraPose
+) -> tuple[float, CameraPose]:
+    """Return what an answer costs, half of the energy of its people and their clothes, and its
+    motion near a start.
+    """
     seen = MomentObservations.of([one, two], np.array(pairs))
     state = adjust(seen, Bundle.start(seen, [CameraPose.identity(), motion]), 0, _QUICK)
     clothes = _clothes_cost(one, two)
-    return energy(seen, state, 0, _QUICK) / 2 + float(sum(clothes[pair] for pair in pairs)), state.pose(1)
+    return energy(seen, state, 0, _QUICK) / 2 + float(
+        sum(clothes[pair] for pair in pairs)
+    ), state.pose(1)
 
 
 def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
@@ -94,10 +111,15 @@ def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
 
 
 def _odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
-    """Return the best score with each pair of people, less the best one without; of the worst answer for no answer."""
-    odds, worst = np.zeros(shape), min(scores.values())
+    """Return the best score with each pair of people, less the best one without; of the worst
+    answer for no answer.
+    """
+    odds = np.zeros(shape)
+    worst = min(scores.values())
     for pair in np.ndindex(*shape):
-        having, other = ([s for pairs, s in scores.items() if (pair in pairs) is own] for own in (True, False))
+        having, other = (
+            [s for pairs, s in scores.items() if (pair in pairs) is own] for own in (True, False)
+        )
         odds[pair] = max(having, default=worst) - max(other, default=worst)
     return odds
 
@@ -122,11 +144,14 @@ def _answers(
         yield pairs
 
 
-def join_tracks(people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int], PairMatch]) -> IntArray:
+def join_tracks(
+    people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int], PairMatch]
+) -> IntArray:
     """Join matches of pairs of photos to people over all photos; no photo shows a person twice.
 
-    Two groups of views of a person are joined if the summed log odds of all their pairs are positive, the largest
-    first. Photos without a common person are then joined by their likeliest pair, since they are of one moment.
+    Two groups of views of a person are joined if the summed log odds of all their pairs are
+    positive, the largest first. Photos without a common person are then joined by their likeliest
+    pair, since they are of one moment.
 
     Args:
         people: of each photo.
@@ -139,7 +164,11 @@ def join_tracks(people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int],
     linked = [{v} for v in range(len(people))]
 
     def together(one: dict[int, int], two: dict[int, int]) -> float:
-        pairs = [((a, i), (b, j)) if a < b else ((b, j), (a, i)) for a, i in one.items() for b, j in two.items()]
+        pairs = [
+            ((a, i), (b, j)) if a < b else ((b, j), (a, i))
+            for a, i in one.items()
+            for b, j in two.items()
+        ]
         return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
 
     while True:
@@ -149,7 +178,9 @@ def join_tracks(people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int],
             if not groups[g].keys() & groups[h].keys()
         }
         apart = {
-            (g, h): value for (g, h), value in gain.items() if not any({*groups[g], *groups[h]} <= s for s in linked)
+            (g, h): value
+            for (g, h), value in gain.items()
+            if not any({*groups[g], *groups[h]} <= s for s in linked)
         }
         sure = {pair: value for pair, value in gain.items() if value > 0}
         if not (chosen := sure or apart):
@@ -184,10 +215,11 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
     """Compare the poses of the people of two photos.
 
     Returns:
-        The mean distance (N, M) of 22 joints after the best rotation about the pelvis, metres, and these rotations
-        (N, M, 3, 3) from the first camera to the second.
+        The mean distance (N, M) of 22 joints after the best rotation about the pelvis, metres, and
+        these rotations (N, M, 3, 3) from the first camera to the second.
     """
-    away, turns = np.zeros((len(one), len(two))), np.zeros((len(one), len(two), 3, 3))
+    away = np.zeros((len(one), len(two)))
+    turns = np.zeros((len(one), len(two), 3, 3))
     for i, j in np.ndindex(away.shape):
         a, b = (p.joints[k, :_BODY] - p.joints[k, _PELVIS] for p, k in ((one, i), (two, j)))
         turns[i, j] = fit_rotation(a, b, np.ones(_BODY))
@@ -197,7 +229,9 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
 
 
 def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
-    """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen in both photos."""
+    """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen
+    in both photos.
+    """
     a, b = (people.colours[..., 1:] for people in (one, two))
     away = np.linalg.norm(a[:, None] - b[None], axis=-1)
     seen = np.isfinite(away)
@@ -211,8 +245,9 @@ def compare_places(
     """Compare the places and turns of the people of two photos under a motion between the cameras.
 
     Returns:
-        The distance (N, M) of the pelvis from where the other photo has it, as a share of the mean distance from both
-        cameras, and the angle (N, M) between the rotation that a pair gives and that of the motion, degrees.
+        The distance (N, M) of the pelvis from where the other photo has it, as a share of the mean
+        distance from both cameras, and the angle (N, M) between the rotation that a pair gives and
+        that of the motion, degrees.
     """
     there = motion.to_camera(one.joints[:, _PELVIS])
     apart = np.linalg.norm(there[:, None] - two.joints[None, :, _PELVIS], axis=-1)
@@ -221,15 +256,22 @@ def compare_places(
 
 
 def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> CameraPose:
-    """Return the known motion between the cameras, or the one that fits matched people: their poses and places."""
+    """Return the known motion between the cameras, or the one that fits matched people: their poses
+    and places.
+    """
     if one.pose is not None and two.pose is not None:
         return two.pose.after(one.pose.inverse())
     i, j = (np.array([pair[k] for pair in pairs], np.int64) for k in (0, 1))
-    a, b = one.joints[i, :_BODY], two.joints[j, :_BODY]
+    a = one.joints[i, :_BODY]
+    b = two.joints[j, :_BODY]
     inner = [x - x[:, :1] for x in (a, b)]
     outer = [x[:, 0] - x[:, 0].mean(axis=0) for x in (a, b)]
-    source, target = (np.concatenate([x.reshape(-1, 3), y]) for x, y in zip(inner, outer, strict=True))
+    source, target = (
+        np.concatenate([x.reshape(-1, 3), y]) for x, y in zip(inner, outer, strict=True)
+    )
     # Places have the error of depth, poses that of limbs.
     weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
     rotation = fit_rotation(source, target, weight)
-    return CameraPose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))
+    return CameraPose(
+        rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0)
+    )

@@ -38,10 +38,10 @@ class KeypointErrors:
     """Errors of J keypoints of a skeleton.
 
     Attributes:
-        share: (J,) factor on the information of a detected keypoint: those of a cluster have a part of their errors in
-            common.
-        along_m: (J,) standard deviation of a landmark on a single photo's body along the line of sight, metres, up to
-            the body's place and turn.
+        share: (J,) factor on the information of a detected keypoint: those of a cluster have a part
+            of their errors in common.
+        along_m: (J,) standard deviation of a landmark on a single photo's body along the line of
+            sight, metres, up to the body's place and turn.
         across_m: (J,) the same across the line of sight, about each axis.
     """
 
@@ -57,13 +57,16 @@ class MeasuredErrors:
     Attributes:
         source: what they were measured on.
         confidence: (n,) of keypoints, increasing.
-        keypoint: (n,) standard deviation of a keypoint of this confidence, as a share of the stature in px.
+        keypoint: (n,) standard deviation of a keypoint of this confidence, as a share of the
+            stature in px.
         keypoint_correlation: of two keypoints of a cluster.
         landmark_m: class of keypoint -> standard deviations (along, across) the line of sight.
-        turn_deg: standard deviation of a body's turn about the line of sight, and about each axis across it.
+        turn_deg: standard deviation of a body's turn about the line of sight, and about each axis
+            across it.
         bone: of the logarithm of a bone's length, up to the stature.
         floor_deg: of a floor's normal about each of two axes.
-        focal: of the logarithm of an estimated focal length: the part that the photos of a moment share, and the own.
+        focal: of the logarithm of an estimated focal length: the part that the photos of a moment
+            share, and the own.
     """
 
     source: str
@@ -77,7 +80,9 @@ class MeasuredErrors:
     focal: Sequence[float]
 
     def keypoint_sigma(self, confidence: FloatArray) -> FloatArray:
-        """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the stature in px."""
+        """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the
+        stature in px.
+        """
         found: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
         return found
 
@@ -87,21 +92,30 @@ class MeasuredErrors:
         size = np.bincount(cluster)[cluster]
         sigmas = np.array([self.landmark_m[keypoint_class(name)] for name in names])
         return KeypointErrors(
-            1 / (1 + (size - 1) * self.keypoint_correlation), along_m=sigmas[:, 0], across_m=sigmas[:, 1]
+            1 / (1 + (size - 1) * self.keypoint_correlation),
+            along_m=sigmas[:, 0],
+            across_m=sigmas[:, 1],
         )
 
 
 def keypoint_class(name: str) -> str:
-    """Return the class of a keypoint, such as "hand" for "left_index1"; "head" for names of no class."""
+    """Return the class of a keypoint, such as "hand" for "left_index1"; "head" for names of no
+    class.
+    """
     side, _, point = name.partition("_")
     point = point if side in SIDES else name
     return next((kind for kind, starts in _CLASSES.items() if point.startswith(starts)), "head")
 
 
 def keypoint_clusters(names: Sequence[str]) -> IntArray:
-    """Return the number (J,) of the cluster of each keypoint: those of one class and, but for the head, one side."""
+    """Return the number (J,) of the cluster of each keypoint: those of one class and, but for the
+    head, one side.
+    """
     side = [name.partition("_")[0] if name.startswith(SIDES) else "" for name in names]
-    keys = [(kind, "" if kind == "head" else s) for s, kind in zip(side, map(keypoint_class, names), strict=True)]
+    keys = [
+        (kind, "" if kind == "head" else s)
+        for s, kind in zip(side, map(keypoint_class, names), strict=True)
+    ]
     order = sorted(set(keys))
     return np.array([order.index(key) for key in keys])
 

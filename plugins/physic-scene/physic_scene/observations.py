@@ -28,14 +28,17 @@ COLOUR_GROUPS = (
 )
 """Body parts with clothes, whose mean colours are compared."""
 
-_KNOWN_FOCAL, _GUESSED_FOCAL = 0.003, 0.25  # standard deviations of log(focal length)
+# standard deviations of log(focal length)
+_KNOWN_FOCAL = 0.003
+_GUESSED_FOCAL = 0.25
 
 _FEWEST_PIXELS = 12  # of a body part, for its colour
 
 
 @dataclass(frozen=True)
 class PhotoPeople:
-    """The N people of one photo who have a body, with J keypoints, in the frame of its camera, metres.
+    """The N people of one photo who have a body, with J keypoints, in the frame of its camera,
+    metres.
 
     Attributes:
         K: (3, 3) px.
@@ -89,9 +92,12 @@ def observe(
         rows: (N,) index of each person who has a body.
         model: body model of the result, float64.
         statures: (N,) known heights, metres, NaN where unknown.
-        pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.
+        pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where
+            unknown.
     """
-    people, camera, floor = [result.people[i] for i in rows], result.intrinsics, result.scene.floor
+    people = [result.people[i] for i in rows]
+    camera = result.intrinsics
+    floor = result.scene.floor
 
     def stack(values: list[Any], *shape: int) -> Any:
         return np.stack(values) if values else np.zeros((0, *shape))
@@ -104,9 +110,13 @@ def observe(
     found = keypoints_on_body(keypoints)
     rotations, betas, transl = model.zero_pose(0)
     if people:
-        rotations = torch.cat([rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people])
+        rotations = torch.cat(
+            [rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people]
+        )
         betas, transl = (
-            torch.from_numpy(np.concatenate([getattr(p.parameters, name) for p in people]).astype(np.float64))
+            torch.from_numpy(
+                np.concatenate([getattr(p.parameters, name) for p in people]).astype(np.float64)
+            )
             for name in ("betas", "transl")
         )
     with torch.inference_mode():
@@ -116,7 +126,8 @@ def observe(
     size = np.array([camera.width, camera.height])
     inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
     finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
-    joints, vertices = body.joints.numpy(), body.vertices.numpy()
+    joints = body.joints.numpy()
+    vertices = body.vertices.numpy()
     colours = [_colours(result, vertices[i], person.mask, model) for i, person in enumerate(people)]
     return PhotoPeople(
         K=camera.matrix,
@@ -138,7 +149,9 @@ def observe(
 
 
 def _focal_sigma(camera: Intrinsics) -> float:
-    """Return the standard deviation of log(focal length); the measured one where an estimator states none."""
+    """Return the standard deviation of log(focal length); the measured one where an estimator
+    states none.
+    """
     if camera.focal_sigma:
         return camera.focal_sigma
     if camera.known:
@@ -147,8 +160,12 @@ def _focal_sigma(camera: Intrinsics) -> float:
     return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 
-def _colours(result: Reconstruction, vertices: FloatArray, mask: BoolArray, model: BodyModel) -> FloatArray:
-    """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the mask (H, W) under each part."""
+def _colours(
+    result: Reconstruction, vertices: FloatArray, mask: BoolArray, model: BodyModel
+) -> FloatArray:
+    """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the mask (H, W)
+    under each part.
+    """
     K = result.intrinsics.matrix
     uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
     height, width = mask.shape

@@ -15,14 +15,18 @@ from physic_scene.picture import photos_png
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-CAMERAS_FILE, PICTURE_FILE = "cameras.json", "photos.png"
-PEOPLE_TABLE, REPORT_FILE = "people.csv", "report.html"
+CAMERAS_FILE = "cameras.json"
+PICTURE_FILE = "photos.png"
+PEOPLE_TABLE = "people.csv"
+REPORT_FILE = "report.html"
 FILES = (CAMERAS_FILE, PICTURE_FILE)
 
 _PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 
 
-def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = "") -> None:
+def save_scene(
+    scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = ""
+) -> None:
     """Write the files of ``Reconstruction.save``, ``people.csv``, and ``FILES``.
 
     Args:
@@ -30,7 +34,8 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
         folder: created if missing.
         overwrite: whether to replace the result of another photo.
         page: of the result, written as ``report.html``; "" for none.
-        photos: digests of all photos, whose earlier results are replaced; "" for only the reference.
+        photos: digests of all photos, whose earlier results are replaced; "" for only the
+            reference.
 
     Raises:
         OutputError: the folder cannot be written, or a file of the user's would be lost.
@@ -41,7 +46,9 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
         PEOPLE_TABLE: people_csv(scene.reconstruction, scene.reference_photo.name),
     }
     beside |= {REPORT_FILE: page.encode()} if page else {}
-    save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos)
+    save_reconstruction(
+        scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos
+    )
 
 
 def cameras_json(scene: SceneResult) -> str:
@@ -63,6 +70,8 @@ def cameras_json(scene: SceneResult) -> str:
     ]
     document = {
         "photos": photos,
-        "left_out": [{"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out],
+        "left_out": [
+            {"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out
+        ],
     }
     return json.dumps(to_json(document), indent=1) + "\n"

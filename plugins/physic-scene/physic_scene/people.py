@@ -1,4 +1,6 @@
-"""All people of the result: those of the reference photo, then those whom only other photos show."""
+"""All people of the result: those of the reference photo, then those whom only other photos
+show.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ if TYPE_CHECKING:
     from physic_scene.solution import SolvedScene
 
 
-_SAME_PLACE = 0.3  # distance of two people who may be one, as a share of their distance from the cameras
+# distance of two people who may be one, as a share of their distance from the cameras
+_SAME_PLACE = 0.3
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,15 @@ class PersonOfScene(ShortRepr):
 def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScene, ...]:
     """Return the people in the order of the result.
 
-    A person whom only one photo shows, and not the reference, is in the result if no other photo shows a similar person
-    in the same place, who may be the same one.
+    A person whom only one photo shows, and not the reference, is in the result if no other photo
+    shows a similar person in the same place, who may be the same one.
     """
-    reference, photos = solved.reference, solved.photos
+    reference = solved.reference
+    photos = solved.photos
     matched = [
-        PersonOfScene(_indices(row, photos), solved.bodies.parameters([p], model), solved.statures[p])
+        PersonOfScene(
+            _indices(row, photos), solved.bodies.parameters([p], model), solved.statures[p]
+        )
         for p, row in enumerate(solved.rows)
     ]
     in_reference = {one.shown.get(reference): one for one in matched}
@@ -59,31 +65,46 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
 
 
 def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
-    """Yield people whom only one photo shows, not the reference, and who resemble no other person."""
+    """Yield people whom only one photo shows, not the reference, and who resemble no other
+    person.
+    """
     photos = solved.photos
     accepted: list[tuple[int, int]] = []
     for v, photo in enumerate(photos):
         if v == solved.reference:
             continue
         for row in np.setdiff1d(np.arange(len(photo.people)), solved.rows[:, v]).tolist():
-            if not any(_may_be_same(solved, (v, row), w, accepted) for w in range(len(photos)) if w != v):
+            if not any(
+                _may_be_same(solved, (v, row), w, accepted) for w in range(len(photos)) if w != v
+            ):
                 yield PersonOfScene({v: photo.rows[row]}, _parameters_alone(solved, v, row, model))
                 accepted.append((v, row))
 
 
-def _may_be_same(solved: SolvedScene, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]) -> bool:
+def _may_be_same(
+    solved: SolvedScene, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]
+) -> bool:
     """Return whether another photo has a person in the place of a person (photo, row).
 
-    People whom both photos show do not count, since they are others. Of people whom only the other photo shows, those
-    of the reference photo and accepted ones count, since the others are not in the result.
+    People whom both photos show do not count, since they are others. Of people whom only the other
+    photo shows, those of the reference photo and accepted ones count, since the others are not in
+    the result.
     """
     known, (v, row) = solved.rows, person
     one, two = (solved.photos[view].people for view in (v, other))
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
-    in_result = set(range(len(two))) if other == solved.reference else {r for w, r in accepted if w == other}
-    candidates = [j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both]
+    in_result = (
+        set(range(len(two)))
+        if other == solved.reference
+        else {r for w, r in accepted if w == other}
+    )
+    candidates = [
+        j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both
+    ]
     motion = solved.bundle.pose(other).after(solved.bundle.pose(v).inverse())
-    place, _ = compare_places(one, two, motion, np.broadcast_to(np.eye(3), (len(one), len(two), 3, 3)))
+    place, _ = compare_places(
+        one, two, motion, np.broadcast_to(np.eye(3), (len(one), len(two), 3, 3))
+    )
     return bool((place[row, candidates] < _SAME_PLACE).any())
 
 
@@ -93,15 +114,21 @@ def _indices(row: IntArray, photos: Sequence[ScenePhoto]) -> dict[int, int]:
 
 
 def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:
-    """Return the body of a single photo in the reference frame, at the distance of the solved focal length."""
-    photo, pose = solved.photos[view], solved.bundle.pose(view)
+    """Return the body of a single photo in the reference frame, at the distance of the solved focal
+    length.
+    """
+    photo = solved.photos[view]
+    pose = solved.bundle.pose(view)
     people = photo.people
     if view == solved.reference:
         return photo.result.people[photo.rows[row]].parameters
     rotations = people.rotations[row : row + 1].copy()
     rotations[:, 0] = pose.rotation.T @ rotations[:, 0]
-    turned, betas = torch.from_numpy(rotations), torch.from_numpy(people.betas[row : row + 1])
+    turned = torch.from_numpy(rotations)
+    betas = torch.from_numpy(people.betas[row : row + 1])
     pelvis = pose.to_common(people.joints[row, 0] * [1, 1, np.exp(solved.bundle.log_focal[view])])
     with torch.inference_mode():
         transl = torch.from_numpy(pelvis) - model(turned, betas, betas.new_zeros(1, 3)).joints[:, 0]
-    return parameters_from_rotations(turned, betas, betas.new_zeros(1, model.num_expression), transl.clone())
+    return parameters_from_rotations(
+        turned, betas, betas.new_zeros(1, model.num_expression), transl.clone()
+    )

@@ -1,4 +1,6 @@
-"""The photos of a moment as given, the choice of those that take part, and the matched people in them."""
+"""The photos of a moment as given, the choice of those that take part, and the matched people in
+them.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +57,14 @@ class ScenePhoto(ShortRepr):
             name: of the photo.
             result: of the single photo.
             model: body model of its people, float64.
-            statures: known heights, metres: one for all, or of its people from left to right, 0 where unknown.
-            pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.
+            statures: known heights, metres: one for all, or of its people from left to right, 0
+                where unknown.
+            pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None
+                where unknown.
         """
-        rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
+        rows = tuple(
+            i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all()
+        )
         known = np.full(len(rows), np.nan)
         if len(statures) and rows:
             middles = [result.people[i].box[0] + result.people[i].box[2] for i in rows]
@@ -82,7 +88,8 @@ class ChosenPhotos(ShortRepr):
 
     Attributes:
         photos: V photos.
-        rows: (P, V) row of each person in ``people`` of each photo, -1 where not shown; each in at least two photos.
+        rows: (P, V) row of each person in ``people`` of each photo, -1 where not shown; each in at
+            least two photos.
         matches: of each pair of photos a < b.
         left_out: the other photos.
     """
@@ -105,7 +112,9 @@ class ChosenPhotos(ShortRepr):
         )
 
 
-def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] = ()) -> ChosenPhotos:
+def choose_photos(
+    photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] = ()
+) -> ChosenPhotos:
     """Return the photos that show people, with the people matched.
 
     Args:
@@ -128,10 +137,14 @@ def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] 
     if len(kept) < 2:
         rest = f"only {kept[0].name} is left" if kept else "none is left"
         raise InputError(
-            f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: give two different "
+            f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: "
+            f"give two different "
             "photos that show the same people"
         )
     people = [photo.people for photo in kept]
-    matches = {(a, b): match_pair(people[a], people[b]) for a, b in itertools.combinations(range(len(kept)), 2)}
+    matches = {
+        (a, b): match_pair(people[a], people[b])
+        for a, b in itertools.combinations(range(len(kept)), 2)
+    }
     rows = join_tracks(people, matches)
     return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))

@@ -17,15 +17,20 @@ from physic_core.visual.views import PAGE_RGB, build_preview_geometry
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-_HEIGHT, _MARGIN, _TITLE = 440, 24, 30  # px of a photo, around it, and of its name
+# px of a photo, around it, and of its name
+_HEIGHT = 440
+_MARGIN = 24
+_TITLE = 30
 
 
 def photos_png(scene: SceneResult) -> bytes:
     """Draw a row for each photo, the reference first, and encode them as PNG."""
-    result, rows = scene.reconstruction, []
+    result = scene.reconstruction
+    rows = []
     geometry = build_preview_geometry(result)
     for photo in sorted(scene.photos, key=lambda one: one.index != scene.reference):
-        image, camera = photo.result.image, photo.camera
+        image = photo.result.image
+        camera = photo.camera
         width = max(1, round(_HEIGHT * image.shape[1] / image.shape[0]))
         plain = photo_panel(image, width, _HEIGHT)
         view = replace(
@@ -35,19 +40,28 @@ def photos_png(scene: SceneResult) -> bytes:
         )
         row = Image.new("RGB", (2 * width + 3 * _MARGIN, _HEIGHT + _TITLE + _MARGIN), PAGE_RGB)
         row.paste(Image.fromarray(plain), (_MARGIN, _TITLE))
-        row.paste(Image.fromarray(bodies_over(plain, view, geometry)), (width + 2 * _MARGIN, _TITLE))
+        row.paste(
+            Image.fromarray(bodies_over(plain, view, geometry)), (width + 2 * _MARGIN, _TITLE)
+        )
         pen = ImageDraw.Draw(row)
         shift = np.linalg.norm(camera.centre)
-        where = f"{shift:.2f} m ±{camera.position_sigma:.2f} m from the first camera" if shift else "the first camera"
+        where = (
+            f"{shift:.2f} m ±{camera.position_sigma:.2f} m from the first camera"
+            if shift
+            else "the first camera"
+        )
         draw_text(pen, (_MARGIN, 4), f"{photo.name}: {where}", 18)
         for index in photo.shown:
             head = result.people[index].joints[[JOINT_INDEX["head"]]].astype(np.float64)
             column, line, _ = view.project(head)[0]
             if np.isfinite([column, line]).all():
-                x, y = np.clip(column, 12, width - 12), np.clip(line, 12, _HEIGHT - 12)
+                x = np.clip(column, 12, width - 12)
+                y = np.clip(line, 12, _HEIGHT - 12)
                 draw_person_number(pen, width + 2 * _MARGIN + float(x), _TITLE + float(y), index)
         rows.append(row)
-    page = Image.new("RGB", (max(row.width for row in rows), sum(row.height for row in rows)), PAGE_RGB)
+    page = Image.new(
+        "RGB", (max(row.width for row in rows), sum(row.height for row in rows)), PAGE_RGB
+    )
     for number, row in enumerate(rows):
         page.paste(row, (0, number * row.height))
     buffer = io.BytesIO()

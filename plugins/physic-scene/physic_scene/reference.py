@@ -1,4 +1,6 @@
-"""The solution in the reference photo: the engine's four stages from the bodies, camera and scale of all photos."""
+"""The solution in the reference photo: the engine's four stages from the bodies, camera and scale
+of all photos.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ class ReferenceInput(ShortRepr):
     Attributes:
         result: of the single photo.
         camera: solved.
-        bodies: of all people of the result: those of the photo, then those whom only other photos show.
+        bodies: of all people of the result: those of the photo, then those whom only other photos
+            show.
         shown: (N,) bool, whether the photo shows this body.
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
@@ -74,19 +77,29 @@ class ReferenceInput(ShortRepr):
     ages: FloatArray | None = None
 
     @classmethod
-    def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
+    def of(
+        cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
+    ) -> ReferenceInput:
         """Return the input of the engine from the solved cameras and all people of the result."""
         v = solved.reference
-        photos, camera = solved.photos, solved.intrinsics[v]
+        photos = solved.photos
+        camera = solved.intrinsics[v]
         result = photos[v].result
         scale = scene_scales(solved)[v]
-        depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
+        depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(
+            np.float32
+        )
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
         parts = [person.parameters for person in people]
-        given = [[photos[w].result.people[row].age for w, row in one.shown.items()] for one in people]
+        given = [
+            [photos[w].result.people[row].age for w, row in one.shown.items()] for one in people
+        ]
         ages = np.array([next(filter(None, own), np.nan) for own in given])
         parameters = BodyParameters(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+            **{
+                name: np.concatenate([getattr(part, name) for part in parts])
+                for name in vars(parts[0])
+            }
         )
         shown = np.array([v in person.shown for person in people])
         # What the other photos show of each person is in their views.
@@ -97,7 +110,10 @@ class ReferenceInput(ShortRepr):
             bodies=Bodies(parameters, model.name, observed),
             shown=shown,
             scores=np.array(
-                [max(photos[w].result.people[row].score for w, row in person.shown.items()) for person in people]
+                [
+                    max(photos[w].result.people[row].score for w, row in person.shown.items())
+                    for person in people
+                ]
             ),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
@@ -107,15 +123,20 @@ class ReferenceInput(ShortRepr):
         )
 
     def complete(self, estimates: Estimates) -> Estimates:
-        """Return the estimates of the photo with the other photos, and with people whom only these show."""
+        """Return the estimates of the photo with the other photos, and with people whom only these
+        show.
+        """
         estimates = replace(estimates, views=self.views, ages=self.ages)
         if np.isfinite(self.statures).any():
             known = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
             estimates = replace(estimates, known=known, statures=self.statures)
         if self.shown.all():
             return estimates
-        before, own = len(estimates.people), self.shown[: len(estimates.people)]
-        people, keypoints, missing = estimates.people, estimates.keypoints, estimates.missing_results
+        before = len(estimates.people)
+        own = self.shown[: len(estimates.people)]
+        people = estimates.people
+        keypoints = estimates.keypoints
+        missing = estimates.missing_results
 
         def padded(array: NDArray[Any]) -> NDArray[Any]:
             """Return an array with a row for each person, 0 for people who are not in the photo."""
@@ -124,7 +145,9 @@ class ReferenceInput(ShortRepr):
             return added
 
         bodies = {
-            name: np.concatenate([value, getattr(self.bodies.parameters, name)[before:].astype(value.dtype)])
+            name: np.concatenate(
+                [value, getattr(self.bodies.parameters, name)[before:].astype(value.dtype)]
+            )
             for name, value in vars(estimates.bodies.parameters).items()
         }
         return replace(
@@ -133,13 +156,20 @@ class ReferenceInput(ShortRepr):
                 people,
                 masks=padded(people.masks),
                 boxes=padded(people.boxes),
-                scores=np.where(self.shown, padded(people.scores), self.scores).astype(people.scores.dtype),
+                scores=np.where(self.shown, padded(people.scores), self.scores).astype(
+                    people.scores.dtype
+                ),
                 keypoints=None,
             ),
             keypoints=replace(
-                keypoints, points=padded(keypoints.points), confidence=padded(keypoints.confidence), world=None
+                keypoints,
+                points=padded(keypoints.points),
+                confidence=padded(keypoints.confidence),
+                world=None,
             ),
-            bodies=replace(estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed),
+            bodies=replace(
+                estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed
+            ),
             contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
             missing_results=(*missing, *[()] * (len(self.shown) - before)),
             stance=estimates.stance.expanded(np.arange(len(self.shown)) < before),
@@ -155,29 +185,45 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
-    depth, inside = given.depth, find_inside(given.result.image)
+    depth = given.depth
+    inside = find_inside(given.result.image)
     if inside:  # the pipeline cuts the border off this photo
         camera = cut_camera(given.camera, given.result.image.shape[:2], inside)
         depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)
-    backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(depth)}
+    backends = {
+        "body_estimator": SolvedBodies.of(own_bodies),
+        "metric_depth": SolvedDepth.of(depth),
+    }
     plan = resolve(plain, backends)
     own = replace(plan, given_engine=with_other_views(plan.engine, given.alone))
     prompt = None
     if config.photo.person or config.photo.box:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
-        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
+        found = pipeline(
+            given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete
+        )
     ages = () if given.ages is None else given.ages
-    notes = (f"person {i} is a child of {years:g} years" for i, years in enumerate(ages) if years < ADULT_YEARS)
+    notes = (
+        f"person {i} is a child of {years:g} years"
+        for i, years in enumerate(ages)
+        if years < ADULT_YEARS
+    )
     # The pipeline takes a given camera for a known one.
     camera = replace(found.intrinsics, trust=given.camera.trust)
     return replace(
-        found, intrinsics=camera, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes)
+        found,
+        intrinsics=camera,
+        photo=given.result.photo,
+        lens=given.result.lens,
+        notes=(*found.notes, *notes),
     )
 
 
 def scene_scales(solved: SolvedScene) -> FloatArray:
-    """Return the factor (V,) from the scene of each single photo to the solution, by the depths of the people."""
+    """Return the factor (V,) from the scene of each single photo to the solution, by the depths of
+    the people.
+    """
     factors = np.ones(len(solved.photos))
     for v, photo in enumerate(solved.photos):
         here = np.flatnonzero(solved.rows[:, v] >= 0)
@@ -188,13 +234,18 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
     return factors
 
 
-def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> tuple[FloatArray, FloatArray]:
-    """Return the summed probability of contact (N, V) of the single photos that show a person, and their number.
+def _contact(
+    solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
+) -> tuple[FloatArray, FloatArray]:
+    """Return the summed probability of contact (N, V) of the single photos that show a person, and
+    their number.
 
-    Both are 0 for a person whom only the reference photo shows, and if the single photos have no probabilities.
+    Both are 0 for a person whom only the reference photo shows, and if the single photos have no
+    probabilities.
     """
     photos = solved.photos
-    total, count = np.zeros((len(people), model.num_vertices)), np.zeros(len(people))
+    total = np.zeros((len(people), model.num_vertices))
+    count = np.zeros(len(people))
     for i, person in enumerate(people):
         for v, row in person.shown.items() if _is_placed(person, solved) else ():
             probability = photos[v].result.people[row].contact_probability
@@ -210,12 +261,14 @@ def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
 
 
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
-    """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of that of all photos.
+    """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of
+    that of all photos.
 
-    The normal is the median of the photos' normals. The floor is at the median of the lowest points of the people who
-    stand on it: those with the lowest point on it in the single photos.
+    The normal is the median of the photos' normals. The floor is at the median of the lowest points
+    of the people who stand on it: those with the lowest point on it in the single photos.
     """
-    photos, ups = solved.photos, solved.observations.up
+    photos = solved.photos
+    ups = solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
     own = photos[solved.reference].result.scene.floor
     if own is None or len(known) < 2:
@@ -223,19 +276,27 @@ def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     normal = np.median(np.einsum("vji,vj->vi", solved.bundle.rotation[known], ups[known]), axis=0)
     normal = normal / np.linalg.norm(normal)
     with torch.inference_mode():
-        bodies = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl).vertices.numpy()
-    standing = [p for p, row in enumerate(solved.rows) if _height_alone(solved, row, known) < _ON_FLOOR_M]
+        bodies = model(
+            solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl
+        ).vertices.numpy()
+    standing = [
+        p for p, row in enumerate(solved.rows) if _height_alone(solved, row, known) < _ON_FLOOR_M
+    ]
     if not standing:
         return None
     offset = -float(np.median([(bodies[p] @ normal).min() for p in standing]))
     if offset <= 0:
         return None
-    before = np.append(np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference])
+    before = np.append(
+        np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference]
+    )
     return np.stack([before, np.append(normal, offset)])
 
 
 def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
-    """Return the median height of a person's lowest point over the floors of the single photos; inf without any."""
+    """Return the median height of a person's lowest point over the floors of the single photos; inf
+    without any.
+    """
     heights = []
     for v in known.tolist():
         photo = solved.photos[v]
@@ -266,13 +327,21 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
         )
     )
     observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
-    return OtherView(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed)
+    return OtherView(
+        rotation, translation, K, points, confidence, torch.from_numpy(masks), observed
+    )
 
 
-def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto], view: int) -> Keypoints:
-    """Return the keypoints of all people of the result in one photo; 0 for people whom it does not show."""
-    own, count = photos[view].people, len(everybody)
-    points, confidence = np.zeros((count, len(own.skeleton), 2)), np.zeros((count, len(own.skeleton)))
+def _keypoints(
+    everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto], view: int
+) -> Keypoints:
+    """Return the keypoints of all people of the result in one photo; 0 for people whom it does not
+    show.
+    """
+    own = photos[view].people
+    count = len(everybody)
+    points = np.zeros((count, len(own.skeleton), 2))
+    confidence = np.zeros((count, len(own.skeleton)))
     row_of = {index: row for row, index in enumerate(photos[view].rows)}
     for i, person in enumerate(everybody):
         row = row_of.get(person.shown.get(view, -1))
@@ -282,8 +351,9 @@ def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto],
 
 
 def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
-    """Return the joints (N, 55) that a photo of a size (H, W) shows; all joints if the skeleton does not define
-    them."""
+    """Return the joints (N, 55) that a photo of a size (H, W) shows; all joints if the skeleton
+    does not define them.
+    """
     found = observed_joints(keypoints, *size)
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 

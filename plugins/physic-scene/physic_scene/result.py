@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from physic_scene.solution import SolvedScene
 
 
-def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
+def assemble(
+    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
+) -> SceneResult:
     """Build the result of several photos, with its checks, notes and warnings.
 
     Args:
@@ -38,12 +40,18 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
         *checks_of_cameras(_solved_views(solved), solved.rows),
     )
     reconstruction = with_checks(reconstruction, checks)
-    moved = [f"a person of {names} moved between them, and is as one of them shows" for names in solved.moved]
+    moved = [
+        f"a person of {names} moved between them, and is as one of them shows"
+        for names in solved.moved
+    ]
     unseen = []
     for row, one in enumerate(everybody):
         if solved.reference not in one.shown:
-            own, shown = reference.name, ", ".join(photo.name for photo in photos if row in photo.shown)
-            unseen.append(f"person {row} is not in {own}, but in {shown}: checks of {own} do not measure them")
+            own = reference.name
+            shown = ", ".join(photo.name for photo in photos if row in photo.shown)
+            unseen.append(
+                f"person {row} is not in {own}, but in {shown}: checks of {own} do not measure them"
+            )
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"
     return SceneResult(
@@ -72,14 +80,22 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     """Return the photos in the form on which the cameras are checked."""
     found = []
     for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
-        floor, size = photo.result.scene.floor, (camera.width, camera.height)
-        plane = None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
-        found.append(SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, plane))
+        floor = photo.result.scene.floor
+        size = (camera.width, camera.height)
+        plane = (
+            None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
+        )
+        found.append(
+            SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, plane)
+        )
     return found
 
 
 def _photos(
-    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, scales: FloatArray
+    solved: SolvedScene,
+    everybody: Sequence[PersonOfScene],
+    reconstruction: Reconstruction,
+    scales: FloatArray,
 ) -> tuple[SolvedPhoto, ...]:
     """Return the photos, with the factors (V,) on the scenes of the single photos."""
     found = []

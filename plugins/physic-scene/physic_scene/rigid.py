@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Pose of a camera: points x of the common frame are ``rotation @ x + translation`` in the camera's frame.
+    """Pose of a camera: points x of the common frame are ``rotation @ x + translation`` in the
+    camera's frame.
 
     Attributes:
         rotation: (3, 3).
@@ -44,7 +45,9 @@ class CameraPose:
 
     def after(self, first: CameraPose) -> CameraPose:
         """Return the pose that applies ``first`` and then this one."""
-        return CameraPose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
+        return CameraPose(
+            self.rotation @ first.rotation, self.rotation @ first.translation + self.translation
+        )
 
     def inverse(self) -> CameraPose:
         """Return the motion from the camera's frame to the common frame."""
@@ -52,7 +55,9 @@ class CameraPose:
 
 
 def fit_rotation(source: FloatArray, target: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the rotation (3, 3) with the least weighted squares of ``rotation @ source - target``; points (n, 3)."""
+    """Return the rotation (3, 3) with the least weighted squares of ``rotation @ source - target``;
+    points (n, 3).
+    """
     u, _, vt = np.linalg.svd((weight[:, None] * target).T @ source)
     sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation: FloatArray = (u * sign) @ vt
@@ -60,7 +65,9 @@ def fit_rotation(source: FloatArray, target: FloatArray, weight: FloatArray) -> 
 
 
 def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the robust mean (3, 3) of rotations (n, 3, 3): one step of reweighting drops far ones."""
+    """Return the robust mean (3, 3) of rotations (n, 3, 3): one step of reweighting drops far
+    ones.
+    """
     mean = Rotation.from_matrix(rotations).mean(weight)
     for _ in range(3):
         away = (mean.inv() * Rotation.from_matrix(rotations)).magnitude()

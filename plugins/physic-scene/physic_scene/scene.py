@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     PhotoSource = Any
     Progress = Callable[[str, int, int], None]
 
-FEWEST, MOST = 2, 8
+FEWEST = 2
+MOST = 8
 """Numbers of photos."""
 
 
@@ -39,15 +40,17 @@ class ScenePipeline:
     """Reconstructs moments from several photos; backends stay loaded between moments.
 
     Args:
-        config: as of :class:`physic_core.Pipeline`: a Config, the name of a preset, the path of a TOML file, or its
-            tables. ``engine.preset`` must be "default".
+        config: as of :class:`physic_core.Pipeline`: a Config, the name of a preset, the path of a
+            TOML file, or its tables. ``engine.preset`` must be "default".
 
     Raises:
         ConfigError: ``engine.preset`` is not "default".
         PhysicError: as of :class:`physic_core.Pipeline`.
     """
 
-    def __init__(self, config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None) -> None:
+    def __init__(
+        self, config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None
+    ) -> None:
         self._pipeline = Pipeline(config)
         require_default_engine(self._pipeline.config.engine.settings())
 
@@ -72,36 +75,44 @@ class ScenePipeline:
         """Reconstruct one moment.
 
         Args:
-            photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`. People may hold still
-                between photos.
-            cameras: calibrated camera of each photo, or None where unknown; None if no camera is known. Poses of two or
-                more stay as they are, and give the scale. :func:`physic_scene.read_calibration` reads files.
-            known: sizes that are known in the first photo; its statures give the scale of the scene. One age or stature
-                is that of all people of all photos; several statures are those of the people of the first photo from
-                left to right. For people of several ages, use :meth:`alone` with those of each photo, and :meth:`join`.
+            photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`.
+                People may hold still between photos.
+            cameras: calibrated camera of each photo, or None where unknown; None if no camera is
+                known. Poses of two or more stay as they are, and give the scale.
+                :func:`physic_scene.read_calibration` reads files.
+            known: sizes that are known in the first photo; its statures give the scale of the
+                scene. One age or stature is that of all people of all photos; several statures are
+                those of the people of the first photo from left to right. For people of several
+                ages, use :meth:`alone` with those of each photo, and :meth:`join`.
             progress: called when each stage begins.
 
         Returns:
-            Everything in metres in the frame of the reference camera: that of the photo that shows most people. It is
+            Everything in metres in the frame of the reference camera: that of the photo that shows
+                most people. It is
             one of known pose if there are any.
 
         Raises:
             ConfigError: there are too few or too many photos, or several ages are given.
-            InputError: fewer than two photos show the same people, or known poses are not in metres.
+            InputError: fewer than two photos show the same people, or known poses are not in
+                metres.
             PhysicError: a single photo cannot be reconstructed; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), cameras=cameras)
-        known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
+        known = known or KnownSizes()
+        names = _unique([_name(photo, i) for i, photo in enumerate(photos)])
         if len(known.age) > 1:
             raise ConfigError(
-                "one age is that of all people of a moment: for several, give those of each photo to "
+                "one age is that of all people of a moment: for several, give those of each photo "
+                "to "
                 "ScenePipeline.alone, and its results to ScenePipeline.join"
             )
         stature = known.stature if len(known.stature) == 1 else ()
         others = KnownSizes(stature=stature, age=known.age)
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
         results = [
-            self.alone(photo, camera=camera, known=(others if i else known) or None, progress=progress)
+            self.alone(
+                photo, camera=camera, known=(others if i else known) or None, progress=progress
+            )
             for i, (photo, camera) in enumerate(zip(photos, calibrated, strict=True))
         ]
         poses = [None if camera is None else camera.pose for camera in calibrated]
@@ -115,7 +126,8 @@ class ScenePipeline:
         known: KnownSizes | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
-        """Reconstruct a single photo, for :meth:`join`; other arguments are those of :class:`physic_core.Pipeline`.
+        """Reconstruct a single photo, for :meth:`join`; other arguments are those of
+        :class:`physic_core.Pipeline`.
 
         Args:
             photo: as of :meth:`__call__`.
@@ -132,9 +144,14 @@ class ScenePipeline:
         own = None if camera is None else camera.lens.intrinsics
         settings: dict[str, Any] = {}
         if camera is not None and own is not None and any(camera.lens.distortion):
-            settings = {"intrinsics": [own.fx, own.fy, own.cx, own.cy], "distortion": list(camera.lens.distortion)}
+            settings = {
+                "intrinsics": [own.fx, own.fy, own.cx, own.cy],
+                "distortion": list(camera.lens.distortion),
+            }
         try:
-            return self._pipeline(photo, intrinsics=own, known=known, settings=settings, progress=progress)
+            return self._pipeline(
+                photo, intrinsics=own, known=known, settings=settings, progress=progress
+            )
         except NoPersonError:
             return None
 
@@ -147,30 +164,36 @@ class ScenePipeline:
         poses: Sequence[FloatArray | None] | None = None,
         progress: Progress | None = None,
     ) -> SceneResult:
-        """Reconstruct one moment from the results of its single photos, which this configuration has made.
+        """Reconstruct one moment from the results of its single photos, which this configuration
+        has made.
 
         Args:
             results: reconstruction of each photo, or None for a photo without people.
             names: of the photos.
-            statures: known standing heights, metres: one for all people, or one per person of the first photo from
-                left to right, 0 where unknown.
-            poses: (4, 4) of each camera to a calibrated rig, metres, or None where unknown; None if none is known. The
-                results have the intrinsics of the same calibration.
+            statures: known standing heights, metres: one for all people, or one per person of the
+                first photo from left to right, 0 where unknown.
+            poses: (4, 4) of each camera to a calibrated rig, metres, or None where unknown; None if
+                none is known. The results have the intrinsics of the same calibration.
             progress: called when each stage begins.
 
         Raises:
-            InputError: there are too few or too many photos, fewer than two show the same people, or known poses are
-                not in metres.
+            InputError: there are too few or too many photos, fewer than two show the same people,
+                or known poses are not in metres.
             PhysicError: the reference photo cannot be reconstructed.
         """
         _check_number(len(results), poses=poses)
         progress = progress or (lambda name, done, total: None)
-        names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
+        names = _unique(
+            names if names is not None else [f"photo {i + 1}" for i in range(len(results))]
+        )
         poses = poses or [None] * len(results)
         progress("cameras", 1, 3)
-        model, several = load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64), len(statures) > 1
+        model = load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
+        several = len(statures) > 1
         photos = [
-            ScenePhoto.of(i, names[i], result, model, statures if i == 0 or not several else (), poses[i])
+            ScenePhoto.of(
+                i, names[i], result, model, statures if i == 0 or not several else (), poses[i]
+            )
             for i, result in enumerate(results)
             if result is not None
         ]
@@ -182,25 +205,42 @@ class ScenePipeline:
         solved = solve_scene(choose_photos(photos, empty), model)
         if several and solved.photos[0].index:
             why = next(one.message for one in solved.left_out if one.index == 0)
-            raise InputError(f"the statures are those of people of the first photo, but {why}; put another photo first")
+            raise InputError(
+                f"the statures are those of people of the first photo, but {why}; put another "
+                f"photo first"
+            )
         progress("one solution", 2, 3)
         people = people_of_scene(solved, model)
-        reconstruction = solve_reference(ReferenceInput.of(solved, people, model), self._pipeline.config)
+        reconstruction = solve_reference(
+            ReferenceInput.of(solved, people, model), self._pipeline.config
+        )
         return assemble(solved, people, reconstruction)
 
 
 def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:
     if not FEWEST <= count <= MOST:
-        cure = "choose the clearest ones" if count > MOST else "add others; `physic run` takes one photo"
-        raise ConfigError(f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}")
+        cure = (
+            "choose the clearest ones"
+            if count > MOST
+            else "add others; `physic run` takes one photo"
+        )
+        raise ConfigError(
+            f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}"
+        )
     for name, values in of_photos.items():
         if values is not None and len(values) != count:
-            raise ConfigError(f"give {name} for each of the {count} photos, None where unknown, got {len(values)}")
+            raise ConfigError(
+                f"give {name} for each of the {count} photos, None where unknown, got {len(values)}"
+            )
 
 
 def _unique(names: Sequence[str]) -> list[str]:
-    """Return the names of photos, such as files of two folders, with the numbers of those of the same name."""
-    return [f"{name} (photo {i + 1})" if names.count(name) > 1 else name for i, name in enumerate(names)]
+    """Return the names of photos, such as files of two folders, with the numbers of those of the
+    same name.
+    """
+    return [
+        f"{name} (photo {i + 1})" if names.count(name) > 1 else name for i, name in enumerate(names)
+    ]
 
 
 def _name(photo: object, index: int) -> str:

@@ -1,7 +1,7 @@
 """Cameras and people of the chosen photos: start, bundle adjustment, and one body for each person.
 
-A person is assumed to hold still between photos. A person who does not fit has moved, and a photo that most people do
-not fit is left out.
+A person is assumed to hold still between photos. A person who does not fit has moved, and a photo
+that most people do not fit is left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,14 @@ from physic_core.errors import InputError
 from physic_core.types import CameraTrust, Intrinsics
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.bodies import MeanBodies, mean_bodies
-from physic_scene.bundle import KNOWN_CAMERAS, SOLVED_CAMERAS, Bundle, MomentObservations, adjust, uncertainties
+from physic_scene.bundle import (
+    KNOWN_CAMERAS,
+    SOLVED_CAMERAS,
+    Bundle,
+    MomentObservations,
+    adjust,
+    uncertainties,
+)
 from physic_scene.photos import ChosenPhotos, ScenePhoto
 from physic_scene.rigid import CameraPose
 from physic_scene.triangulation import sizes_by_cameras
@@ -30,8 +37,10 @@ if TYPE_CHECKING:
     from physic_scene.types import SkippedPhoto
 
 _MOST_OFF = 0.06
-"""Largest median distance of a person's solved keypoints from those of a photo, as a share of the stature in px: the
-bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have up to 0.032."""
+"""Largest median distance of a person's solved keypoints from those of a photo, as a share of the
+stature in px: the bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have
+up to 0.032.
+"""
 
 _KNOWN_BONE = 0.01
 _SURE = 0.9  # probability that a person of unknown stature is an adult
@@ -40,21 +49,24 @@ _SEEN = 0.3  # confidence of a keypoint
 
 @dataclass(frozen=True)
 class SolvedScene(ShortRepr):
-    """Cameras and bodies of one moment, in the frame of the reference camera, metres; V photos are in the solution.
+    """Cameras and bodies of one moment, in the frame of the reference camera, metres; V photos are
+    in the solution.
 
     Attributes:
         photos: V photos in the solution.
         left_out: the other photos.
         reference: index into ``photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        moved: names of the photos that show one person in different places or poses, who is not solved.
+        moved: names of the photos that show one person in different places or poses, who is not
+            solved.
         observations: of the solved people.
         bundle: cameras and points.
         intrinsics: of each photo, solved.
         rotation_sigma: (V,) radians.
         position_sigma: (V,) metres.
         bodies: of the solved people.
-        errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
+        errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not
+            shown.
         statures: (P,) metres, known ones of the solved people, NaN where unknown.
         scale_sigma: of the logarithm of all lengths.
     """
@@ -92,8 +104,10 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
-                f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows one: give photos "
-                "that were taken at the same moment, or of people who hold still, with a person in common"
+                f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows "
+                f"one: give photos "
+                "that were taken at the same moment, or of people who hold still, with a person "
+                "in common"
             )
         if view is not None:
             why = "its people are in other places or poses than in the other photos"
@@ -101,7 +115,9 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
             moved = []
         elif bad.any() and len(chosen.rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
-            moved.append(", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0)))
+            moved.append(
+                ", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0))
+            )
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
             return _solution(chosen, moved, found, model)
@@ -109,7 +125,9 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
 
 @dataclass(frozen=True)
 class _Adjusted:
-    """Cameras and points of the people assumed to hold still, and the errors (V, P) of their keypoints."""
+    """Cameras and points of the people assumed to hold still, and the errors (V, P) of their
+    keypoints.
+    """
 
     reference: int
     observations: MomentObservations
@@ -117,17 +135,23 @@ class _Adjusted:
     errors: FloatArray
 
 
-def _solution(chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel) -> SolvedScene:
+def _solution(
+    chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel
+) -> SolvedScene:
     """Return the solution at the scale of people's sizes, with one body for each person."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference)
     scale, scale_sigma = _scale(found.observations, found.bundle)
-    bundle, photos, rows = found.bundle.scaled(scale), chosen.photos, chosen.rows
+    bundle = found.bundle.scaled(scale)
+    photos = chosen.photos
+    rows = chosen.rows
     people = [photo.people for photo in photos]
     observations = MomentObservations.of(people, rows)  # relative to the sizes in the single photos
     statures = sizes = known_statures(people, rows)
     if observations.known.any():
         factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(photos))])
-        alone = [np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows]
+        alone = [
+            np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows
+        ]
         sizes = np.where(np.isfinite(statures), statures, factor * alone)
     own = np.arange(len(photos)) == found.reference
     return SolvedScene(
@@ -139,7 +163,9 @@ def _solution(chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, mode
         observations=observations,
         bundle=bundle,
         intrinsics=tuple(
-            _with_focal(photo.result.intrinsics, float(np.exp(bundle.log_focal[v])), float(sigmas[v, 2]))
+            _with_focal(
+                photo.result.intrinsics, float(np.exp(bundle.log_focal[v])), float(sigmas[v, 2])
+            )
             for v, photo in enumerate(photos)
         ),
         rotation_sigma=np.where(own, 0.0, sigmas[:, 0]),
@@ -171,12 +197,13 @@ def _adjusted(chosen: ChosenPhotos) -> _Adjusted:
 
 
 def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, float]:
-    """Return the factor on all lengths by the sizes of people, and the standard deviation of its logarithm.
+    """Return the factor on all lengths by the sizes of people, and the standard deviation of its
+    logarithm.
 
-    Each person votes once, by known stature or by the mean size in the single photos: errors of one person's stature
-    have common causes. These sizes include the evidence of each photo on its scale, such as soles on its floor.
-    Distances in the photos follow from them and from focal lengths, whose errors are stated apart. Known cameras have a
-    scale.
+    Each person votes once, by known stature or by the mean size in the single photos: errors of one
+    person's stature have common causes. These sizes include the evidence of each photo on its
+    scale, such as soles on its floor. Distances in the photos follow from them and from focal
+    lengths, whose errors are stated apart. Known cameras have a scale.
     """
     if observations.known.any():
         return 1.0, 0.0
@@ -187,20 +214,26 @@ def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, flo
     unknown = np.full(len(alone), np.nan)
     voters = np.where(known, factor, np.nan) if known.any() else factor
     sigma = np.where(known, _KNOWN_BONE, stature_sigmas(unknown, unknown))
-    vote = vote_on_scale([Witnesses(voters, unknown, sigma, np.full(len(alone), _SURE), shared_sigma=0.0)])
+    vote = vote_on_scale(
+        [Witnesses(voters, unknown, sigma, np.full(len(alone), _SURE), shared_sigma=0.0)]
+    )
     assert vote is not None
     assert vote.scale.sigma is not None
     return vote.scale.scale, vote.scale.sigma
 
 
 def _spread(points: FloatArray) -> FloatArray:
-    """Return the size (...) of people: the root mean square distance of their keypoints (..., J, 3) from the middle."""
+    """Return the size (...) of people: the root mean square distance of their keypoints (..., J, 3)
+    from the middle.
+    """
     spread: FloatArray = np.linalg.norm(points - points.mean(axis=-2, keepdims=True), axis=(-2, -1))
     return spread
 
 
 def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatArray:
-    """Return the median distances (V, P) of solved keypoints from the photos', as a share of the stature in px."""
+    """Return the median distances (V, P) of solved keypoints from the photos', as a share of the
+    stature in px.
+    """
     errors = np.full(observations.shown.shape, np.nan)
     for v, p in zip(*np.nonzero(observations.shown), strict=True):
         local = bundle.pose(v).to_camera(bundle.points[p])
@@ -214,7 +247,8 @@ def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatAr
 
 
 def reference_photo(rows: IntArray, people: Sequence[PhotoPeople]) -> int:
-    """Return the photo that shows most people of the scene, and of several the one that shows most of their bodies.
+    """Return the photo that shows most people of the scene, and of several the one that shows most
+    of their bodies.
 
     Of photos of which some have known cameras, it is one of these.
     """
@@ -234,15 +268,23 @@ def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:
 
 
 def start_poses(chosen: ChosenPhotos, reference: int) -> list[CameraPose]:
-    """Return poses of all cameras: known ones, and the others along the pairs of photos with the highest scores."""
+    """Return poses of all cameras: known ones, and the others along the pairs of photos with the
+    highest scores.
+    """
     poses = {reference: CameraPose.identity()}
     base = chosen.photos[reference].people.pose
     for v, photo in enumerate(chosen.photos):
         if base is not None and photo.people.pose is not None:
             poses[v] = photo.people.pose.after(base.inverse())
     while len(poses) < len(chosen.photos):
-        linked = ((a, b) for (a, b), match in chosen.matches.items() if match.pairs and (a in poses) != (b in poses))
-        a, b = max(linked, key=lambda pair: (chosen.matches[pair].score, len(chosen.matches[pair].pairs)))
+        linked = (
+            (a, b)
+            for (a, b), match in chosen.matches.items()
+            if match.pairs and (a in poses) != (b in poses)
+        )
+        a, b = max(
+            linked, key=lambda pair: (chosen.matches[pair].score, len(chosen.matches[pair].pairs))
+        )
         motion = chosen.matches[a, b].motion
         if a in poses:
             poses[b] = motion.after(poses[a])
@@ -252,7 +294,9 @@ def start_poses(chosen: ChosenPhotos, reference: int) -> list[CameraPose]:
 
 
 def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
-    """Return the known stature of each person (P,), metres, NaN where unknown: the first that a photo states."""
+    """Return the known stature of each person (P,), metres, NaN where unknown: the first that a
+    photo states.
+    """
     known = np.full(len(rows), np.nan)
     for v, photo in reversed(list(enumerate(people))):
         here = rows[:, v] >= 0
@@ -262,10 +306,16 @@ def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
 
 
 def _sized(
-    observations: MomentObservations, people: Sequence[PhotoPeople], rows: IntArray, poses: Sequence[CameraPose]
+    observations: MomentObservations,
+    people: Sequence[PhotoPeople],
+    rows: IntArray,
+    poses: Sequence[CameraPose],
 ) -> MomentObservations:
-    """Return the observations with the sizes of people by known cameras, or else those of people of known stature."""
-    bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
+    """Return the observations with the sizes of people by known cameras, or else those of people of
+    known stature.
+    """
+    bone_m = observations.bone_m.copy()
+    sigma = observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()
     if observations.known.any():
         size = sizes_by_cameras(observations, poses)[:, None]

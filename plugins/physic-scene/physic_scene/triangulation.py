@@ -1,4 +1,6 @@
-"""Sizes of people by known cameras: keypoints triangulated from two photos or more, against single photos' bodies."""
+"""Sizes of people by known cameras: keypoints triangulated from two photos or more, against single
+photos' bodies.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,11 @@ _OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 _LEAST_ANGLE = 1e-3  # smallest eigenvalue of the normal matrix of two rays: an angle of 2.6 degrees
 
 
-def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Sequence[CameraPose]) -> FloatArray:
-    """Return the points (J, 3) with the least squares of distances from the rays of V photos, NaN where undetermined.
+def triangulate(
+    points: FloatArray, weight: FloatArray, K: FloatArray, poses: Sequence[CameraPose]
+) -> FloatArray:
+    """Return the points (J, 3) with the least squares of distances from the rays of V photos, NaN
+    where undetermined.
 
     Args:
         points: (V, J, 2) px.
@@ -29,7 +34,11 @@ def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Se
         K: (V, 3, 3) px.
         poses: of the cameras.
     """
-    rays = np.einsum("vjx,vyx->vjy", np.concatenate([points, np.ones_like(points[..., :1])], -1), np.linalg.inv(K))
+    rays = np.einsum(
+        "vjx,vyx->vjy",
+        np.concatenate([points, np.ones_like(points[..., :1])], -1),
+        np.linalg.inv(K),
+    )
     rays = np.stack([own @ pose.rotation for own, pose in zip(rays, poses, strict=True)])
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     across = weight[..., None, None] * (np.eye(3) - rays[..., :, None] * rays[..., None, :])
@@ -44,7 +53,8 @@ def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Se
 
 
 def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPose]) -> FloatArray:
-    """Return the factor (P,) on the bones of each person that known cameras give; the median where they do not.
+    """Return the factor (P,) on the bones of each person that known cameras give; the median where
+    they do not.
 
     Args:
         observations: of all photos.
@@ -57,8 +67,15 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
     factor = np.full(observations.shown.shape[1], np.nan)
     for p in range(len(factor)):
         confidence = observations.confidence[own, p]
-        weight = np.where(confidence > _SEEN, (confidence / observations.size_px[own, p][:, None]) ** 2, 0)
-        at = triangulate(observations.points[own, p], weight, observations.K[own], [poses[v] for v in own.tolist()])
+        weight = np.where(
+            confidence > _SEEN, (confidence / observations.size_px[own, p][:, None]) ** 2, 0
+        )
+        at = triangulate(
+            observations.points[own, p],
+            weight,
+            observations.K[own],
+            [poses[v] for v in own.tolist()],
+        )
         a, b = observations.bones.T
         ratio = np.linalg.norm(at[a] - at[b], axis=1) / observations.bone_m[p]
         if np.isfinite(ratio).sum() >= _FEWEST:
@@ -66,7 +83,8 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
     every = float(np.nanmedian(factor)) if np.isfinite(factor).any() else 1.0
     if not 1 / _OTHER_UNIT < every < _OTHER_UNIT:
         raise InputError(
-            f"the known cameras are not in metres: by the sizes of the people, their unit is {1 / every:.2g} m; give "
+            f"the known cameras are not in metres: by the sizes of the people, their unit is "
+            f"{1 / every:.2g} m; give "
             "the true one with --camera-unit (unit_m of read_calibration in Python)"
         )
     factor[np.isnan(factor)] = every

@@ -53,9 +53,10 @@ class SolvedPhoto(ShortRepr):
         index: of the photo, as it was given.
         name: of the photo.
         camera: of the photo, in the frame of the reference camera.
-        shown: index in ``SceneResult.reconstruction.people`` -> index in ``result.people``, of the people whose bodies
-            this photo shows.
-        reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
+        shown: index in ``SceneResult.reconstruction.people`` -> index in ``result.people``, of the
+            people whose bodies this photo shows.
+        reprojection: median distance of the solved keypoints from those of the photo, as a share of
+            the stature in px.
         scene_scale: factor from the scene of the single photo to that of the solution.
         result: reconstruction of the single photo, in the frame of its camera.
     """
@@ -74,7 +75,8 @@ class SceneResult(ShortRepr):
     """Reconstruction of one moment from several photos, in the frame of the reference camera.
 
     Attributes:
-        reconstruction: people, scene and contact as the reference photo shows them, solved with all photos.
+        reconstruction: people, scene and contact as the reference photo shows them, solved with all
+            photos.
         reference: index of its photo, as it was given.
         photos: in the solution, in the order in which they were given.
         left_out: photos that are not part of the solution.

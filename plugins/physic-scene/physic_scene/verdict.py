@@ -1,6 +1,9 @@
-"""Checks of each photo against the solved cameras. A failure is shown, not refused: the user states one moment.
+"""Checks of each photo against the solved cameras.
 
-The bounds were chosen on 30 pairs of photos of a rig, and on 30 pairs of photos of that rig and of another one.
+A failure is shown, not refused: the user states one moment.
+
+The bounds were chosen on 30 pairs of photos of a rig, and on 30 pairs of photos of that rig and of
+another one.
 """
 
 from __future__ import annotations
@@ -26,21 +29,31 @@ if TYPE_CHECKING:
 _CHECKS = {
     check.name: check
     for check in (
-        # Worlds 0.015-0.033, photos 0.035-0.044; 0.15 in a photo whose camera is 0.3 m off and whose people do not fit.
+        # Worlds 0.015-0.033, photos 0.035-0.044; 0.15 in a photo whose camera is 0.3 m off and
+        # whose people do not fit.
         CheckSpec(
-            "view_keypoints", "Limbs off their keypoints", "at most", 0.06, share_of="the box diagonal", weak=True
+            "view_keypoints",
+            "Limbs off their keypoints",
+            "at most",
+            0.06,
+            share_of="the box diagonal",
+            weak=True,
         ),
-        # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of two rigs one.
+        # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of
+        # two rigs one.
         CheckSpec("view_people", "People whom other photos show, too", "at least", 2, "count"),
-        # Half of the energy of a person in the solution of two photos, with the clothes: rigs 11-29, wrong pairs 17-47.
+        # Half of the energy of a person in the solution of two photos, with the clothes: rigs
+        # 11-29, wrong pairs 17-47.
         CheckSpec("view_agreement", "People unlike those of other photos", "at most", 28, "energy"),
         CheckSpec("view_missing_person", "Person of other photos missing", "at most", 0, "count"),
         # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
         CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
     )
 }
-_INSIDE = 0.9  # least share of a person's keypoints in the frame of a photo that should show the person
-_NOBODY = 0.4  # least distance from other people of a place that counts as empty, as a share of the stature in px
+# least share of a person's keypoints in the frame of a photo that should show the person
+_INSIDE = 0.9
+# least distance from other people of a place that counts as empty, as a share of the stature in px
+_NOBODY = 0.4
 _NEAREST_M = 0.5  # of a person whom a photo may show
 
 
@@ -54,8 +67,8 @@ class SolvedView:
         pose: of its camera, metres.
         K: (3, 3) px, of the solved camera.
         size: (width, height) px.
-        floor: (4,) normal and offset of the floor of the single photo, metres, in the frame of its camera; None
-            without.
+        floor: (4,) normal and offset of the floor of the single photo, metres, in the frame of its
+            camera; None without.
     """
 
     name: str
@@ -69,11 +82,15 @@ class SolvedView:
 def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
     """Return a result with checks of its photos, their warnings, and the grade that is left.
 
-    A check that fails in several photos counts once. One contradiction makes the grade doubtful, two make it bad.
+    A check that fails in several photos counts once. One contradiction makes the grade doubtful,
+    two make it bad.
     """
     failed = {check.name for check in checks if check.failed}
     contradictions = sum(not _CHECKS[name].weak for name in failed)
-    grades = {result.grade, Grade.BAD if contradictions > 1 else Grade.DOUBTFUL if failed else Grade.GOOD}
+    grades = {
+        result.grade,
+        Grade.BAD if contradictions > 1 else Grade.DOUBTFUL if failed else Grade.GOOD,
+    }
     return replace(
         result,
         checks=(*result.checks, *checks),
@@ -82,21 +99,29 @@ def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Recons
     )
 
 
-def checks_of_keypoints(result: Reconstruction, photos: Iterable[SolvedPhoto]) -> Iterator[CheckResult]:
+def checks_of_keypoints(
+    result: Reconstruction, photos: Iterable[SolvedPhoto]
+) -> Iterator[CheckResult]:
     """Yield the check of each photo but the reference that its people are where it shows them."""
     for photo in photos:
         errors = []
         for row, own in photo.shown.items():
             seen = photo.result.people[own]
             joints = photo.camera.to_camera(result.people[row].joints)
-            keypoints, box = (seen.keypoints, seen.keypoint_confidence), np.asarray(seen.box, np.float64)
-            errors.append(limb_keypoint_error(joints, *keypoints, box, result.skeleton, photo.camera.intrinsics))
+            keypoints = (seen.keypoints, seen.keypoint_confidence)
+            box = np.asarray(seen.box, np.float64)
+            errors.append(
+                limb_keypoint_error(
+                    joints, *keypoints, box, result.skeleton, photo.camera.intrinsics
+                )
+            )
         measured = [error for error in errors if error is not None]
         yield _check(
             photo.name,
             "view_keypoints",
             float(np.median(measured)) if measured else None,
-            f"the people are not where {photo.name} shows them: its camera is wrong, or the people moved; look at its "
+            f"the people are not where {photo.name} shows them: its camera is wrong, or the "
+            f"people moved; look at its "
             "row in photos.png, and leave the photo out",
             f"no person has enough confident keypoints in {photo.name}",
         )
@@ -113,23 +138,46 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
     for v, view in enumerate(views):
         look = f"look at the row of {view.name} in photos.png; if it is wrong, leave the photo out"
         held = int((rows[:, v] >= 0).sum())
-        yield _check(view.name, "view_people", held, f"a single person determines the camera of {view.name}: {look}")
+        yield _check(
+            view.name,
+            "view_people",
+            held,
+            f"a single person determines the camera of {view.name}: {look}",
+        )
         cost = min((cost for pair, cost in costs.items() if v in pair), default=None)
-        why = f"the people of {view.name} are unlike those of the other photos in pose, place or clothes: {look}"
+        why = (
+            f"the people of {view.name} are unlike those of the other photos in pose, place or "
+            f"clothes: {look}"
+        )
         yield _check(view.name, "view_agreement", cost, why)
         nobody = sum(_shows_nobody(view, other, row) for other, row in _others(views, rows, v))
         why = f"{view.name} shows no person where other photos show one: {look}"
         yield _check(view.name, "view_missing_person", nobody, why)
-        heights = [abs(h) for w in range(len(views)) if w != v and (h := _height(view, views[w])) is not None]
-        why = f"the camera of {view.name} is not as high over its floor as over those of the other photos: {look}"
+        heights = [
+            abs(h)
+            for w in range(len(views))
+            if w != v and (h := _height(view, views[w])) is not None
+        ]
+        why = (
+            f"the camera of {view.name} is not as high over its floor as over those of the "
+            f"other photos: {look}"
+        )
         yield _check(view.name, "view_height", float(np.median(heights)) if heights else None, why)
 
 
-def _check(photo: str, name: str, value: float | None, advice: str, unmeasured: str = "") -> CheckResult:
-    """Return a value beside its bound, with the name of its photo; the message of a failure has both."""
+def _check(
+    photo: str, name: str, value: float | None, advice: str, unmeasured: str = ""
+) -> CheckResult:
+    """Return a value beside its bound, with the name of its photo; the message of a failure has
+    both.
+    """
     spec = replace(_CHECKS[name], label=f"{_CHECKS[name].label} in {photo}")
     found = spec.compare((value, unmeasured if value is None else advice))
-    return replace(found, message=f"{advice} ({found.value_text}, {found.bound_text})") if found.failed else found
+    return (
+        replace(found, message=f"{advice} ({found.value_text}, {found.bound_text})")
+        if found.failed
+        else found
+    )
 
 
 def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
@@ -144,7 +192,9 @@ def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, in
     return found
 
 
-def _others(views: Sequence[SolvedView], rows: IntArray, v: int) -> Iterator[tuple[SolvedView, int]]:
+def _others(
+    views: Sequence[SolvedView], rows: IntArray, v: int
+) -> Iterator[tuple[SolvedView, int]]:
     """Yield the people whom other photos show and this one does not, each once."""
     for w, other in enumerate(views):
         for row in range(len(other.people)) if w != v else ():
@@ -154,7 +204,9 @@ def _others(views: Sequence[SolvedView], rows: IntArray, v: int) -> Iterator[tup
 
 
 def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
-    """Return whether a photo has no person in a place within its frame where another photo has one."""
+    """Return whether a photo has no person in a place within its frame where another photo has
+    one.
+    """
     zoom = other.K[0, 0] / other.people.K[0, 0]
     points = view.pose.to_camera(other.pose.to_common(other.people.landmarks[row] * [1, 1, zoom]))
     if np.median(points[:, 2]) < _NEAREST_M:
@@ -168,7 +220,9 @@ def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
 
 
 def _height(view: SolvedView, other: SolvedView) -> float | None:
-    """Return the logarithm of a camera's height over another photo's floor, over that over its own floor."""
+    """Return the logarithm of a camera's height over another photo's floor, over that over its own
+    floor.
+    """
     if view.floor is None or other.floor is None:
         return None
     height = other.floor[:3] @ other.pose.to_camera(view.pose.centre) + other.floor[3]

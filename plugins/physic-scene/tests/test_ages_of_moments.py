@@ -29,18 +29,24 @@ def worlds():
 
 @pytest.fixture(scope="module")
 def solver():
-    with ScenePipeline(load_config(preset="mock", flags={"noise": NOISE}, overrides=QUICK)) as scene:
+    with ScenePipeline(
+        load_config(preset="mock", flags={"noise": NOISE}, overrides=QUICK)
+    ) as scene:
         yield scene
 
 
 def ages_of(world):
-    """Return the ages of the people of a photo, from left to right, of which the adult's is unknown."""
+    """Return the ages of the people of a photo, from left to right, of which the adult's is
+    unknown.
+    """
     is_child = np.isfinite(world.ages[np.argsort(world.boxes[:, 0] + world.boxes[:, 2])])
     return tuple(np.where(is_child, YEARS, 0.0).tolist())
 
 
 def test_the_age_of_a_person_in_each_photo_is_that_of_the_result(solver, worlds):
-    found = solver.join([solver.alone(world.image, known=KnownSizes(age=ages_of(world))) for world in worlds])
+    found = solver.join(
+        [solver.alone(world.image, known=KnownSizes(age=ages_of(world))) for world in worlds]
+    )
     child, other = sorted(found.reconstruction.people, key=lambda person: person.age != YEARS)
     assert (child.age, other.age) == (YEARS, None)
     model = load_body("embedded")
@@ -57,7 +63,10 @@ def test_several_ages_are_those_of_one_photo(solver, worlds):
 
 def test_statures_of_a_photo_that_is_left_out_are_refused(solver, worlds):
     alone = [None, *(solver.alone(world.image) for world in worlds)]
-    with pytest.raises(InputError, match="the statures are those of people of the first photo, but photo 1 is skipped"):
+    with pytest.raises(
+        InputError,
+        match="the statures are those of people of the first photo, but photo 1 is skipped",
+    ):
         solver.join(alone, statures=(1.8, 0.0))
 
 

@@ -11,8 +11,13 @@ from scipy.spatial.transform import Rotation
 from physic_scene.bundle import Bundle, MomentObservations, adjust, uncertainties
 from physic_scene.rigid import CameraPose, fit_rotation, mean_rotation, rotation_angle_deg
 
-WIDTH, FOCAL = 1000, 900.0
-NAMES = tuple(f"{s}_{n}" for s in ("left", "right") for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"))
+WIDTH = 1000
+FOCAL = 900.0
+NAMES = tuple(
+    f"{s}_{n}"
+    for s in ("left", "right")
+    for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+)
 JOINTS = len(NAMES)
 
 
@@ -56,7 +61,8 @@ def observations(points, poses, rng, noise_px=0.0):
 def rough(poses, rng):
     return [poses[0]] + [
         CameraPose(
-            Rotation.from_rotvec(rng.normal(0, 0.15, 3)).as_matrix() @ p.rotation, p.translation + rng.normal(0, 0.3, 3)
+            Rotation.from_rotvec(rng.normal(0, 0.15, 3)).as_matrix() @ p.rotation,
+            p.translation + rng.normal(0, 0.3, 3),
         )
         for p in poses[1:]
     ]
@@ -121,4 +127,6 @@ def test_fit_rotation_recovers_a_rotation_and_never_mirrors():
     source = np.random.default_rng(0).normal(size=(6, 3))
     rotation = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
     assert np.allclose(fit_rotation(source, source @ rotation.T, np.ones(6)), rotation)
-    assert np.linalg.det(fit_rotation(source, source * [-1, 1, 1], np.ones(6))) == pytest.approx(1.0)
+    assert np.linalg.det(fit_rotation(source, source * [-1, 1, 1], np.ones(6))) == pytest.approx(
+        1.0
+    )

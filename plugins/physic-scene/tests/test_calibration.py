@@ -22,7 +22,12 @@ SIZES = [(640, 480), (640, 480)]
 
 
 def camera_table(**changes) -> str:
-    entries = {"size": [640, 480], "K": K, "distortion": [-0.1, 0.02, 0.001, -0.002], "R": TURN.as_matrix().tolist()}
+    entries = {
+        "size": [640, 480],
+        "K": K,
+        "distortion": [-0.1, 0.02, 0.001, -0.002],
+        "R": TURN.as_matrix().tolist(),
+    }
     entries |= {"t": TRANSLATION.tolist(), **changes}
     return "[left]\n" + "".join(
         f"{name} = {json.dumps(value).replace('Infinity', 'inf')}\n"
@@ -69,7 +74,9 @@ def test_the_unit_of_the_file_can_be_given(written):
 
 
 def test_a_camera_of_a_longer_name_is_preferred_and_a_folder_names_one(written):
-    text = camera_table() + camera_table().replace("[left]", "[left_0001]").replace("900.0", "950.0")
+    text = camera_table() + camera_table().replace("[left]", "[left_0001]").replace(
+        "900.0", "950.0"
+    )
     camera, other = read_calibration(written(text), [PHOTOS[0], Path("left/7.jpg")], SIZES)
     assert (camera.lens.intrinsics.fx, other.lens.intrinsics.fx) == (950.0, 900.0)
 

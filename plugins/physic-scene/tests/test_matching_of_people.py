@@ -21,8 +21,11 @@ HALF_TURN = Rotation.from_euler("y", 180, degrees=True).as_matrix()
 
 
 def photo(joints: np.ndarray) -> PhotoPeople:
-    """Return people in like clothes with joints (N, 55, 3), and the keypoints that a photo of 120 x 90 px shows."""
-    n, skeleton = len(joints), skeleton_named("coco17")
+    """Return people in like clothes with joints (N, 55, 3), and the keypoints that a photo of 120 x
+    90 px shows.
+    """
+    n = len(joints)
+    skeleton = skeleton_named("coco17")
     landmarks = joints[:, [JOINT_INDEX.get(name, JOINT_INDEX["head"]) for name in skeleton.names]]
     K = np.array([[100.0, 0.0, 59.5], [0.0, 100.0, 44.5], [0.0, 0.0, 1.0]])
     pixels = landmarks @ K.T
@@ -58,13 +61,17 @@ def facing_each_other():
 
 def in_clothes(people: PhotoPeople, *colours: float) -> PhotoPeople:
     """Return people in clothes of these colours; NaN where the photo shows none."""
-    return replace(people, colours=np.broadcast_to(np.array(colours)[:, None, None], people.colours.shape))
+    return replace(
+        people, colours=np.broadcast_to(np.array(colours)[:, None, None], people.colours.shape)
+    )
 
 
 @pytest.mark.parametrize("swapped", [False, True])
 def test_clothes_tell_people_apart_who_face_each_other(facing_each_other, swapped):
     one, two, _ = facing_each_other
-    found = match_pair(in_clothes(one, 20, 60), in_clothes(two, *((60, 20) if swapped else (20, 60))))
+    found = match_pair(
+        in_clothes(one, 20, 60), in_clothes(two, *((60, 20) if swapped else (20, 60)))
+    )
     assert set(found.pairs) == ({(0, 1), (1, 0)} if swapped else {(0, 0), (1, 1)})
     sure = [found.odds[pair] for pair in found.pairs]
     assert min(sure) > 10
@@ -96,7 +103,10 @@ def test_a_photo_without_a_sure_pair_is_joined_by_its_likeliest_one(facing_each_
     one, two, _ = facing_each_other
     people = one, two, two
     odds = {(0, 1): [[9, -9], [-9, 9]], (0, 2): [[-5, -6], [-6, -2]], (1, 2): [[-5, -6], [-6, -3]]}
-    matches = {pair: PairMatch((), 0.0, CameraPose.identity(), np.array(own, float)) for pair, own in odds.items()}
+    matches = {
+        pair: PairMatch((), 0.0, CameraPose.identity(), np.array(own, float))
+        for pair, own in odds.items()
+    }
     assert join_tracks(people, matches).tolist() == [[1, 1, 1], [0, 0, -1]]
 
 
@@ -127,9 +137,20 @@ def test_people_who_are_not_the_same_person_disagree(solved_views):
 
 def test_a_camera_with_an_empty_place_where_a_person_is_fails_its_check(solved_views):
     a, b = solved_views
-    alone = {"points": b.people.points[:1], "size_px": b.people.size_px[:1], "stature": np.full(1, 1.75)}
-    alone |= {name: getattr(b.people, name)[:1] for name in ("confidence", "landmarks", "joints", "rotations", "betas")}
-    found = verdict(a, replace(b, people=replace(b.people, colours=b.people.colours[:1], **alone)), rows=[[0, 0]])
+    alone = {
+        "points": b.people.points[:1],
+        "size_px": b.people.size_px[:1],
+        "stature": np.full(1, 1.75),
+    }
+    alone |= {
+        name: getattr(b.people, name)[:1]
+        for name in ("confidence", "landmarks", "joints", "rotations", "betas")
+    }
+    found = verdict(
+        a,
+        replace(b, people=replace(b.people, colours=b.people.colours[:1], **alone)),
+        rows=[[0, 0]],
+    )
     assert found["view_people"] == [1, 1]
     assert found["view_missing_person"] == [0, 1]
 

@@ -1,4 +1,6 @@
-"""Photos of worlds with several cameras become one scene, and each photo that does not belong has its reason."""
+"""Photos of worlds with several cameras become one scene, and each photo that does not belong has
+its reason.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 
 @pytest.fixture(scope="module")
 def config():
-    return load_config(preset="mock", flags={"noise": QUIET}, overrides=["engine.joint.optimiser.steps=10"])
+    return load_config(
+        preset="mock", flags={"noise": QUIET}, overrides=["engine.joint.optimiser.steps=10"]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +65,8 @@ def test_three_photos_give_their_cameras(solved, worlds):
     first = worlds[solved.reference].camera
     assert [photo.name for photo in solved.photos] == ["a.png", "b.png", "c.png"]
     for photo in solved.photos:
-        camera, world = photo.camera, worlds[photo.index].camera
+        camera = photo.camera
+        world = worlds[photo.index].camera
         assert rotation_angle_deg(camera.rotation, world.rotation @ first.rotation.T) < 10
         away = np.linalg.norm(first.to_camera(world.position))
         assert np.linalg.norm(camera.centre) == pytest.approx(away, rel=0.25, abs=1e-6)
@@ -85,7 +90,9 @@ def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
     found = load_body("embedded").stature(betas).tolist()
     for stature, given in zip(found, statures if len(statures) > 1 else 2 * statures, strict=True):
         assert not given or stature == pytest.approx(given, rel=0.005)
-    assert [size["given"] for size in result.diagnostics["known_sizes"]] == [1.65] * (3 - len(statures))
+    assert [size["given"] for size in result.diagnostics["known_sizes"]] == [1.65] * (
+        3 - len(statures)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -106,14 +113,18 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
     assert found.reference in known
     first = worlds[found.reference].camera
     for photo in found.photos:
-        camera, true = photo.camera, worlds[photo.index].camera
+        camera = photo.camera
+        true = worlds[photo.index].camera
         away = np.linalg.norm(camera.centre - first.to_camera(true.position))
         turn = rotation_angle_deg(camera.rotation, true.rotation @ first.rotation.T)
         assert away < (1e-3 if photo.index in known else 0.5)
         assert turn < (0.05 if photo.index in known else 10)
     assert found.reconstruction.scene.scale == 1.0
     names = ", ".join("abc"[v] + ".png" for v in known)
-    assert any(note.startswith(f"the poses of {names} are known, and give") for note in found.reconstruction.notes)
+    assert any(
+        note.startswith(f"the poses of {names} are known, and give")
+        for note in found.reconstruction.notes
+    )
 
 
 def test_known_cameras_in_another_unit_are_refused(solver, alone, poses):
@@ -139,7 +150,8 @@ def test_a_photo_whose_people_fit_nowhere_is_left_out(solver, config, alone):
 
 def stepped_aside(result, metres):
     """Return a result whose first person stands elsewhere, as far from the camera."""
-    person, K = result.people[0], result.intrinsics.matrix
+    person = result.people[0]
+    K = result.intrinsics.matrix
     step = np.array([metres, 0, 0], np.float32)
     pixels = np.array([K[0, 0] * metres / person.joints[0, 2], 0])
     moved = replace(
@@ -154,7 +166,9 @@ def stepped_aside(result, metres):
 
 def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, config):
     with Pipeline(config) as pipeline:
-        first, second, third = (pipeline(build_world(name, 4, SIZE).image) for name in view_names("group", 3))
+        first, second, third = (
+            pipeline(build_world(name, 4, SIZE).image) for name in view_names("group", 3)
+        )
     found = solver.join([first, second, stepped_aside(third, 0.8)], ["a.png", "b.png", "c.png"])
     (note,) = (note for note in found.reconstruction.notes if "moved" in note)
     assert "a.png, b.png, c.png" in note
@@ -164,7 +178,9 @@ def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, confi
 
 
 def test_photos_without_a_common_person_are_refused_or_bad(solver, config, alone):
-    """One who kneels may fit one who stands within the errors of keypoints; then a check says that they are unlike."""
+    """One who kneels may fit one who stands within the errors of keypoints; then a check says that
+    they are unlike.
+    """
     with Pipeline(config) as pipeline:
         other = pipeline(build_world("kneel", 4, SIZE).image)
     try:
@@ -177,7 +193,10 @@ def test_photos_without_a_common_person_are_refused_or_bad(solver, config, alone
 
 
 def test_a_photo_without_people_is_left_out(solver, alone):
-    found = solver.join([*alone[:2], None, replace(alone[2], people=())], ["a.png", "b.png", "none.png", "empty.png"])
+    found = solver.join(
+        [*alone[:2], None, replace(alone[2], people=())],
+        ["a.png", "b.png", "none.png", "empty.png"],
+    )
     assert [(one.photo, one.reason) for one in found.left_out] == [
         ("none.png", "no people"),
         ("empty.png", "no people"),
@@ -208,20 +227,28 @@ def test_each_photo_shows_the_people_where_its_camera_sees_them(solved):
             joints = solved.reconstruction.people[row].joints[:1]
             pixels = photo.camera.to_camera(joints) @ photo.camera.intrinsics.matrix.T
             x, y = (pixels[0, :2] / pixels[0, 2]).round().astype(int)
-            assert photo.result.people[own].mask[max(0, y - 12) : y + 12, max(0, x - 12) : x + 12].any()
+            assert (
+                photo.result.people[own]
+                .mask[max(0, y - 12) : y + 12, max(0, x - 12) : x + 12]
+                .any()
+            )
 
 
 def test_each_photo_has_a_check(solved):
     checks = [check for check in solved.reconstruction.checks if check.name == "view_keypoints"]
     others = [photo.name for photo in solved.photos if photo.index != solved.reference]
-    assert [check.title for check in checks] == [f"Limbs off their keypoints in {photo}" for photo in others]
+    assert [check.title for check in checks] == [
+        f"Limbs off their keypoints in {photo}" for photo in others
+    ]
     assert all(check.ok and check.value is not None for check in checks)
 
 
 def test_a_camera_that_is_wrong_is_named(solved):
     first, second = (photo for photo in solved.photos if photo.index != solved.reference)
     aside = replace(first.camera, translation=first.camera.translation + np.array([1.0, 0.0, 0.0]))
-    wrong, right = checks_of_keypoints(solved.reconstruction, [replace(first, camera=aside), second])
+    wrong, right = checks_of_keypoints(
+        solved.reconstruction, [replace(first, camera=aside), second]
+    )
     assert (wrong.failed, right.failed) == (True, False)
     assert f"not where {first.name} shows them" in wrong.message
     doubtful = with_checks(replace(solved.reconstruction, grade=Grade.GOOD), [wrong, right])
@@ -276,18 +303,24 @@ def test_the_command_replaces_no_file_of_the_user(name, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / name).write_text("mine")
     photos = [str(tmp_path / photo) for photo in ("a.png", "b.png")]
-    run = CliRunner().invoke(command, [*photos, "-o", str(tmp_path / "out"), "--preset", "mock", "--overwrite"])
+    run = CliRunner().invoke(
+        command, [*photos, "-o", str(tmp_path / "out"), "--preset", "mock", "--overwrite"]
+    )
     assert isinstance(run.exception, OutputError)
     assert f"{name} there is not of an earlier run" in str(run.exception)
-    assert [(path.name, path.read_text()) for path in (tmp_path / "out").iterdir()] == [(name, "mine")]
+    assert [(path.name, path.read_text()) for path in (tmp_path / "out").iterdir()] == [
+        (name, "mine")
+    ]
 
 
 def test_the_command_writes_result_cameras_and_page(worlds, tmp_path):
     for name, world in zip("ab", worlds, strict=False):
         Image.fromarray(world.image).save(tmp_path / f"{name}.png")
-    photos, out = [str(tmp_path / "a.png"), str(tmp_path / "b.png")], tmp_path / "out"
+    photos = [str(tmp_path / "a.png"), str(tmp_path / "b.png")]
+    out = tmp_path / "out"
     run = CliRunner().invoke(
-        command, [*photos, "-o", str(out), "--preset", "mock", "--set", "engine.joint.optimiser.steps=3"]
+        command,
+        [*photos, "-o", str(out), "--preset", "mock", "--set", "engine.joint.optimiser.steps=3"],
     )
     assert run.exit_code == 0, run.output
     lines = run.stdout.splitlines()
@@ -296,7 +329,9 @@ def test_the_command_writes_result_cameras_and_page(worlds, tmp_path):
     assert any(line.startswith("grade: ") for line in lines)
     assert f"results: {out}/" in lines
     assert f"page: {out / 'report.html'}" in lines
-    assert any(line.startswith("2 people in ") and line.endswith(" s, with all steps") for line in lines)
+    assert any(
+        line.startswith("2 people in ") and line.endswith(" s, with all steps") for line in lines
+    )
     files = {path.name for path in out.iterdir()}
     assert {"reconstruction.json", "cameras.json", "photos.png", "report.html"} <= files
     Image.fromarray(worlds[0].image[::-1]).save(tmp_path / "c.png")

@@ -22,7 +22,9 @@ NAMES = ["a.png", "b.png", "c.png"]
 
 @pytest.fixture(scope="module")
 def found():
-    config = load_config(preset="mock", flags={"noise": MISSED}, overrides=["engine.joint.optimiser.steps=10"])
+    config = load_config(
+        preset="mock", flags={"noise": MISSED}, overrides=["engine.joint.optimiser.steps=10"]
+    )
     worlds = [build_world(name, 3, (240, 180)) for name in view_names("group", 3)]
     with Pipeline(config) as pipeline:
         alone = [pipeline(world.image) for world in worlds]
@@ -46,7 +48,8 @@ def test_a_person_of_other_photos_is_in_the_result(found, others):
     assert other.contact.any()
     assert other.grade is not None
     assert tuple(photo.index for photo in found.photos if 3 in photo.shown) == others
-    own, views = NAMES[found.reference], ", ".join(NAMES[i] for i in others)
+    own = NAMES[found.reference]
+    views = ", ".join(NAMES[i] for i in others)
     note = f"person 3 is not in {own}, but in {views}: checks of {own} do not measure them"
     assert note in found.reconstruction.notes
 

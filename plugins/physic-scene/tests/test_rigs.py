@@ -28,8 +28,10 @@ def pixels(camera: KnownCamera, points: np.ndarray) -> np.ndarray:
     """Return the pixels of points of the rig, in metres, by OpenCV."""
     to_rig = camera.pose
     rotation = Rotation.from_matrix(to_rig[:3, :3]).inv()
-    vector, offset = rotation.as_rotvec(), -rotation.apply(to_rig[:3, 3])
-    K, distortion = camera.lens.intrinsics.matrix, np.array(camera.lens.distortion)
+    vector = rotation.as_rotvec()
+    offset = -rotation.apply(to_rig[:3, 3])
+    K = camera.lens.intrinsics.matrix
+    distortion = np.array(camera.lens.distortion)
     return cv2.projectPoints(points.copy(), vector, offset, K, distortion)[0][:, 0]
 
 
@@ -50,7 +52,9 @@ def distance(a: KnownCamera, b: KnownCamera) -> float:
 )
 def test_points_have_the_pixels_that_the_tool_gives_them(file, photos, unit_m, half, within_px):
     cameras = read_calibration(RIGS / file, photos, SIZES[: len(photos)], unit_m)
-    for camera, rows in zip(cameras, POINTS.get(file, POINTS["caliscope.toml"]).values(), strict=True):
+    for camera, rows in zip(
+        cameras, POINTS.get(file, POINTS["caliscope.toml"]).values(), strict=True
+    ):
         points, expected = np.split(np.array(rows), [3], axis=1)
         found = pixels(camera, points * (unit_m or 1.0))
         assert np.abs(found - (expected - half)).max() < within_px
@@ -115,7 +119,9 @@ def test_files_without_a_unit_need_one(file):
         read_calibration(RIGS / file, BY_FOLDER[:2], SIZES[:2])
 
 
-@pytest.mark.parametrize("photos", [["a.png", "b.png", "c.png"], ["cam_1.png", "cam_2.png", "cam_3.png"]])
+@pytest.mark.parametrize(
+    "photos", [["a.png", "b.png", "c.png"], ["cam_1.png", "cam_2.png", "cam_3.png"]]
+)
 def test_cameras_are_taken_in_order_where_no_photo_has_a_name(photos):
     cameras = read_calibration(RIGS / "pose2sim.toml", [Path(photo) for photo in photos], SIZES)
     assert [camera.name for camera in cameras] == ["left", "middle", "right"]
@@ -127,14 +133,20 @@ def test_images_of_one_name_are_told_apart_by_their_folders():
     right, left = read_calibration(RIGS / "colmap", photos, [SIZES[2], SIZES[0]], 1.0)
     assert (right.name, left.name) == ("right/0001.jpg", "left/0001.jpg")
     with pytest.raises(InputError, match="no camera"):
-        read_calibration(RIGS / "colmap", [Path("/a/0001.jpg"), Path("/b/0001.jpg")], SIZES[:2], 1.0)
+        read_calibration(
+            RIGS / "colmap", [Path("/a/0001.jpg"), Path("/b/0001.jpg")], SIZES[:2], 1.0
+        )
 
 
 def changed(folder: Path, file: str, old: str, new: str) -> Path:
-    """Return the path of a copy of a file, with the other files of its folder, in which a text is another one."""
+    """Return the path of a copy of a file, with the other files of its folder, in which a text is
+    another one.
+    """
     for one in (RIGS / file).parent.glob("*.*"):
         text = one.read_text()
-        (folder / one.name).write_text(text.replace(old, new) if one.name == Path(file).name else text)
+        (folder / one.name).write_text(
+            text.replace(old, new) if one.name == Path(file).name else text
+        )
     return folder / Path(file).name
 
 

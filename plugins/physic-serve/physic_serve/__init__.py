@@ -10,4 +10,8 @@ __all__ = ["physic_commands"]
 @hookimpl
 def physic_commands() -> list[PluginItem]:
     """Return the command "serve"."""
-    return [PluginItem("serve", "physic_serve.command:serve", "Reconstruct photos on a page in the browser.")]
+    return [
+        PluginItem(
+            "serve", "physic_serve.command:serve", "Reconstruct photos on a page in the browser."
+        )
+    ]

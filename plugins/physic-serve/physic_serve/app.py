@@ -1,4 +1,7 @@
-"""The pages of the server: upload, one photo and its files, and errors. They load nothing from other servers."""
+"""The pages of the server: upload, one photo and its files, and errors.
+
+They load nothing from other servers.
+"""
 
 from __future__ import annotations
 
@@ -43,14 +46,18 @@ _MEANINGS = {
     "reconstruction.json": "All numbers",
     "reconstruction.npz": "All arrays",
 }
-_PAGE_POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'self'; form-action 'self'"
+_PAGE_POLICY = (
+    "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'self'; form-action 'self'"
+)
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "same-origin",  # a stricter one would make browsers send forms with the origin "null"
+    # a stricter one would make browsers send forms with the origin "null"
+    "Referrer-Policy": "same-origin",
     "Content-Security-Policy": _PAGE_POLICY,
 }
-_COOKIE, _MOST_LISTED = "physic-results", 100
+_COOKIE = "physic-results"
+_MOST_LISTED = 100
 _LONGEST_TITLE = 100  # characters
 _TEMPLATES = Jinja2Templates(str(files("physic_serve") / "templates"))
 
@@ -60,7 +67,8 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
 
     Args:
         jobs: closed by the caller.
-        hosts: names and addresses under which the server is reached, without port; IPv6 addresses in brackets.
+        hosts: names and addresses under which the server is reached, without port; IPv6 addresses
+            in brackets.
         examples: photos to click, by name.
     """
 
@@ -82,11 +90,14 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
 
     async def take(request: Request) -> Response:
         async with request.form(max_files=1, max_fields=8) as form:
-            file, example = form.get("photo"), str(form.get("example", ""))
+            file = form.get("photo")
+            example = str(form.get("example", ""))
             if isinstance(file, UploadFile):
-                photo, title = await file.read(), str(file.filename)[:_LONGEST_TITLE]
+                photo = await file.read()
+                title = str(file.filename)[:_LONGEST_TITLE]
             elif example in examples:
-                photo, title = examples[example].read_bytes(), example
+                photo = examples[example].read_bytes()
+                title = example
             else:
                 raise HTTPException(400, "there is no photo: choose one")
             settings = {name: _number(str(text)) for name in _SETTINGS if (text := form.get(name))}
@@ -102,7 +113,9 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
         names = [*filter(paths.get, _MEANINGS), *(name for name in paths if name not in _MEANINGS)]
         rows = [(name, _MEANINGS.get(name, ""), paths[name].stat().st_size / 1e6) for name in names]
         values = {"job": job, "rows": rows, "report": REPORT_FILE}
-        return _TEMPLATES.TemplateResponse(request, "job.html", values, headers={"Cache-Control": "no-store"})
+        return _TEMPLATES.TemplateResponse(
+            request, "job.html", values, headers={"Cache-Control": "no-store"}
+        )
 
     def stop(request: Request) -> Response:
         job = find(request)
@@ -135,7 +148,9 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
 
 
 class _OwnSite:
-    """Refuse what a page of another site makes its reader's browser send, and add headers to all other answers."""
+    """Refuse what a page of another site makes its reader's browser send, and add headers to all
+    other answers.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -153,12 +168,16 @@ class _OwnSite:
         if origin is None or origin.partition("://")[2].lower() == headers["host"].lower():
             await self._app(scope, receive, send_with_headers)
         else:
-            await PlainTextResponse("this request came from a page of another site", 403)(scope, receive, send)
+            await PlainTextResponse("this request came from a page of another site", 403)(
+                scope, receive, send
+            )
 
 
 def _error_page(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    return _TEMPLATES.TemplateResponse(request, "error.html", {"message": error.detail}, error.status_code)
+    return _TEMPLATES.TemplateResponse(
+        request, "error.html", {"message": error.detail}, error.status_code
+    )
 
 
 def _own_results(request: Request) -> list[str]:

@@ -1,4 +1,6 @@
-"""The command ``physic serve``: a page in the browser that reconstructs photos, until a signal ends it."""
+"""The command ``physic serve``: a page in the browser that reconstructs photos, until a signal ends
+it.
+"""
 
 from __future__ import annotations
 
@@ -17,22 +19,34 @@ from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
-_EXPORTS = ("glb", "bvh", "usd", "mjcf")  # about 2 s of one core and 10 MB for two people; not ply (46 MB) and obj
+# about 2 s of one core and 10 MB for two people; not ply (46 MB) and obj
+_EXPORTS = ("glb", "bvh", "usd", "mjcf")
 
 
 @click.command()
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", default=8000, show_default=True, type=click.IntRange(0, 65535), help="0 chooses a free one.")
+@click.option(
+    "--port",
+    default=8000,
+    show_default=True,
+    type=click.IntRange(0, 65535),
+    help="0 chooses a free one.",
+)
 @configuration_options
-@click.option("--allow-host", metavar="NAME", multiple=True, help="A name or address of this server.")
+@click.option(
+    "--allow-host", metavar="NAME", multiple=True, help="A name or address of this server."
+)
 @click.option(
     "--export",
     "exports",
     metavar="FORMAT",
     multiple=True,
-    help=f"Format of physic export to write beside each result; may be repeated.  [default: {', '.join(_EXPORTS)}]",
+    help=f"Format of physic export to write beside each result; may be repeated.  [default: "
+    f"{', '.join(_EXPORTS)}]",
 )
-@click.option("--folder", type=AnyPath(), help="Where results lie.  [default: the temporary folder]")
+@click.option(
+    "--folder", type=AnyPath(), help="Where results lie.  [default: the temporary folder]"
+)
 def serve(
     host: str,
     port: int,
@@ -61,16 +75,27 @@ def serve(
     _end_at_signals()
     address = f"[{host}]" if ":" in host else host
     listening = _listen(host, port)  # before the models are loaded, which takes long
-    own = tempfile.TemporaryDirectory(prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True)
+    own = tempfile.TemporaryDirectory(
+        prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True
+    )
     with closing(listening), own as place:
         tempfile.tempdir = place  # for parts of forms
         echo("loading the models", err=True)
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:
             if address not in _LOCAL:
-                echo(f"warning: whoever reaches {host} can use this server: it has no password", err=True)
+                echo(
+                    f"warning: whoever reaches {host} can use this server: it has no password",
+                    err=True,
+                )
             app = make_app(jobs, (*_LOCAL, address, *allow_host), example_photos())
             settings = uvicorn.Config(
-                app, host, port, ws="none", lifespan="off", log_level="warning", timeout_graceful_shutdown=2
+                app,
+                host,
+                port,
+                ws="none",
+                lifespan="off",
+                log_level="warning",
+                timeout_graceful_shutdown=2,
             )
             echo(f"http://{address}:{listening.getsockname()[1]}/  (Ctrl-C ends it)")
             uvicorn.Server(settings).run([listening])
@@ -83,9 +108,13 @@ def _listen(host: str, port: int) -> socket.socket:
         ConfigError: the host is unknown, or the port is in use or not allowed.
     """
     try:
-        family, _, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        family, _, _, _, place = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
     except socket.gaierror as error:
-        raise ConfigError(f"--host {host} is no address of this computer: {error.strerror}") from error
+        raise ConfigError(
+            f"--host {host} is no address of this computer: {error.strerror}"
+        ) from error
     made = socket.socket(family, socket.SOCK_STREAM)
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -94,14 +123,17 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         made.close()
         raise ConfigError(
-            f"cannot listen at --host {host} --port {port}: {error.strerror}; another server may run there: give "
+            f"cannot listen at --host {host} --port {port}: {error.strerror}; another server may "
+            f"run there: give "
             "another --port, or 0 for any free one"
         ) from error
     return made
 
 
 def example_photos() -> dict[str, Path]:
-    """Return the photos in the folder ``examples`` of a checkout by name; wheels of PhySIC have none."""
+    """Return the photos in the folder ``examples`` of a checkout by name; wheels of PhySIC have
+    none.
+    """
     import physic_core
 
     folder = Path(physic_core.__file__).parents[1] / "examples"
@@ -109,7 +141,9 @@ def example_photos() -> dict[str, Path]:
 
 
 def _formats(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the formats to export: those named, or those of the default that are installed with their libraries."""
+    """Return the formats to export: those named, or those of the default that are installed with
+    their libraries.
+    """
     from physic_core import find_exporter, find_exporters
 
     if names:
@@ -119,7 +153,10 @@ def _formats(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _end_at_signals() -> None:
-    """Let SIGTERM end the server as Ctrl-C does, and SIGHUP as SIGTERM, also while uvicorn handles SIGTERM."""
+    """Let SIGTERM end the server as Ctrl-C does, and SIGHUP as SIGTERM, also while uvicorn handles
+    SIGTERM.
+    """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup sets it
+    # as nohup sets it
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))

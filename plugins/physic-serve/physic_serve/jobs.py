@@ -44,7 +44,11 @@ class Job:
     @property
     def files(self) -> dict[str, Path]:
         """The files of the result by name; none before it is done."""
-        return {path.name: path for path in sorted(self.folder.iterdir())} if self.state == "done" else {}
+        return (
+            {path.name: path for path in sorted(self.folder.iterdir())}
+            if self.state == "done"
+            else {}
+        )
 
 
 class Jobs:
@@ -59,7 +63,8 @@ class Jobs:
     """
 
     def __init__(self, folder: Path, open_worker: Callable[[], Worker]) -> None:
-        self._folder, self._open_worker = folder, open_worker
+        self._folder = folder
+        self._open_worker = open_worker
         self._worker = open_worker()
         self._jobs: dict[str, Job] = {}
         self._waiting: SimpleQueue[tuple[Job, Task] | None] = SimpleQueue()
@@ -90,7 +95,8 @@ class Jobs:
             if job.state == "running":
                 self._worker.end()
             if not job.finished:
-                job.state, job.error = "failed", "it was stopped"
+                job.state = "failed"
+                job.error = "it was stopped"
 
     def close(self) -> None:
         """End all jobs and the worker."""
@@ -123,6 +129,7 @@ class Jobs:
             if message.kind == "stage":
                 job.stages.append(message.content)
             elif message.kind == "done":
-                job.state, job.summary = "done", message.content
+                job.state = "done"
+                job.summary = message.content
             else:
                 job.state, job.error = "failed", str(message.content)

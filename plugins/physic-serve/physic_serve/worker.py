@@ -1,6 +1,8 @@
-"""The process that holds the pipeline: it reconstructs one photo after the other, and can be killed at any time.
+"""The process that holds the pipeline: it reconstructs one photo after the other, and can be killed
+at any time.
 
-A photo that crashes it or hangs costs this photo alone: another process is started for the next one.
+A photo that crashes it or hangs costs this photo alone: another process is started for the next
+one.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ REPORT_FILE = "report.html"
 
 
 class Task(NamedTuple):
-    """One photo: the content of its file, its title, settings of ``[photo]``, and the empty folder of the result."""
+    """One photo: the content of its file, its title, settings of ``[photo]``, and the empty folder
+    of the result.
+    """
 
     photo: bytes
     title: str
@@ -38,7 +42,8 @@ class Task(NamedTuple):
 class Message(NamedTuple):
     """What the process reports.
 
-    "ready", "refused" (reason); "stage" (name, number from 0, count), "done" (summary), "failed" (reason).
+    "ready", "refused" (reason); "stage" (name, number from 0, count), "done" (summary), "failed"
+    (reason).
     """
 
     kind: str
@@ -46,7 +51,8 @@ class Message(NamedTuple):
 
 
 def open_pipeline(config: Any) -> Reconstruct:
-    """Load all backends of a configuration, and return the function that reconstructs the photo of a task.
+    """Load all backends of a configuration, and return the function that reconstructs the photo of
+    a task.
 
     Raises:
         PhysicError: a backend cannot be loaded.
@@ -71,11 +77,16 @@ class Worker:
     """
 
     def __init__(
-        self, config: Any, exports: tuple[str, ...] = (), open_: Callable[[Any], Reconstruct] = open_pipeline
+        self,
+        config: Any,
+        exports: tuple[str, ...] = (),
+        open_: Callable[[Any], Reconstruct] = open_pipeline,
     ) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs, config, exports, open_), daemon=True)
+        self._process = context.Process(
+            target=_work, args=(theirs, config, exports, open_), daemon=True
+        )
         with started_processes():
             self._process.start()
         theirs.close()
@@ -112,8 +123,11 @@ class Worker:
         return message
 
 
-def _work(pipe: Connection, config: Any, exports: tuple[str, ...], open_: Callable[[Any], Reconstruct]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server, which ends this process
+def _work(
+    pipe: Connection, config: Any, exports: tuple[str, ...], open_: Callable[[Any], Reconstruct]
+) -> None:
+    # Ctrl-C reaches the server, which ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         reconstruct = open_(config)
     except Exception as error:
@@ -122,11 +136,22 @@ def _work(pipe: Connection, config: Any, exports: tuple[str, ...], open_: Callab
     pipe.send(Message("ready"))
     with suppress(EOFError, OSError):  # the server has ended
         while True:
-            pipe.send(_run(pipe.recv(), reconstruct, exports, lambda *stage: pipe.send(Message("stage", stage))))
+            pipe.send(
+                _run(
+                    pipe.recv(),
+                    reconstruct,
+                    exports,
+                    lambda *stage: pipe.send(Message("stage", stage)),
+                )
+            )
 
 
-def _run(task: Task, reconstruct: Reconstruct, exports: tuple[str, ...], progress: Progress) -> Message:
-    """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a message."""
+def _run(
+    task: Task, reconstruct: Reconstruct, exports: tuple[str, ...], progress: Progress
+) -> Message:
+    """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a
+    message.
+    """
     try:
         result = reconstruct(task, progress)
         progress("write the files", 0, 0)

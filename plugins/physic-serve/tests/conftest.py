@@ -18,7 +18,9 @@ PHOTO = b"\xff\xd8\xff a photo"
 
 
 class ScriptedWorker:
-    """In place of the process: each task waits for ``release``, then writes files, or ends as ``outcome`` says."""
+    """In place of the process: each task waits for ``release``, then writes files, or ends as
+    ``outcome`` says.
+    """
 
     def __init__(self) -> None:
         self.tasks: list[Task] = []
@@ -29,7 +31,9 @@ class ScriptedWorker:
     def write(self, task: Task) -> Message:
         for name in ("preview.png", "report.html", "combined.glb", "other.ply"):
             (task.folder / name).write_text(name)
-        return Message("done", {"grade": "good", "missing_exports": {"mjcf": "the result has no floor"}})
+        return Message(
+            "done", {"grade": "good", "missing_exports": {"mjcf": "the result has no floor"}}
+        )
 
     def reconstruct(self, task: Task) -> Iterator[Message]:
         self.tasks.append(task)
@@ -62,7 +66,9 @@ class Served:
 
     def post(self, name: str = "photo.jpg", content: bytes = PHOTO, **settings: str) -> str:
         """Send a photo, and return the address of its page."""
-        posted = self.client.post("/jobs", files={"photo": (name, content)}, data=settings, follow_redirects=False)
+        posted = self.client.post(
+            "/jobs", files={"photo": (name, content)}, data=settings, follow_redirects=False
+        )
         assert posted.status_code == 303
         return str(posted.headers["location"])
 

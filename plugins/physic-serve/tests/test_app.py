@@ -22,7 +22,12 @@ def test_a_photo_becomes_a_page_with_its_files(served: Served):
     done = served.wait(page, "Done")
     assert '<span class="good">' in done
     assert "<title>&lt;b&gt;&amp;.jpg</title>" in done
-    assert re.findall(r"download>([^<]+)", done) == ["combined.glb", "preview.png", "report.html", "other.ply"]
+    assert re.findall(r"download>([^<]+)", done) == [
+        "combined.glb",
+        "preview.png",
+        "report.html",
+        "other.ply",
+    ]
     assert "Not exported to mjcf: the result has no floor" in done
     assert "Stop" not in done
     picture = served.client.get(f"{page}/files/preview.png")
@@ -49,7 +54,8 @@ def test_an_example_is_a_click(served: Served):
 
 
 def test_stopped_photos_have_no_result_and_the_next_one_has_a_new_worker(served: Served):
-    running, waiting = served.post(), served.post()
+    running = served.post()
+    waiting = served.post()
     served.wait(running, "Running")
     for page in (waiting, running):
         assert "it was stopped" in served.client.post(f"{page}/stop").text
@@ -81,7 +87,9 @@ def test_a_browser_lists_its_own_results(served: Served):
     assert "Earlier results" not in served.browser().get("/").text
 
 
-@pytest.mark.parametrize("name", ["../../../evil.jpg", "/etc/passwd", "reconstruction.json", "n" * 300])
+@pytest.mark.parametrize(
+    "name", ["../../../evil.jpg", "/etc/passwd", "reconstruction.json", "n" * 300]
+)
 def test_the_name_of_the_file_is_shown_and_names_no_file(served: Served, tmp_path, name: str):
     served.release.set()
     page = served.post(name)
@@ -91,7 +99,9 @@ def test_the_name_of_the_file_is_shown_and_names_no_file(served: Served, tmp_pat
     assert written == {"preview.png", "report.html", "combined.glb", "other.ply"}
 
 
-@pytest.mark.parametrize("file", ["..%2fphoto", "%2e%2e%2fpreview.png", "%2fetc%2fpasswd", "preview.png%00", "photo"])
+@pytest.mark.parametrize(
+    "file", ["..%2fphoto", "%2e%2e%2fpreview.png", "%2fetc%2fpasswd", "preview.png%00", "photo"]
+)
 def test_only_files_of_the_result_can_be_read(served: Served, file: str):
     page = served.post()
     served.release.set()
@@ -103,7 +113,12 @@ def test_settings_come_from_the_form(served: Served):
     served.release.set()
     served.wait(served.post(stature="1.8", age="4.5", focal_px="", other="3"), "Done")
     assert served.workers[0].tasks[0].settings == {"stature": 1.8, "age": 4.5}
-    assert served.client.post("/jobs", files={"photo": ("p.jpg", PHOTO)}, data={"age": "old"}).status_code == 400
+    assert (
+        served.client.post(
+            "/jobs", files={"photo": ("p.jpg", PHOTO)}, data={"age": "old"}
+        ).status_code
+        == 400
+    )
 
 
 @pytest.mark.parametrize(
@@ -115,7 +130,9 @@ def test_settings_come_from_the_form(served: Served):
         ({"host": "testserver.evil.example"}, 400),
     ],
 )
-def test_a_page_of_another_site_can_send_and_read_nothing(served: Served, headers: dict[str, str], status: int):
+def test_a_page_of_another_site_can_send_and_read_nothing(
+    served: Served, headers: dict[str, str], status: int
+):
     files = {"photo": ("photo.jpg", PHOTO)}
     assert served.client.post("/jobs", files=files, headers=headers).status_code == status
     assert served.client.get("/", headers=headers).status_code == status
@@ -123,14 +140,20 @@ def test_a_page_of_another_site_can_send_and_read_nothing(served: Served, header
 
 
 @pytest.mark.parametrize(
-    "headers", [{"origin": "http://testserver"}, {"host": "TestServer:8000", "origin": "https://testserver:8000"}]
+    "headers",
+    [
+        {"origin": "http://testserver"},
+        {"host": "TestServer:8000", "origin": "https://testserver:8000"},
+    ],
 )
 def test_the_own_page_is_answered(served: Served, headers: dict[str, str]):
     assert served.client.get("/", headers=headers).status_code == 200
     assert served.client.get("/", headers={"host": "[::1]:8000"}).status_code == 200
 
 
-def test_what_cannot_be_found_or_read_is_a_page_of_words(served: Served, monkeypatch: pytest.MonkeyPatch):
+def test_what_cannot_be_found_or_read_is_a_page_of_words(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+):
     for answer, status in (
         (served.client.get("/jobs/none"), 404),
         (served.client.get("/none"), 404),
@@ -140,7 +163,10 @@ def test_what_cannot_be_found_or_read_is_a_page_of_words(served: Served, monkeyp
 
 
 def test_an_upload_of_too_many_bytes_is_refused(served: Served):
-    large = {"content-length": str(app.MAX_UPLOAD_BYTES + 1), "content-type": "multipart/form-data; boundary=b"}
+    large = {
+        "content-length": str(app.MAX_UPLOAD_BYTES + 1),
+        "content-type": "multipart/form-data; boundary=b",
+    }
     assert served.client.post("/jobs", content=b"", headers=large).status_code == 413
 
 
@@ -159,7 +185,11 @@ def test_an_upload_that_the_browser_breaks_off_raises_nothing(served: Served):
     async def send(message: Any) -> None:
         sent.append(message)
 
-    headers = {"host": "testserver", "content-length": "1000", "content-type": "multipart/form-data; boundary=b"}
+    headers = {
+        "host": "testserver",
+        "content-length": "1000",
+        "content-type": "multipart/form-data; boundary=b",
+    }
     scope = {
         "type": "http",
         "asgi": {"version": "3.0"},

@@ -1,4 +1,6 @@
-"""``physic serve`` as a user starts it: a process of its own, a real socket on the loopback, and a browser."""
+"""``physic serve`` as a user starts it: a process of its own, a real socket on the loopback, and a
+browser.
+"""
 
 from __future__ import annotations
 
@@ -37,13 +39,27 @@ def _heed_closed_terminals() -> None:
 
 @contextmanager
 def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
-    """Yield the address of a server with mock estimators, which the signal ends; its folder is then as before."""
+    """Yield the address of a server with mock estimators, which the signal ends; its folder is then
+    as before.
+    """
     before = sorted(folder.rglob("*"))
-    command = [sys.executable, "-P", "-m", "physic_core", "serve", "--preset", "mock", "--port", "0"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "physic_core",
+        "serve",
+        "--preset",
+        "mock",
+        "--port",
+        "0",
+    ]
     options = ["--allow-host", "photos.example", "--folder", str(folder)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     # Tests that nohup starts ignore SIGHUP, and so would the server.
-    with subprocess.Popen([*command, *options], preexec_fn=_heed_closed_terminals, **pipes) as process:
+    with subprocess.Popen(
+        [*command, *options], preexec_fn=_heed_closed_terminals, **pipes
+    ) as process:
         line = process.stdout.readline()
         found = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/  \(Ctrl-C ends it\)\n", line)
         assert found, line + process.communicate()[1]
@@ -70,21 +86,29 @@ def test_a_closed_terminal_leaves_no_photo_and_the_files_of_the_user(photo: Path
         assert len(list(tmp_path.glob("physic-serve-*"))) == 2
 
 
-@pytest.mark.parametrize(("host", "status"), [("Photos.Example:80", 200), ("photos.example.evil.example", 400)])
+@pytest.mark.parametrize(
+    ("host", "status"), [("Photos.Example:80", 200), ("photos.example.evil.example", 400)]
+)
 def test_another_name_of_the_server_is_given_with_an_option(address: str, host: str, status: int):
     assert httpx2.get(f"{address}/", headers={"host": host}).status_code == status
 
 
-def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chromium: Any, tmp_path: Path):
+def test_a_person_uploads_a_photo_in_the_browser(
+    address: str, photo: Path, chromium: Any, tmp_path: Path
+):
     page = chromium.open(f"{address}/", 420, 900)
     root = page.call("DOM.getDocument")["root"]["nodeId"]
     field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
     page.call("DOM.setFileInputFiles", nodeId=field, files=[str(photo)])
     page.wait("document.querySelector('.drop img').naturalWidth > 0")
-    assert page.evaluate("document.querySelector('.drop span').textContent").startswith("walk.png, ")
+    assert page.evaluate("document.querySelector('.drop span').textContent").startswith(
+        "walk.png, "
+    )
     page.evaluate("document.querySelector('button').click()")
     # On a loaded machine, the page may be shown when the photo has ended.
-    page.wait("document.querySelectorAll('#progress li').length > 3 || !!document.querySelector('iframe')")
+    page.wait(
+        "document.querySelectorAll('#progress li').length > 3 || !!document.querySelector('iframe')"
+    )
     page.wait("!!document.querySelector('iframe')")
     assert page.evaluate("document.querySelector('h1').textContent") == "walk.png"
     assert "good" in page.evaluate("document.querySelector('#progress').textContent")
@@ -93,24 +117,32 @@ def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chro
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
     assert page.errors() == []
     assert {re.match(r"\w+://[^/]+", place)[0] for place in page.requests()} == {address}  # type: ignore[index]
-    links = page.evaluate("[...document.querySelectorAll('a[download]')].map(a => [a.textContent, a.href])")
-    assert {"combined.glb", "skinned.glb", "skeleton.bvh", "report.html", "mujoco.xml"} <= {name for name, _ in links}
+    links = page.evaluate(
+        "[...document.querySelectorAll('a[download]')].map(a => [a.textContent, a.href])"
+    )
+    assert {"combined.glb", "skinned.glb", "skeleton.bvh", "report.html", "mujoco.xml"} <= {
+        name for name, _ in links
+    }
     for name, place in links:
         (tmp_path / name).write_bytes(httpx2.get(place).content)
     assert len(Reconstruction.load(str(tmp_path)).people) == 1
     job = page.evaluate("location.href")
     page.close()
     start = chromium.open(f"{address}/", 420, 900)
-    assert start.evaluate("[...document.querySelectorAll('.results a')].map(a => [a.textContent, a.href])") == [
-        ["walk.png", job]
-    ]
+    assert start.evaluate(
+        "[...document.querySelectorAll('.results a')].map(a => [a.textContent, a.href])"
+    ) == [["walk.png", job]]
     start.close()
 
 
 def test_an_example_is_clicked_and_stopped_in_the_browser(address: str, chromium: Any):
     page = chromium.open(f"{address}/", 1000, 900)
-    page.wait("[...document.querySelectorAll('.examples img')].every(picture => picture.naturalWidth > 0)")
-    names = page.evaluate("[...document.querySelectorAll('.examples button')].map(button => button.value)")
+    page.wait(
+        "[...document.querySelectorAll('.examples img')].every(picture => picture.naturalWidth > 0)"
+    )
+    names = page.evaluate(
+        "[...document.querySelectorAll('.examples button')].map(button => button.value)"
+    )
     assert names == list(example_photos())
     assert "couple.jpg" in names
     page.evaluate("document.querySelector('.examples button').click()")

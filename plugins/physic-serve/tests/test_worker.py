@@ -37,7 +37,9 @@ def open_pipeline(config):
 
 @pytest.fixture
 def open_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A worker whose process runs the stand-in; a spawned process has the import path of its parent."""
+    """A worker whose process runs the stand-in; a spawned process has the import path of its
+    parent.
+    """
     (tmp_path / "stand_in_of_pipeline.py").write_text(STAND_IN)
     monkeypatch.syspath_prepend(tmp_path)
     import stand_in_of_pipeline  # type: ignore[import-not-found]

@@ -9,9 +9,13 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the commands "setup" and "weights fetch", and those that help to write a configuration."""
+    """Return the commands "setup" and "weights fetch", and those that help to write a
+    configuration.
+    """
     return [
-        PluginItem("config init", "physic_setup.commands:init", "Write a configuration with every setting."),
+        PluginItem(
+            "config init", "physic_setup.commands:init", "Write a configuration with every setting."
+        ),
         PluginItem(
             "config schema",
             "physic_setup.commands:schema",

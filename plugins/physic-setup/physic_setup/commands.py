@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("file", type=AnyPath(), default=Path("physic.toml"))
-@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
+@click.option(
+    "--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on."
+)
 def init(file: Path, preset: str) -> None:
     """Write a configuration to FILE that lists every setting with its meaning, commented out.
 
@@ -48,10 +50,11 @@ def init(file: Path, preset: str) -> None:
 
 @click.command()
 def schema() -> None:
-    """Print the JSON Schema of a configuration for your editor, with the options of installed backends.
+    """Print the JSON Schema of a configuration for your editor, with the options of installed
+    backends.
 
-    With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
-    editors complete and check it (Even Better TOML, Taplo and others).
+    With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json`
+    of a TOML file lets editors complete and check it (Even Better TOML, Taplo and others).
     """
     from physic_setup.schema import config_schema
 
@@ -71,7 +74,8 @@ def schema() -> None:
     "--to",
     type=FolderPath(),
     metavar="FOLDER",
-    help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to it there.",
+    help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to "
+    "it there.",
 )
 @click.pass_context
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
@@ -99,7 +103,11 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
         else:
             here = locate_files(one.weights)
             where = to / name if to else common_folder(here) or ", ".join(map(str, here.values()))
-            echo(f"{name}: {', '.join(fetched)} downloaded to {where}" if fetched else f"{name}: already in {where}")
+            echo(
+                f"{name}: {', '.join(fetched)} downloaded to {where}"
+                if fetched
+                else f"{name}: already in {where}"
+            )
     ctx.exit(WEIGHTS if failed else 0)
 
 
@@ -117,16 +125,20 @@ def _report(name: str, file: WeightFile) -> None:
     help="For checkouts, your own files and the configuration.  [default: physic-PRESET]",
 )
 @click.option(
-    "--run", "run_steps", is_flag=True, help="Run the commands of the remaining steps; each is printed first."
+    "--run",
+    "run_steps",
+    is_flag=True,
+    help="Run the commands of the remaining steps; each is printed first.",
 )
 @click.pass_context
 def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool) -> None:
-    """Print a shell script that installs the estimators of PRESET; its comments list what you have to do yourself.
+    """Print a shell script that installs the estimators of PRESET; its comments list what you have
+    to do yourself.
 
     First it says what the preset contains, under which licences, and what was not measured.
 
-    Steps that are done are marked, and skipped by --run: the same command goes on where it stopped. A licence that
-    restricts use is never accepted for you. Exits with code 4 if a step remains.
+    Steps that are done are marked, and skipped by --run: the same command goes on where it stopped.
+    A licence that restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
     from physic_core.configuration.layers import preset_comment
     from physic_setup.steps import pin_setup, read_config
@@ -185,7 +197,11 @@ def _costs(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
     from physic_core.weights.find import format_size
 
-    more = f", and these, of no published exact size: {', '.join(found.unsized)}" if found.unsized else ""
+    more = (
+        f", and these, of no published exact size: {', '.join(found.unsized)}"
+        if found.unsized
+        else ""
+    )
     yield f"Download size, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
     for name, memory in found.gpu:
         yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
@@ -194,7 +210,8 @@ def _costs(found: Setup) -> Iterator[str]:
     yield f"Accounts: {', '.join(found.accounts) or 'none'}"
     if found.unpinned:
         yield (
-            f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and repositories have "
+            f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and "
+            f"repositories have "
             "neither a SHA-256 nor a commit"
         )
 
@@ -205,13 +222,21 @@ def _run(step: SetupStep) -> None:
         echo(f"   $ {command}")
         words = shlex.split(command)
         if words[0] in ("python", "physic"):
-            words[:1] = [sys.executable, "-P", "-m", "physic_core"] if words[0] == "physic" else [sys.executable]
+            words[:1] = (
+                [sys.executable, "-P", "-m", "physic_core"]
+                if words[0] == "physic"
+                else [sys.executable]
+            )
         try:
             code = subprocess.run(words, check=False).returncode
         except OSError as error:
             raise OutputError(f"{words[0]} cannot be run: {error.strerror}") from error
         if code:
-            echo(f"Error: this command ended with code {code}. Remove the cause, and run setup again.", err=True)
+            echo(
+                f"Error: this command ended with code {code}. Remove the cause, and run setup "
+                f"again.",
+                err=True,
+            )
             click.get_current_context().exit(OTHER)
     if step.file is not None:
         path, text = step.file

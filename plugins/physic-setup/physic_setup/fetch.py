@@ -1,4 +1,6 @@
-"""Download the missing files of a weight set with pooch and huggingface_hub, and verify their size and SHA-256."""
+"""Download the missing files of a weight set with pooch and huggingface_hub, and verify their size
+and SHA-256.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +33,16 @@ def fetch(
     Args:
         weights: the set.
         accept: whether the user accepts a licence that restricts use or requires an account.
-        to: folder for the complete set, as ``<to>/<set>/<file>``. None for the default: the cache of Hugging Face for
-            files that come from there, else the user's cache folder.
+        to: folder for the complete set, as ``<to>/<set>/<file>``. None for the default: the cache
+            of Hugging Face for files that come from there, else the user's cache folder.
         report: called before each download.
 
     Returns:
         Paths of the new files, relative to the set.
 
     Raises:
-        DownloadError: the licence is not accepted, a file has no source, or a download failed. Complete files are kept.
+        DownloadError: the licence is not accepted, a file has no source, or a download failed.
+            Complete files are kept.
         OutputError: the folder cannot be written.
     """
     weights = locked(weights)
@@ -56,7 +59,8 @@ def fetch(
         raise DownloadError(f"{by_hand} of '{weights.name}' cannot be downloaded: {advice}")
     if absent and not (accept or weights.is_free):
         raise DownloadError(
-            f"'{weights.name}' is not downloaded without --accept-licence:\n{weights.describe_licence()}\n"
+            f"'{weights.name}' is not downloaded without "
+            f"--accept-licence:\n{weights.describe_licence()}\n"
             f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
         )
     for file in absent:
@@ -66,7 +70,12 @@ def fetch(
         elif file.source:
             report(file)
             _fetch_file(weights, file, folder, in_folder=to is not None)
-    if not by_hand and to is None and len(weights.files) > 1 and common_folder(_here(weights, None)) is None:
+    if (
+        not by_hand
+        and to is None
+        and len(weights.files) > 1
+        and common_folder(_here(weights, None)) is None
+    ):
         absent = [file for file in weights.files if not (folder / file.path).is_file()]
         for file in absent:
             _copy(_here(weights, None)[file.path], folder / file.path)
@@ -85,7 +94,9 @@ def _here(weights: WeightSet, to: Path | None) -> dict[str, Path]:
 
 
 def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder: bool) -> None:
-    """Download a file to a folder, or into the cache of Hugging Face if it comes from there and need not be inside."""
+    """Download a file to a folder, or into the cache of Hugging Face if it comes from there and
+    need not be inside.
+    """
     target = folder / file.path
     check_writable(target.parent)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".download-") as scratch:
@@ -101,7 +112,8 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
             tried = "\n".join(f"{place}: {error}" for place, error in errors)
             raise DownloadError(f"{tried}{homepage}") from errors[0][1]
         if wrong := describe_mismatch(found, file):
-            for path in {found.resolve(), found}:  # the cache of Hugging Face has a file, and a link of its revision
+            # the cache of Hugging Face has a file, and a link of its revision
+            for path in {found.resolve(), found}:
                 path.unlink()
             raise DownloadError(f"{place} was downloaded, but {wrong}: removed")
         if place == file.source and not isinstance(file.origin, HubSource):
@@ -119,10 +131,14 @@ def _copy(found: Path, target: Path) -> None:
 
 
 def _from_place(file: WeightFile, place: str, scratch: Path) -> Path:
-    """Download a file from its source, or from a mirror: the repository "owner/name" on Hugging Face."""
+    """Download a file from its source, or from a mirror: the repository "owner/name" on Hugging
+    Face.
+    """
     if place != file.source:
         return _from_hub(_find_in_mirror(file, place))
-    return _from_hub(file.origin) if isinstance(file.origin, HubSource) else _from_web(file, scratch)
+    return (
+        _from_hub(file.origin) if isinstance(file.origin, HubSource) else _from_web(file, scratch)
+    )
 
 
 def _from_hub(origin: HubSource) -> Path:
@@ -132,7 +148,9 @@ def _from_hub(origin: HubSource) -> Path:
 
 
 def _find_in_mirror(file: WeightFile, repository: str) -> HubSource:
-    """Return the file of a mirror that has the published SHA-256; for a small file the hub states only the size."""
+    """Return the file of a mirror that has the published SHA-256; for a small file the hub states
+    only the size.
+    """
     import huggingface_hub as hub
 
     listed = hub.HfApi().model_info(repository, files_metadata=True)
@@ -148,12 +166,15 @@ def _from_web(file: WeightFile, scratch: Path) -> Path:
     origin = file.origin
     assert isinstance(origin, WebSource)
     pooch.get_logger().setLevel("WARNING")
-    unzip = pooch.Unzip() if origin.member else None  # it strips the part of a name that leads out of the folder
+    # it strips the part of a name that leads out of the folder
+    unzip = pooch.Unzip() if origin.member else None
     responses: list[Any] = []
     hooks = {"response": lambda response, **_: responses.append(response)}
     load = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60, hooks=hooks)
     try:
-        found = pooch.retrieve(origin.url, None, "download", scratch, processor=unzip, downloader=load)
+        found = pooch.retrieve(
+            origin.url, None, "download", scratch, processor=unzip, downloader=load
+        )
     finally:
         for response in responses:  # pooch does not close them
             response.close()

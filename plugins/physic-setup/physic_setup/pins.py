@@ -1,4 +1,6 @@
-"""Write the lock file ``physic.lock``: what was fetched first; :mod:`physic_core.weights.lock` reads it."""
+"""Write the lock file ``physic.lock``: what was fetched first; :mod:`physic_core.weights.lock`
+reads it.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,10 @@ from physic_core.errors import OutputError
 from physic_core.weights.lock import lock_file_path, read_lock
 from physic_core.weights.manifest import WeightSet
 
-_HEAD = "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it with your project.\n"
+_HEAD = (
+    "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it "
+    "with your project.\n"
+)
 
 
 def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
@@ -20,12 +25,17 @@ def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    held, path = read_lock(), lock_file_path()
+    held = read_lock()
+    path = lock_file_path()
     if path is None or not entries.keys() - held.keys():
         return
     lines = [_HEAD]
     for name, entry in sorted({**entries, **held}.items()):
-        lines += [f"[{json.dumps(name)}]", *(f"{key} = {json.dumps(value)}" for key, value in entry.items()), ""]
+        lines += [
+            f"[{json.dumps(name)}]",
+            *(f"{key} = {json.dumps(value)}" for key, value in entry.items()),
+            "",
+        ]
     part = path.with_name(f"{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,14 +46,19 @@ def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
 
 
 def pin_files(weights: WeightSet, here: Mapping[str, Path]) -> None:
-    """Add the files of a weight set that are here and that neither its manifest nor the lock file has pinned."""
+    """Add the files of a weight set that are here and that neither its manifest nor the lock file
+    has pinned.
+    """
     held = read_lock()
     found = {}
     for file in weights.files:
-        name, path = f"{weights.name}/{file.path}", here.get(file.path)
+        name = f"{weights.name}/{file.path}"
+        path = here.get(file.path)
         if path is not None and file.sha256 is None and name not in held:
             commit = _snapshot(path)
-            found[name] = {"sha256": remembered_sha256(path)} | ({"revision": commit} if commit else {})
+            found[name] = {"sha256": remembered_sha256(path)} | (
+                {"revision": commit} if commit else {}
+            )
     pin(found)
 
 

@@ -29,17 +29,23 @@ if TYPE_CHECKING:
 _QUALIFIED_NAME = {
     "type": "string",
     "pattern": "^[^:]+:[^:]+$",
-    "description": "'distribution:name', or 'package.module:Class' of a class that no plugin registers",
+    "description": "'distribution:name', or 'package.module:Class' of a class that no plugin "
+    "registers",
 }
 
 
 def config_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a configuration file. All keys are optional.
 
-    A file lists only the differences from a preset. A backend whose options cannot be read is included without them.
+    A file lists only the differences from a preset. A backend whose options cannot be read is
+    included without them.
     """
     installed = list_backends()
-    classes = {(offer.interface, name): _class(offer) for offer in installed for name in _names(offer, installed)}
+    classes = {
+        (offer.interface, name): _class(offer)
+        for offer in installed
+        for name in _names(offer, installed)
+    }
     kinds = {key: kind.Options if kind else None for key, kind in classes.items()}
     tables: dict[str, type[BaseModel]] = {
         "photo": PhotoSettings,
@@ -65,7 +71,9 @@ def config_schema() -> dict[str, Any]:
             if own == interface
         }
         summaries = {
-            name: summary_of(kind) if kind else "" for (own, name), kind in classes.items() if own == interface
+            name: summary_of(kind) if kind else ""
+            for (own, name), kind in classes.items()
+            if own == interface
         }
         interfaces[interface] = _interface(interface, options, summaries)
     return {
@@ -76,7 +84,10 @@ def config_schema() -> dict[str, Any]:
         "properties": {
             "extends": {
                 "description": "a preset, or the path of another file",
-                "anyOf": [{"enum": list(preset_names())}, {"type": "string", "pattern": r"(\.toml|\.json)$|/"}],
+                "anyOf": [
+                    {"enum": list(preset_names())},
+                    {"type": "string", "pattern": r"(\.toml|\.json)$|/"},
+                ],
             },
             **interfaces,
             **{name: places[table, "validation"] for name, table in tables.items()},
@@ -101,8 +112,12 @@ def _names(offer: Offer, installed: tuple[Offer, ...]) -> tuple[str, ...]:
     return (offer.name, qualified) if len(twins) == 1 else (qualified,)
 
 
-def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
-    """Return the JSON Schema of one interface's table; the allowed options depend on the backend."""
+def _interface(
+    interface: str, options: dict[str, Any], summaries: dict[str, str]
+) -> dict[str, Any]:
+    """Return the JSON Schema of one interface's table; the allowed options depend on the
+    backend.
+    """
     names = [{"const": name, "description": summaries[name]} for name in options]
     if interface in OPTIONAL_INTERFACES:
         names.append({"const": "none", "description": "leave it out"})
@@ -127,7 +142,9 @@ def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str
 
 
 def _class(offer: Offer) -> type[Backend] | None:
-    """Return the class of a backend, or None if it cannot be imported, or its options cannot be described."""
+    """Return the class of a backend, or None if it cannot be imported, or its options cannot be
+    described.
+    """
     try:
         kind = load_class(offer)
         kind.Options.model_json_schema()

@@ -1,4 +1,6 @@
-"""The steps that make a configuration run on this machine: packages, weights, code, files of the user, a config."""
+"""The steps that make a configuration run on this machine: packages, weights, code, files of the
+user, a config.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,8 @@ class Setup:
 
 
 def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
-    """Return the configuration of an earlier setup or of a preset, and the missing distribution of its engine preset.
+    """Return the configuration of an earlier setup or of a preset, and the missing distribution of
+    its engine preset.
 
     Without that distribution, the configuration has the engine preset "default".
 
@@ -89,11 +92,15 @@ def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
     try:
         return read(), ()
     except ConfigError:
-        tables, _ = merge_layers(file_layers(file, preset) if file.is_file() else preset_layers(preset))
+        tables, _ = merge_layers(
+            file_layers(file, preset) if file.is_file() else preset_layers(preset)
+        )
         engine = tables.get("engine", {}).get("preset")
         if engine in engine_preset_names() or engine not in ENGINE_PRESETS:
             raise
-        return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (ENGINE_PRESETS[engine],)
+        return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (
+            ENGINE_PRESETS[engine],
+        )
 
 
 def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, ...] = ()) -> Setup:
@@ -110,22 +117,42 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         BackendError: a backend is broken, or the manifest of a plugin is invalid.
     """
     if uninstalled := (*missing, *_uninstalled(config)):
-        commands = tuple(f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled)
+        commands = tuple(
+            f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled
+        )
         return Setup(
-            (SetupStep("Plugins of the preset; then run the same command again for the other steps", False, commands),)
+            (
+                SetupStep(
+                    "Plugins of the preset; then run the same command again for the other steps",
+                    False,
+                    commands,
+                ),
+            )
         )
     plan = resolve(config)
     sets = named_weights(plan)
     repositories = _unique(plan, Repository)
     files = _unique(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
-    lacking = [(weights, file) for weights in sets for file in weights.files if file.path not in locate_files(weights)]
+    lacking = [
+        (weights, file)
+        for weights in sets
+        for file in weights.files
+        if file.path not in locate_files(weights)
+    ]
     sizes = [(weights.name, file.bytes) for weights, file in lacking]
     sizes += [(file.name, file.bytes) for file in absent]
-    accounts = [weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)]
+    accounts = [
+        weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)
+    ]
     accounts += [file.account for file in absent if file.account]
     gpu = _unique(plan, GpuMemory)
-    unpinned = [f"{weights.name}/{file.path}" for weights in sets for file in weights.files if not file.is_pinned]
+    unpinned = [
+        f"{weights.name}/{file.path}"
+        for weights in sets
+        for file in weights.files
+        if not file.is_pinned
+    ]
     held = read_lock()
     unpinned += [one.url for _, one in repositories if not one.commit and one.url not in held]
     steps = (
@@ -141,7 +168,9 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         download_bytes=sum(size for _, size in sizes if size is not None),
         unsized=tuple(dict.fromkeys(name for name, size in sizes if size is None)),
         gpu=tuple(gpu),
-        gpu_unknown=tuple(name for name in plan.backends if name not in dict(gpu)) if plan.device != "cpu" else (),
+        gpu_unknown=tuple(name for name in plan.backends if name not in dict(gpu))
+        if plan.device != "cpu"
+        else (),
         accounts=tuple(dict.fromkeys(accounts)),
         unpinned=tuple(unpinned),
         pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
@@ -160,11 +189,19 @@ def pin_setup(config: Config) -> None:
     plan = resolve(config)
     for weights in named_weights(plan):
         pin_files(weights, locate_files(weights))
-    pin({one.url: {"commit": one.found} for _, one in _unique(plan, Repository) if one.found and not one.commit})
+    pin(
+        {
+            one.url: {"commit": one.found}
+            for _, one in _unique(plan, Repository)
+            if one.found and not one.commit
+        }
+    )
 
 
 def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
-    """Return the requirements of one kind, with their interfaces; a repository or file of two backends is in both."""
+    """Return the requirements of one kind, with their interfaces; a repository or file of two
+    backends is in both.
+    """
     return [
         (interface, one)
         for interface, resolved in plan.backends.items()
@@ -190,10 +227,14 @@ def _uninstalled(config: Config) -> tuple[str, ...]:
 
 
 def _source(distribution: str) -> str:
-    """Return what pip installs a distribution from: a folder of the checkout of PhySIC, or its name."""
+    """Return what pip installs a distribution from: a folder of the checkout of PhySIC, or its
+    name.
+    """
     root = _root() or Path()
     folders = sources_in_checkout(distribution)
-    return " ".join(f"-e {shlex.quote(str(root / folder))}" for folder in folders) or shlex.quote(distribution)
+    return " ".join(f"-e {shlex.quote(str(root / folder))}" for folder in folders) or shlex.quote(
+        distribution
+    )
 
 
 def _root() -> Path | None:
@@ -228,13 +269,18 @@ def _packages(plan: ResolvedPipeline) -> SetupStep | None:
 
 
 def _torchvision(install: str) -> tuple[str, ...]:
-    """Return the commands that install torchvision in the build of the installed torch; uv knows its index."""
+    """Return the commands that install torchvision in the build of the installed torch; uv knows
+    its index.
+    """
     import torch
 
     number, _, build = torch.__version__.partition("+")
     if not build:
         return (f"{install} torch=={number} torchvision",)
-    return (f"{install} uv", f"python -m uv pip install --torch-backend {build} torch=={number} torchvision")
+    return (
+        f"{install} uv",
+        f"python -m uv pip install --torch-backend {build} torch=={number} torchvision",
+    )
 
 
 def _is_complete(weights: WeightSet) -> bool:
@@ -262,12 +308,19 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
         return SetupStep(title, True)
     by_hand = [file.path for file in weights.files if not file.source]
     place = cache_folder("weights")
-    into = (f"put {', '.join(by_hand)} into {place / weights.name}",) if by_hand and place is not None else ()
-    return SetupStep(title, False, by_hand=(f"licence: {weights.homepage}", weights.how_to_get(), *into))
+    into = (
+        (f"put {', '.join(by_hand)} into {place / weights.name}",)
+        if by_hand and place is not None
+        else ()
+    )
+    return SetupStep(
+        title, False, by_hand=(f"licence: {weights.homepage}", weights.how_to_get(), *into)
+    )
 
 
 def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
-    commands, held = [], read_lock()
+    commands = []
+    held = read_lock()
     for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
         if not one.is_here:
             place = shlex.quote(str(_checkout_folder(one, folder)))
@@ -275,7 +328,9 @@ def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep
                 commands.append(f"git clone {one.url} {place}")
             if commit := one.commit or held.get(one.url, {}).get("commit", ""):
                 commands.append(f"git -C {place} checkout --quiet {commit}")
-    return SetupStep("Code of the estimators", not commands, tuple(commands)) if repositories else None
+    return (
+        SetupStep("Code of the estimators", not commands, tuple(commands)) if repositories else None
+    )
 
 
 def _checkout_folder(one: Repository, folder: Path) -> Path:
@@ -287,7 +342,9 @@ def _user_file(file: UserFile, folder: Path) -> SetupStep:
     return SetupStep(file.name, file.is_here, by_hand=() if file.is_here else (file.advice, *into))
 
 
-def _config_file(preset: str, folder: Path, options: list[tuple[str, Repository | UserFile]]) -> SetupStep:
+def _config_file(
+    preset: str, folder: Path, options: list[tuple[str, Repository | UserFile]]
+) -> SetupStep:
     path = folder / f"{preset}.toml"
     lines = [f'extends = "{preset}"']
     for interface in dict.fromkeys(name for name, _ in options):
@@ -296,12 +353,17 @@ def _config_file(preset: str, folder: Path, options: list[tuple[str, Repository 
             lines += [
                 "",
                 f"[{interface}.options]",
-                *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()),
+                *(
+                    f"{key} = {json.dumps(value, ensure_ascii=False)}"
+                    for key, value in values.items()
+                ),
             ]
     return SetupStep("Configuration", path.is_file(), file=(path, "\n".join(lines) + "\n"))
 
 
-def _paths(interface: str, options: list[tuple[str, Repository | UserFile]], folder: Path) -> Iterator[tuple[str, str]]:
+def _paths(
+    interface: str, options: list[tuple[str, Repository | UserFile]], folder: Path
+) -> Iterator[tuple[str, str]]:
     """Yield each option of a backend that names a folder or file, and the path."""
     for name, one in options:
         if name == interface and isinstance(one, Repository) and (one.folder or not one.is_here):

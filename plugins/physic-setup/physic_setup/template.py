@@ -1,4 +1,6 @@
-"""Write a configuration file with every key, its value, meaning and allowed values, commented out."""
+"""Write a configuration file with every key, its value, meaning and allowed values, commented
+out.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,9 @@ if TYPE_CHECKING:
 
 _WIDTH = 118
 _HEAD = """\
-## Every setting, with the value that it has in this preset. To change one, remove the single # of its line and of the
-## [table] that it is in. Lines with ## are explanations. They also name the settings without a value.
+## Every setting, with the value that it has in this preset. To change one, remove the single # of
+## its line and of the [table] that it is in. Lines with ## are explanations. They also name the
+## settings without a value.
 """
 
 
@@ -44,7 +47,11 @@ def config_template(preset: str) -> str:
         lines += _interface(found, interface)
     for name in ("photo", "body_model", "run", "engine"):
         model = getattr(found, name)
-        own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_models()}
+        own = {
+            key: getattr(model, key)
+            for key in type(model).model_fields
+            if key not in stage_models()
+        }
         lines += _table(name, own, _meanings(type(model)))
     settings = found.engine.settings()
     for stage in fields(settings):
@@ -54,7 +61,11 @@ def config_template(preset: str) -> str:
 
 def _interface(found: Config, interface: str) -> list[str]:
     chosen = found.choice(interface)
-    lines = _table(interface, {"backend": chosen.backend}, {"backend": "the backend; `physic plugins` lists all"})
+    lines = _table(
+        interface,
+        {"backend": chosen.backend},
+        {"backend": "the backend; `physic plugins` lists all"},
+    )
     if chosen.backend == "none":
         return lines
     options: Mapping[str, Any] = chosen.options
@@ -64,11 +75,15 @@ def _interface(found: Config, interface: str) -> list[str]:
         options = kind.model_validate(dict(options)).model_dump(mode="json")
         meanings = _meanings(kind)
     except BackendError as error:
-        lines += _prose(f"The options of '{chosen.backend}' are not listed: {str(error).partition(chr(10))[0]}")
+        lines += _prose(
+            f"The options of '{chosen.backend}' are not listed: {str(error).partition(chr(10))[0]}"
+        )
     return lines + (_table(f"{interface}.options", options, meanings) if options else [])
 
 
-def _table(name: str, values: Mapping[str, Any], meanings: Mapping[str, str], kind: type | None = None) -> list[str]:
+def _table(
+    name: str, values: Mapping[str, Any], meanings: Mapping[str, str], kind: type | None = None
+) -> list[str]:
     title = _plain((kind.__doc__ or "").partition("\n")[0]) if kind is not None else ""
     lines = ["", f"# [{name}]", *_prose(title)]
     for key, value in values.items():
@@ -86,7 +101,8 @@ def _prose(text: str) -> list[str]:
 def _meanings(model: type[BaseModel]) -> dict[str, str]:
     """Return the meaning and allowed values of each field of a pydantic model."""
     schema = model.model_json_schema()
-    properties, parts = schema.get("properties", {}), schema.get("$defs", {})
+    properties = schema.get("properties", {})
+    parts = schema.get("$defs", {})
     return {
         name: _with_kind(field.description or "", describe_schema(properties.get(name, {}), parts))
         for name, field in model.model_fields.items()
@@ -107,10 +123,13 @@ def _settings(name: str, settings: Any) -> list[str]:
 def _engine_meanings(kind: type) -> dict[str, str]:
     """Return the meaning of each setting from its docstring, and the type from its annotation."""
     schema = settings_model(kind).model_json_schema()
-    parts, meanings = schema.get("$defs", {}), texts_of_fields(kind)
+    parts = schema.get("$defs", {})
+    meanings = texts_of_fields(kind)
     return {
         # All keys are optional in the model, but "unset" is not an allowed value.
-        name: _with_kind(meanings.get(name, ""), describe_schema(one, parts).removesuffix(" or unset"))
+        name: _with_kind(
+            meanings.get(name, ""), describe_schema(one, parts).removesuffix(" or unset")
+        )
         for name, one in schema["properties"].items()
     }
 
@@ -125,7 +144,11 @@ def texts_of_fields(kind: type) -> dict[str, str]:
     for base in filter(is_dataclass, reversed(kind.__mro__)):
         body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
         for field, text in itertools.pairwise(body):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(text, ast.Expr)
+                and isinstance(text.value, ast.Constant)
+            ):
                 found[ast.unparse(field.target)] = str(text.value.value)
     texts = {field.name: found[field.name] for field in fields(kind) if field.name in found}
     return {name: _plain(" ".join(text.split())) for name, text in texts.items()}

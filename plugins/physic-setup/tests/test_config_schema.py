@@ -33,7 +33,8 @@ def test_every_preset_fulfils_the_schema(schema, name: str):
     [
         "",
         'extends = "mock"\n[photo]\nmax_side = 640',
-        'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint.optimiser]\nsteps = 40',
+        'extends = "../base.toml"\n[engine]\npreset = "paper"\n[engine.joint.optimiser]\nsteps = '
+        "40",
         '[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}',
         '[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 3.0}',
         '[inpainter]\nbackend = "my_pkg.fill:Fill"\noptions = {anything = 1}',
@@ -51,8 +52,14 @@ def test_a_valid_config_fulfils_the_schema(schema, text: str):
         ("[photo]\nmax_sid = 640", "photo"),
         ("[photo]\nmax_side = 3", "photo.max_side"),
         ('[inpainter]\nbackend = "telea"\noptions = {radius = 3.0}', "inpainter.options"),
-        ('[inpainter]\nbackend = "telea"\noptions = {radius_px = 99}', "inpainter.options.radius_px"),
-        ('[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 99}', "inpainter.options.radius_px"),
+        (
+            '[inpainter]\nbackend = "telea"\noptions = {radius_px = 99}',
+            "inpainter.options.radius_px",
+        ),
+        (
+            '[inpainter]\nbackend = "physic-opencv:telea"\noptions = {radius_px = 99}',
+            "inpainter.options.radius_px",
+        ),
         ('[inpainter]\nbackend = "telae"', "inpainter.backend"),
         ('[segmenter]\nbackend = "none"', "segmenter.backend"),
         ('[engine]\npreset = "papr"', "engine.preset"),

@@ -76,8 +76,13 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
         monkeypatch.setenv(name, str(tmp_path / name))
     done = physic("setup", "open-body", "--folder", str(tmp_path), *run)
     first = done.stdout.partition("1. ")[0]
-    assert all(word in first for word in ("RTMW3D", "2.6 GB download: 2.44 GB", "MIT", "Apache-2.0", "Not measured"))
-    assert run or "without packages: 2.44 GB, and these, of no published exact size: rtmw3d-x" in first
+    assert all(
+        word in first
+        for word in ("RTMW3D", "2.6 GB download: 2.44 GB", "MIT", "Apache-2.0", "Not measured")
+    )
+    assert (
+        run or "without packages: 2.44 GB, and these, of no published exact size: rtmw3d-x" in first
+    )
 
 
 @pytest.fixture
@@ -86,19 +91,34 @@ def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
     origin = tmp_path / "origin" / "Thing"
     origin.mkdir(parents=True)
     (origin / "net.py").write_text("A = 1")
-    who = {"GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b", "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b"}
+    who = {
+        "GIT_AUTHOR_NAME": "a",
+        "GIT_AUTHOR_EMAIL": "a@b",
+        "GIT_COMMITTER_NAME": "a",
+        "GIT_COMMITTER_EMAIL": "a@b",
+    }
     for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"]):
         subprocess.run(["git", *words], cwd=origin, check=True, env=os.environ | who)
     commit = checkout_commit(origin)
-    subprocess.run(["git", "commit", "--allow-empty", "-qm", "two"], cwd=origin, check=True, env=os.environ | who)
+    subprocess.run(
+        ["git", "commit", "--allow-empty", "-qm", "two"],
+        cwd=origin,
+        check=True,
+        env=os.environ | who,
+    )
     site = tmp_path / "site"
     (site / "physic_thing-1.dist-info").mkdir(parents=True)
     (site / "physic_thing-1.dist-info" / "METADATA").write_text(
         "Metadata-Version: 2.1\nName: physic-thing\nVersion: 1\n"
     )
-    entry = "[physic.metric_depth]\nthing = physic_thing:Depth\n[physic.weights]\nthing = physic_thing_weights\n"
+    entry = (
+        "[physic.metric_depth]\nthing = physic_thing:Depth\n[physic.weights]\nthing = "
+        "physic_thing_weights\n"
+    )
     (site / "physic_thing-1.dist-info" / "entry_points.txt").write_text(entry)
-    (site / "physic_thing.py").write_text(PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit))
+    (site / "physic_thing.py").write_text(
+        PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit)
+    )
     (site / "physic_thing_weights").mkdir()
     (site / "physic_thing_weights" / "sets.toml").write_text(MANIFEST)
     monkeypatch.syspath_prepend(str(site))
@@ -112,14 +132,21 @@ def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
 
 def written(folder: Path, **options: str) -> Path:
     """A configuration that uses the plugin, as an earlier setup wrote it."""
-    lines = ['extends = "embedded"', "[metric_depth]", 'backend = "thing"', "[metric_depth.options]"]
+    lines = [
+        'extends = "embedded"',
+        "[metric_depth]",
+        'backend = "thing"',
+        "[metric_depth.options]",
+    ]
     (folder / "mine").mkdir(exist_ok=True)
     path = folder / "mine" / "embedded.toml"
     path.write_text("\n".join([*lines, *(f"{key} = '{value}'" for key, value in options.items())]))
     return path
 
 
-def test_the_embedded_preset_needs_a_configuration_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_embedded_preset_needs_a_configuration_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     printed = physic("setup", "embedded", "--folder", "mine")
     assert printed.exit_code == 4
@@ -127,7 +154,9 @@ def test_the_embedded_preset_needs_a_configuration_alone(tmp_path: Path, monkeyp
     assert list(tmp_path.iterdir()) == [], "printing writes nothing"
     done = physic("setup", "embedded", "--folder", "mine", "--run")
     assert (done.exit_code, "1 of 1 steps are done" in done.output) == (0, True)
-    assert tomllib.loads((tmp_path / "mine" / "embedded.toml").read_text()) == {"extends": "embedded"}
+    assert tomllib.loads((tmp_path / "mine" / "embedded.toml").read_text()) == {
+        "extends": "embedded"
+    }
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 
 
@@ -136,9 +165,14 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path,
     written(folder)
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     place = folder / "mine"
-    for line, words in zip(lines, ("4 of 5 steps", "1.5 kB", "8 GB", "https://there.org", "1 of 2"), strict=False):
+    for line, words in zip(
+        lines, ("4 of 5 steps", "1.5 kB", "8 GB", "https://there.org", "1 of 2"), strict=False
+    ):
         assert words in line
-    assert any(line.startswith("python -m pip install") and line.endswith(" no_such_package") for line in lines)
+    assert any(
+        line.startswith("python -m pip install") and line.endswith(" no_such_package")
+        for line in lines
+    )
     for line in (
         "physic weights fetch free-net",
         f"git clone {folder / 'origin' / 'Thing'} {place / 'Thing'}",
@@ -153,11 +187,16 @@ def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str
     written(thing[0], weights="other-net")
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     assert "#    by hand: licence: https://example.org/licence" in lines
-    assert "#    by hand: `physic weights fetch other-net --accept-licence` (commercial use NOT allowed)" in lines
+    assert (
+        "#    by hand: `physic weights fetch other-net --accept-licence` (commercial use NOT "
+        "allowed)" in lines
+    )
     assert not any("accept" in line for line in lines if not line.startswith("#"))
 
 
-def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(thing: tuple[Path, str]) -> None:
+def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
+    thing: tuple[Path, str],
+) -> None:
     folder, commit = thing
     (folder / "weights" / "free-net").mkdir(parents=True)
     (folder / "weights" / "free-net" / "net.onnx").write_bytes(b"x" * 500)
@@ -167,7 +206,16 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(th
     site = folder / "site" / "physic_thing.py"
     site.write_text(site.read_text().replace("no_such_package", "scipy"))
     (folder / "origin").rename(folder / "away")
-    command = [sys.executable, "-m", "physic_core", "setup", "embedded", "--folder", "mine", "--run"]
+    command = [
+        sys.executable,
+        "-m",
+        "physic_core",
+        "setup",
+        "embedded",
+        "--folder",
+        "mine",
+        "--run",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "ended with code 128" in done.stderr
@@ -175,7 +223,10 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(th
     again = subprocess.run(command, capture_output=True, text=True, check=False)
     assert again.returncode == 0, again.stdout + again.stderr
     assert checkout_commit(folder / "mine" / "Thing") == commit
-    assert f"   $ git -C {folder / 'mine' / 'Thing'} checkout --quiet {commit}" in again.stdout.splitlines()
+    assert (
+        f"   $ git -C {folder / 'mine' / 'Thing'} checkout --quiet {commit}"
+        in again.stdout.splitlines()
+    )
 
 
 @pytest.mark.parametrize(
@@ -191,7 +242,9 @@ def test_a_small_installation_is_told_the_plugins_of_each_preset(
 ) -> None:
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-embedded,physic-setup")
     printed = physic("setup", preset)
-    installs = [line for line in printed.output.splitlines() if line.startswith("python -m pip install")]
+    installs = [
+        line for line in printed.output.splitlines() if line.startswith("python -m pip install")
+    ]
     assert printed.exit_code == 4
     assert {line.rpartition("physic-")[2] for line in installs} == set(missing)
     assert all(" -e " in line for line in installs), "no index is asked for them"
@@ -201,7 +254,10 @@ def test_a_small_installation_is_told_the_plugins_of_each_preset(
     ("version", "expected"),
     [
         ("2.13.0", ["python -m pip install", "torch==2.13.0 torchvision"]),
-        ("2.13.0+cpu", ["python -m uv pip install", "--torch-backend cpu torch==2.13.0 torchvision"]),
+        (
+            "2.13.0+cpu",
+            ["python -m uv pip install", "--torch-backend cpu torch==2.13.0 torchvision"],
+        ),
     ],
 )
 def test_torchvision_is_of_the_build_of_the_installed_torch(
@@ -218,7 +274,9 @@ def test_torchvision_is_of_the_build_of_the_installed_torch(
     monkeypatch.setattr(torch, "__version__", version)
     monkeypatch.setattr(steps, "find_spec", lambda name: None if name == "torchvision" else name)
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
-    (line,) = [line for line in lines if line.startswith("python -m") and line.endswith("torchvision")]
+    (line,) = [
+        line for line in lines if line.startswith("python -m") and line.endswith("torchvision")
+    ]
     assert line.startswith(expected[0])
     assert line.endswith(expected[1])
 
@@ -231,7 +289,10 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> 
     assert {weights.name for weights in sets} == {
         "sam2.1-hiera-large", "big-lama", "moge-2-vitl-normal", "rtmw-l-384x288",
     }  # fmt: skip
-    assert all(weights.is_free and all(file.source and file.sha256 for file in weights.files) for weights in sets)
+    assert all(
+        weights.is_free and all(file.source and file.sha256 for file in weights.files)
+        for weights in sets
+    )
     assert all(resolved.backend.requirements() == () for resolved in plan.backends.values())
 
 
@@ -241,5 +302,12 @@ def test_a_package_without_commercial_use_is_left_to_the_user() -> None:
     assert installs
     assert not [line for line in installs if "smplx" in line.split()]
     assert (
-        len([line for line in lines if line.startswith("#    by hand: no commercial use: ") and "smplx" in line]) == 1
+        len(
+            [
+                line
+                for line in lines
+                if line.startswith("#    by hand: no commercial use: ") and "smplx" in line
+            ]
+        )
+        == 1
     )

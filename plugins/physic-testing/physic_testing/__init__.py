@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 from physic_core import PluginItem, hookimpl
 
 if TYPE_CHECKING:
-    from physic_testing.conformance import Report, check_backend, parametrize_with_checks, violations
+    from physic_testing.conformance import (
+        Report,
+        check_backend,
+        parametrize_with_checks,
+        violations,
+    )
     from physic_testing.worlds import WORLDS, World, build_world, world_of
 
 __all__ = [

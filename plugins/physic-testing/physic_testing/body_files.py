@@ -29,7 +29,9 @@ def smpl_arrays() -> dict[str, NDArray[Any]]:
 
 
 def write_published(path: Path, arrays: dict[str, Any]) -> Path:
-    """Write arrays in the published format: a Python 2 pickle with a sparse regressor and chumpy objects."""
+    """Write arrays in the published format: a Python 2 pickle with a sparse regressor and chumpy
+    objects.
+    """
     from scipy.sparse import csc_matrix
 
     module = ModuleType("chumpy.ch")
@@ -60,8 +62,13 @@ class _Ch:
 def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, NDArray[Any]]:
     """Return random arrays with the shapes of a model file."""
     rng = np.random.default_rng(0)
-    shapes = {name: tuple(10 if size is None else size for size in shape) for name, shape in layout.shapes.items()}
-    made: dict[str, NDArray[Any]] = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
+    shapes = {
+        name: tuple(10 if size is None else size for size in shape)
+        for name, shape in layout.shapes.items()
+    }
+    made: dict[str, NDArray[Any]] = {
+        name: rng.standard_normal(shape) for name, shape in shapes.items()
+    }
     made["f"] = rng.integers(0, layout.vertices, shapes["f"]).astype(np.uint32)
     made["J_regressor"] = np.eye(layout.joints, layout.vertices)
     made["weights"] = rng.dirichlet(np.ones(layout.joints), layout.vertices)

@@ -11,7 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.canonical_depth import depth_from_canonical_inverse, focal_from_fov, known_camera
+from physic_core.adapters.canonical_depth import (
+    depth_from_canonical_inverse,
+    focal_from_fov,
+    known_camera,
+)
 from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError, DeviceError
@@ -32,7 +36,8 @@ class DepthProOptions(ModelOptions):
     weights: str = Field(default="depth-pro-hf", description=f"DepthPro: {WEIGHTS_HELP}.")
     use_known_focal: bool = Field(
         default=True,
-        description="Scale depth to the focal length that the photo, its file or the user tells, if any does; false "
+        description="Scale depth to the focal length that the photo, its file or the user tells, "
+        "if any does; false "
         "keeps DepthPro's own.",
     )
     farthest: float = Field(
@@ -45,7 +50,8 @@ class DepthProOptions(ModelOptions):
         default=18.0,
         ge=0,
         le=1e6,
-        description="Memory that a machine without a GPU must have, or loading is refused: with less, the system ends "
+        description="Memory that a machine without a GPU must have, or loading is refused: with "
+        "less, the system ends "
         "the whole run. 0 refuses nothing.",
     )
 
@@ -58,22 +64,32 @@ class DepthPro(PretrainedBackend, MetricDepth):
     options: DepthProOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
-    specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
+    specs: ClassVar[tuple[ModelSpec, ...]] = (
+        ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),
+    )
 
     def load(self, device: str = "cpu") -> None:
         """Read the weights.
 
         Raises:
             WeightsMissingError: they are not on this machine.
-            DeviceError: the device is not there, or the machine has not enough memory to do without a GPU.
+            DeviceError: the device is not there, or the machine has not enough memory to do without
+                a GPU.
             BackendError: they are another model's.
         """
         super().load(device)
-        there, needed = memory_gb(), self.options.cpu_memory_gb
-        if device == "cpu" and there is not None and there < needed and _side(self.model().config) >= _LARGE:
+        there = memory_gb()
+        needed = self.options.cpu_memory_gb
+        if (
+            device == "cpu"
+            and there is not None
+            and there < needed
+            and _side(self.model().config) >= _LARGE
+        ):
             self.close()
             raise DeviceError(
-                f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has {there:.0f} GB: use a GPU, "
+                f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has "
+                f"{there:.0f} GB: use a GPU, "
                 "another metric_depth, or set cpu_memory_gb = 0 to try all the same"
             )
 
@@ -88,7 +104,9 @@ class DepthPro(PretrainedBackend, MetricDepth):
         height, width = image.shape[:2]
         network = self.model()
         out = network.run(pixel_values=preprocess(image, _side(network.config), self.device))
-        camera, notes = self._camera(_degrees(out.field_of_view), known_camera(hints, image), width, height)
+        camera, notes = self._camera(
+            _degrees(out.field_of_view), known_camera(hints, image), width, height
+        )
         inverse = resize_map(to_numpy(out.predicted_depth)[0], height, width)
         depth = depth_from_canonical_inverse(inverse, camera.fx, width)
         near = np.where(depth < self.options.farthest, depth, np.nan)
@@ -102,12 +120,17 @@ class DepthPro(PretrainedBackend, MetricDepth):
         if self.options.use_known_focal and given is not None and not given.guessed:
             if own is None or abs(given.fx / own - 1) <= _TELLING:
                 return given, ()
-            note = f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to {given.fx:.0f} px"
+            note = (
+                f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to "
+                f"{given.fx:.0f} px"
+            )
             return given, (note,)
         if own is None:
             raise BackendError(
-                "DepthPro does not tell the focal length of this photo, and no other is known: give the camera, or "
-                "take weights with the part for the field of view (use_fov_model), as the published ones have"
+                "DepthPro does not tell the focal length of this photo, and no other is known: "
+                "give the camera, or "
+                "take weights with the part for the field of view (use_fov_model), as the "
+                "published ones have"
             )
         note = f"focal length {own:.0f} px from DepthPro"
         return Intrinsics.from_focal(own, width, height, "DepthPro"), (note,)

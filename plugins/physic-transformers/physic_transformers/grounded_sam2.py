@@ -1,4 +1,6 @@
-"""Segment people and floor from text: GroundingDINO detects boxes, SAM 2.1 segments them. The paper's segmenter.
+"""Segment people and floor from text: GroundingDINO detects boxes, SAM 2.1 segments them.
+
+The paper's segmenter.
 
 The defaults are those of PhySIC's release: its prompts, thresholds and models.
 """
@@ -15,36 +17,62 @@ from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.people import clip_boxes, sigmoid, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, resize_image
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, size_from_edges
-from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
+from physic_transformers.models import (
+    WEIGHTS_HELP,
+    ModelOptions,
+    ModelSpec,
+    PretrainedBackend,
+    size_from_edges,
+)
+from physic_transformers.sam_masks import (
+    best_rows,
+    people_from_sam,
+    people_of_prompt,
+    union_of_masks,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
 
-_SHORT, _LONG = 800, 1333  # px that GroundingDINO was trained with
+# px that GroundingDINO was trained with
+_SHORT = 800
+_LONG = 1333
 _BOXES_PER_CALL = 16  # boxes a call of the mask decoder
 
 
 class GroundedSam2Options(ModelOptions):
     """Settings of :class:`GroundedSam2`."""
 
-    detector: str = Field(default="grounding-dino-base-hf", description=f"GroundingDINO: {WEIGHTS_HELP}.")
-    masks: str = Field(default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WEIGHTS_HELP}.")
-    people_words: str = Field(default="person.", min_length=1, description="What a person is called, ended by a dot.")
+    detector: str = Field(
+        default="grounding-dino-base-hf", description=f"GroundingDINO: {WEIGHTS_HELP}."
+    )
+    masks: str = Field(
+        default="sam2.1-hiera-large-hf", description=f"SAM 2 or 2.1: {WEIGHTS_HELP}."
+    )
+    people_words: str = Field(
+        default="person.", min_length=1, description="What a person is called, ended by a dot."
+    )
     floor_words: str = Field(
         default="ground, floor, carpet.",
-        description="What the floor is called; all that is found is the floor. Empty: do not look for it.",
+        description="What the floor is called; all that is found is the floor. Empty: do not look "
+        "for it.",
     )
-    box_threshold: Share = Field(default=0.3, description="Score from which a box is looked at; 0.25-0.4 works.")
+    box_threshold: Share = Field(
+        default=0.3, description="Score from which a box is looked at; 0.25-0.4 works."
+    )
     text_threshold: Share = Field(
-        default=0.25, description="A box counts if it fits some word of the prompt by more than this."
+        default=0.25,
+        description="A box counts if it fits some word of the prompt by more than this.",
     )
     person_score: Share = Field(
-        default=0.45, description="Score from which a box is a person; 0.3 finds more, and some furniture."
+        default=0.45,
+        description="Score from which a box is a person; 0.3 finds more, and some furniture.",
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
+    max_people: int = Field(
+        default=20, ge=1, le=1000, description="Largest number of people, best first."
+    )
     same_person: Share = Field(
         default=0.8, description="Masks that share more of their union than this are one person."
     )
@@ -68,7 +96,8 @@ class TextDetections:
 class GroundedSam2(PretrainedBackend, Segmenter):
     """Segmenter: GroundingDINO and SAM 2.1, with the prompts and thresholds of the paper's release.
 
-    Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then skipped.
+    Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then
+    skipped.
     """
 
     written_for = 1
@@ -76,7 +105,9 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     options: GroundedSam2Options
     takes_prompt: ClassVar[bool] = True
     specs: ClassVar[tuple[ModelSpec, ...]] = (
-        ModelSpec("detector", "GroundingDinoForObjectDetection", ("grounding-dino",), needs_tokenizer=True),
+        ModelSpec(
+            "detector", "GroundingDinoForObjectDetection", ("grounding-dino",), needs_tokenizer=True
+        ),
         # The published SAM 2 repositories hold the model for videos, of which this is a spec.
         ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video")),
     )
@@ -92,13 +123,15 @@ class GroundedSam2(PretrainedBackend, Segmenter):
             BackendError: ``load`` was not called.
         """
 
-        options, size = self.options, (image.shape[0], image.shape[1])
+        options = self.options
+        size = (image.shape[0], image.shape[1])
         pixels = detector_pixels(image, self.device)
         if prompt is None:
             boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
             points: FloatArray = np.zeros((0, 2))
         else:
-            boxes, points = np.array(prompt.boxes).reshape(-1, 4), np.array(prompt.points).reshape(-1, 2)
+            boxes = np.array(prompt.boxes).reshape(-1, 4)
+            points = np.array(prompt.points).reshape(-1, 2)
         places: FloatArray = np.zeros((0, 4))
         if options.floor_words:
             places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
@@ -107,24 +140,36 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         floor = union_of_masks(logits[people:], size) if options.floor_words else None
         if prompt is not None:
             return people_of_prompt(logits[:people], prompt, floor, size)
-        return people_from_sam(logits[:people], boxes, scores, floor, size, same=options.same_person)
+        return people_from_sam(
+            logits[:people], boxes, scores, floor, size, same=options.same_person
+        )
 
-    def _boxes(self, pixels: Any, words: str, threshold: float, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    def _boxes(
+        self, pixels: Any, words: str, threshold: float, size: tuple[int, int]
+    ) -> tuple[FloatArray, FloatArray]:
         """Detect boxes (N, 4) px with scores (N,) for a text prompt."""
 
-        network, options = self.model("detector"), self.options
-        text = network.tokenizer(format_prompt(words), return_tensors="np", return_token_type_ids=True)
+        network = self.model("detector")
+        options = self.options
+        text = network.tokenizer(
+            format_prompt(words), return_tensors="np", return_token_type_ids=True
+        )
         out = network.run(
             pixel_values=pixels,
             pixel_mask=np.ones((1, *pixels.shape[2:]), np.int64),
-            **{name: np.asarray(text[name], np.int64) for name in ("input_ids", "token_type_ids", "attention_mask")},
+            **{
+                name: np.asarray(text[name], np.int64)
+                for name in ("input_ids", "token_type_ids", "attention_mask")
+            },
         )
         threshold = max(threshold, options.box_threshold)
         found = decode_text_boxes(
             to_numpy(out.logits)[0], to_numpy(out.pred_boxes)[0], threshold, options.text_threshold
         )
         height, width = size
-        boxes, inside = clip_boxes(found.boxes * np.array([width, height, width, height]), height, width)
+        boxes, inside = clip_boxes(
+            found.boxes * np.array([width, height, width, height]), height, width
+        )
         rows = [i for i in np.flatnonzero(inside) if found.tokens[i]][: options.max_people]
         return boxes[rows], found.scores[rows]
 
@@ -143,17 +188,25 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         scale = side / np.array([width, height])
         masks = []
         if len(points):
-            marks = {"input_points": points[None, :, None] * scale, "input_labels": np.ones((1, len(points), 1))}
+            marks = {
+                "input_points": points[None, :, None] * scale,
+                "input_labels": np.ones((1, len(points), 1)),
+            }
             masks.append(self._decoded(network, embeddings, **marks))
         prompts = boxes * np.tile(scale, 2)
         for i in range(0, len(prompts), _BOXES_PER_CALL):
-            masks.append(self._decoded(network, embeddings, input_boxes=prompts[None, i : i + _BOXES_PER_CALL]))
+            masks.append(
+                self._decoded(
+                    network, embeddings, input_boxes=prompts[None, i : i + _BOXES_PER_CALL]
+                )
+            )
         return np.concatenate(masks)
 
     def _decoded(self, network: Any, embeddings: Any, **prompts: FloatArray) -> FloatArray:
         """Run the mask decoder on points or boxes, px of the network's picture."""
         given = {
-            name: value.astype(np.int64 if name == "input_labels" else np.float32) for name, value in prompts.items()
+            name: value.astype(np.int64 if name == "input_labels" else np.float32)
+            for name, value in prompts.items()
         }
         out = network.run(**given, image_embeddings=embeddings, multimask_output=False)
         return to_numpy(out.pred_masks)[0, :, 0]
@@ -171,7 +224,8 @@ def decode_text_boxes(
     """Decode GroundingDINO's queries to boxes, scores and matching tokens.
 
     Args:
-        logits: (Q, T), how well each query fits each token, of which the first begins the text and is not a word.
+        logits: (Q, T), how well each query fits each token, of which the first begins the text and
+            is not a word.
         boxes: (Q, 4) centre x, centre y, width, height, shares of the photo.
         box_threshold: of the best token's score.
         text_threshold: of the score of reported tokens.

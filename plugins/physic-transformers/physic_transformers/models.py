@@ -1,8 +1,8 @@
 """Load models of Hugging Face transformers from local folders.
 
-Only model classes and tokenizers of the library are used: its image processors need torchvision and do little. Where
-torchvision is installed, model classes import it, too. Nothing is downloaded here; ``physic weights fetch NAME`` does
-that.
+Only model classes and tokenizers of the library are used: its image processors need torchvision and
+do little. Where torchvision is installed, model classes import it, too. Nothing is downloaded here;
+``physic weights fetch NAME`` does that.
 """
 
 from __future__ import annotations
@@ -26,13 +26,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _TOLD = 4  # names of weights in a message
-WEIGHTS_HELP = "a name of `physic weights list`, or a folder of your own, as save_pretrained of transformers writes it"
+WEIGHTS_HELP = (
+    "a name of `physic weights list`, or a folder of your own, as save_pretrained of "
+    "transformers writes it"
+)
 """Description of the options that name weights."""
 
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """Network of a backend: name of its weights option, class in transformers and readable model types.
+    """Network of a backend: name of its weights option, class in transformers and readable model
+    types.
 
     Attributes:
         option: name of the option that names its weights.
@@ -54,7 +58,8 @@ class ModelOptions(TorchOptions):
         default=0,
         ge=0,
         le=256,
-        description="Threads of torch on a CPU while this network runs; 0 leaves them as they are. As many as cores "
+        description="Threads of torch on a CPU while this network runs; 0 leaves them as they "
+        "are. As many as cores "
         "that are idle: more are far slower beside a busy process.",
     )
 
@@ -68,21 +73,27 @@ class TransformersModel:
     """
 
     def __init__(self, model: Any, tokenizer: Any = None, *, threads: int = 0) -> None:
-        self.config, self.tokenizer = model.config, tokenizer
-        self._model, self._threads = model, threads
+        self.config = model.config
+        self.tokenizer = tokenizer
+        self._model = model
+        self._threads = threads
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
         """Call the model, or one of its methods.
 
         Args:
             method: its name; empty for the model's own call.
-            inputs: arrays and tensors, which come to its device, or whatever an earlier call gave. Only pixels take
-                its type of number: coordinates of a prompt would lose whole pixels in bfloat16.
+            inputs: arrays and tensors, which come to its device, or whatever an earlier call gave.
+                Only pixels take its type of number: coordinates of a prompt would lose whole pixels
+                in bfloat16.
         """
         import torch
 
         call = getattr(self._model, method) if method else self._model
-        with torch.inference_mode(), limited_threads(self._threads) if self._threads else nullcontext():
+        with (
+            torch.inference_mode(),
+            limited_threads(self._threads) if self._threads else nullcontext(),
+        ):
             return call(**{name: self._tensor(name, value) for name, value in inputs.items()})
 
     def _tensor(self, name: str, value: Any) -> Any:
@@ -129,7 +140,9 @@ class PretrainedBackend(TorchBackend):
         return found
 
 
-def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str) -> TransformersModel:
+def open_model(
+    spec: ModelSpec, folder: Path, options: ModelOptions, device: str
+) -> TransformersModel:
     """Load a model, and its tokenizer if it takes text.
 
     Args:
@@ -150,25 +163,38 @@ def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str
     except (AttributeError, ImportError) as cause:
         _check_torchvision()
         raise BackendError(
-            f"transformers {transformers.__version__} has no {spec.class_name}, or needs more for it: "
+            f"transformers {transformers.__version__} has no {spec.class_name}, or needs more for "
+            f"it: "
             f"pip install --upgrade transformers ({cause})"
         ) from cause
     try:
         with _quiet():
             model, loading_info = kind.from_pretrained(
-                str(folder), local_files_only=True, dtype=getattr(torch, options.precision), output_loading_info=True
+                str(folder),
+                local_files_only=True,
+                dtype=getattr(torch, options.precision),
+                output_loading_info=True,
             )
             tokenizer = None
             if spec.needs_tokenizer:
-                tokenizer = transformers.AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
-    except Exception as cause:  # a library's door: what it raises for an unfit file is not documented
-        raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
+                tokenizer = transformers.AutoTokenizer.from_pretrained(
+                    str(folder), local_files_only=True
+                )
+    # a library's door: what it raises for an unfit file is not documented
+    except Exception as cause:
+        raise BackendError(
+            f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}"
+        ) from cause
     _check_complete(folder, spec, loading_info)
-    return TransformersModel(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
+    return TransformersModel(
+        model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0
+    )
 
 
 def _check_torchvision() -> None:
-    """Raise BackendError if torchvision, which the library imports where it finds it, does not fit torch."""
+    """Raise BackendError if torchvision, which the library imports where it finds it, does not fit
+    torch.
+    """
     import torch
 
     if importlib.util.find_spec("torchvision") is None:
@@ -177,8 +203,10 @@ def _check_torchvision() -> None:
         importlib.import_module("torchvision")
     except Exception as cause:  # a missing operator is a RuntimeError, a missing library an OSError
         raise BackendError(
-            f"torchvision {version('torchvision')} does not fit torch {torch.__version__} ({cause}), and transformers "
-            "imports it where it is installed: remove it (pip uninstall torchvision), or install the one for this torch"
+            f"torchvision {version('torchvision')} does not fit torch {torch.__version__} "
+            f"({cause}), and transformers "
+            "imports it where it is installed: remove it (pip uninstall torchvision), or install "
+            "the one for this torch"
         ) from cause
 
 
@@ -190,16 +218,21 @@ def _check_model_type(folder: Path, spec: ModelSpec) -> None:
         raise BackendError(f"{folder / 'config.json'} cannot be read: {cause}") from cause
     if found not in spec.model_types:
         wanted = " or ".join(f"'{name}'" for name in spec.model_types)
-        raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}")
+        raise BackendError(
+            f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}"
+        )
 
 
 def _check_complete(folder: Path, spec: ModelSpec, loading_info: Any) -> None:
-    """Raise BackendError if weights are missing, which the library would fill with random numbers."""
+    """Raise BackendError if weights are missing, which the library would fill with random
+    numbers.
+    """
     absent = sorted(map(str, loading_info.get("missing_keys", ())))
     if absent:
         names = ", ".join(absent[:_TOLD]) + (", ..." if len(absent) > _TOLD else "")
         raise BackendError(
-            f"{folder} has not all weights of {spec.class_name}: {len(absent)} are expected and not found ({names}); "
+            f"{folder} has not all weights of {spec.class_name}: {len(absent)} are expected and "
+            f"not found ({names}); "
             "it is another model, or of another version"
         )
 
@@ -210,7 +243,8 @@ def _quiet() -> Iterator[None]:
     from transformers.utils import logging as library_logging
 
     logging: Any = library_logging  # untyped
-    level, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    level = logging.get_verbosity()
+    bars = logging.is_progress_bar_enabled()
     logging.set_verbosity_error()
     logging.disable_progress_bar()
     try:
@@ -222,11 +256,13 @@ def _quiet() -> Iterator[None]:
 
 
 def size_from_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
-    """Return height and width with the shorter side ``short`` px, or less if the longer side would exceed ``long`` px.
+    """Return height and width with the shorter side ``short`` px, or less if the longer side would
+    exceed ``long`` px.
 
     Sides are cut to whole pixels as DETR and its descendants were trained.
     """
-    low, high = min(height, width), max(height, width)
+    low = min(height, width)
+    high = max(height, width)
     edge: float = short
     if high / low * short > long:
         edge = long * low / high

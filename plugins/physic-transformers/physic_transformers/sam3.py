@@ -25,25 +25,34 @@ class Sam3Options(ModelOptions):
     """Settings of :class:`Sam3`."""
 
     weights: str = Field(default="sam3-hf", description=f"SAM 3: {WEIGHTS_HELP}.")
-    people_words: str = Field(default="person", min_length=1, description="What a person is called.")
+    people_words: str = Field(
+        default="person", min_length=1, description="What a person is called."
+    )
     floor_words: str = Field(
         default="ground, floor, carpet.",
-        description="What the floor is called. Words between commas are looked for one by one, and all that is found "
+        description="What the floor is called. Words between commas are looked for one by one, "
+        "and all that is found "
         "is the floor. Empty: do not look for it.",
     )
-    person_score: Share = Field(default=0.5, description="Score from which something is a person; 0.3 finds more.")
+    person_score: Share = Field(
+        default=0.5, description="Score from which something is a person; 0.3 finds more."
+    )
     floor_score: Share = Field(
         default=0.5,
-        description="Chance from which a pixel is the floor: that of the pixel times that of there being such a thing.",
+        description="Chance from which a pixel is the floor: that of the pixel times that of "
+        "there being such a thing.",
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
+    max_people: int = Field(
+        default=20, ge=1, le=1000, description="Largest number of people, best first."
+    )
     same_person: Share = Field(
         default=0.8, description="Masks that share more of their union than this are one person."
     )
 
 
 class Sam3(PretrainedBackend, Segmenter):
-    """Segmenter by SAM 3: person masks from a text prompt for people, floor pixels from a text prompt for the floor.
+    """Segmenter by SAM 3: person masks from a text prompt for people, floor pixels from a text
+    prompt for the floor.
 
     The photo is encoded once.
     """
@@ -64,9 +73,12 @@ class Sam3(PretrainedBackend, Segmenter):
             BackendError: ``load`` was not called.
         """
 
-        options, size = self.options, (image.shape[0], image.shape[1])
+        options = self.options
+        size = (image.shape[0], image.shape[1])
         side = int(_vision(self.model().config).image_size)
-        pixels = picture_tensor(resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device)
+        pixels = picture_tensor(
+            resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device
+        )
         seen = self.model().run("get_vision_features", pixel_values=pixels)
         floor = self._floor(seen, size)
         out = self._asked(seen, options.people_words)
@@ -75,16 +87,23 @@ class Sam3(PretrainedBackend, Segmenter):
         rows = best_rows(scores, options.person_score, options.max_people)
         height, width = size
         boxes, inside = clip_boxes(
-            to_numpy(out.pred_boxes)[0, rows] * np.array([width, height, width, height]), height, width
+            to_numpy(out.pred_boxes)[0, rows] * np.array([width, height, width, height]),
+            height,
+            width,
         )
         masks = to_numpy(out.pred_masks)[0, rows]
         return people_from_sam(
-            masks[inside], boxes[inside], scores[rows][inside], floor, size, same=options.same_person
+            masks[inside],
+            boxes[inside],
+            scores[rows][inside],
+            floor,
+            size,
+            same=options.same_person,
         )
 
     def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray | None:
-        """Return the union of the masks of each floor word, because SAM 3 was trained on one short noun phrase at a
-        time.
+        """Return the union of the masks of each floor word, because SAM 3 was trained on one short
+        noun phrase at a time.
         """
 
         words = [word for spec in self.options.floor_words.split(",") if (word := spec.strip(" ."))]
@@ -93,7 +112,10 @@ class Sam3(PretrainedBackend, Segmenter):
         floor: BoolArray = np.zeros(size, bool)
         for word in words:
             out = self._asked(seen, word)
-            chance = sigmoid(to_numpy(out.semantic_seg)[0, 0]) * sigmoid(to_numpy(out.presence_logits)[0]).item()
+            chance = (
+                sigmoid(to_numpy(out.semantic_seg)[0, 0])
+                * sigmoid(to_numpy(out.presence_logits)[0]).item()
+            )
             floor |= resize_map(chance, *size) > self.options.floor_score
         return floor
 
@@ -102,7 +124,11 @@ class Sam3(PretrainedBackend, Segmenter):
 
         network = self.model()
         text = network.tokenizer(
-            words.strip().lower(), return_tensors="np", padding="max_length", max_length=_TOKENS, truncation=True
+            words.strip().lower(),
+            return_tensors="np",
+            padding="max_length",
+            max_length=_TOKENS,
+            truncation=True,
         )
         ids = {name: np.asarray(text[name], np.int64) for name in ("input_ids", "attention_mask")}
         return network.run(vision_embeds=seen, **ids)

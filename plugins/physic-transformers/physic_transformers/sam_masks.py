@@ -67,12 +67,18 @@ def people_of_prompt(
     """
     for i, one in enumerate(logits):
         if not (one > 0).any():
-            raise NoPersonError(f"no person was found at {prompt.describe(i)}: mark the person with a mask")
+            raise NoPersonError(
+                f"no person was found at {prompt.describe(i)}: mark the person with a mask"
+            )
     masks = [resize_map(one, *size) for one in logits]
-    masks += [np.where(mask, _GIVEN, -1.0) for mask in (() if prompt.masks is None else prompt.masks)]
+    masks += [
+        np.where(mask, _GIVEN, -1.0) for mask in (() if prompt.masks is None else prompt.masks)
+    ]
     people = people_from_masks(masks, None, np.ones(len(masks)), floor, size=size)
     if len(people) != len(prompt):
-        raise NoPersonError("a chosen person is hidden by the others: leave one out, or give a mask of each person")
+        raise NoPersonError(
+            "a chosen person is hidden by the others: leave one out, or give a mask of each person"
+        )
     return people
 
 

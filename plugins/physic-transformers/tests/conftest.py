@@ -1,4 +1,6 @@
-"""Tiny random networks of the real classes, saved as the published ones are, and tokenizers of a few words."""
+"""Tiny random networks of the real classes, saved as the published ones are, and tokenizers of a
+few words.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,20 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-WORDS = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", ".", ",", "person", "ground", "floor", "carpet", "##s", "a")
+WORDS = (
+    "[PAD]",
+    "[UNK]",
+    "[CLS]",
+    "[SEP]",
+    ".",
+    ",",
+    "person",
+    "ground",
+    "floor",
+    "carpet",
+    "##s",
+    "a",
+)
 
 
 def write_bert_tokenizer(folder: Path) -> None:
@@ -28,14 +43,30 @@ def write_clip_tokenizer(folder: Path) -> None:
     from transformers import CLIPTokenizerFast
 
     letters = sorted(set("personfloorcarpet,."))
-    names = [*letters, *(f"{letter}</w>" for letter in letters), "pe", "fl", "<|startoftext|>", "<|endoftext|>"]
-    (folder / "vocab.json").write_text(json.dumps({name: i for i, name in enumerate(names)}), "utf-8")
+    names = [
+        *letters,
+        *(f"{letter}</w>" for letter in letters),
+        "pe",
+        "fl",
+        "<|startoftext|>",
+        "<|endoftext|>",
+    ]
+    (folder / "vocab.json").write_text(
+        json.dumps({name: i for i, name in enumerate(names)}), "utf-8"
+    )
     (folder / "merges.txt").write_text("#version: 0.2\np e\nf l\n", "utf-8")
-    CLIPTokenizerFast(str(folder / "vocab.json"), str(folder / "merges.txt")).save_pretrained(str(folder))
+    CLIPTokenizerFast(str(folder / "vocab.json"), str(folder / "merges.txt")).save_pretrained(
+        str(folder)
+    )
 
 
 def grounding_dino() -> Any:
-    from transformers import BertConfig, GroundingDinoConfig, GroundingDinoForObjectDetection, SwinConfig
+    from transformers import (
+        BertConfig,
+        GroundingDinoConfig,
+        GroundingDinoForObjectDetection,
+        SwinConfig,
+    )
 
     backbone = SwinConfig(
         embed_dim=8,
@@ -45,7 +76,11 @@ def grounding_dino() -> Any:
         out_features=["stage2", "stage3", "stage4"],
     )
     text = BertConfig(
-        vocab_size=len(WORDS), hidden_size=16, num_hidden_layers=1, num_attention_heads=2, intermediate_size=16
+        vocab_size=len(WORDS),
+        hidden_size=16,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        intermediate_size=16,
     )
     return GroundingDinoForObjectDetection(
         GroundingDinoConfig(
@@ -72,7 +107,7 @@ def sam2_config() -> dict[str, Any]:
             "backbone_config": {
                 "model_type": "sam2_hiera_det_model", "hidden_size": 8, "image_size": [128, 128],
                 "blocks_per_stage": [1, 1, 2, 1],
-                "embed_dim_per_stage": [8, 16, 32, 64], "num_attention_heads_per_stage": [1, 1, 1, 1],
+                "embed_dim_per_stage": [8, 16, 32, 64], "num_attention_heads_per_stage": [1, 1, 1, 1],  # noqa: E501
                 "window_size_per_stage": [4, 2, 2, 2], "global_attention_blocks": [3],
                 "window_positional_embedding_background_size": [4, 4],
             },
@@ -98,16 +133,18 @@ def sam3_config() -> dict[str, Any]:
         "vision_config": {
             "model_type": "sam3_vision_model",
             "backbone_config": {
-                "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32, "num_hidden_layers": 2,
-                "num_attention_heads": 2, "image_size": 112, "patch_size": 14, "window_size": 4,
-                "global_attn_indexes": [1], "pretrain_image_size": 56,
+                "model_type": "sam3_vit_model", "hidden_size": 32, "intermediate_size": 32,
+                "num_hidden_layers": 2, "num_attention_heads": 2, "image_size": 112,
+                "patch_size": 14, "window_size": 4, "global_attn_indexes": [1],
+                "pretrain_image_size": 56,
             },
             "fpn_hidden_size": 32, "backbone_feature_sizes": [[32, 32], [16, 16], [8, 8]],
         },
         "text_config": {
-            "model_type": "clip_text_model", "vocab_size": 64, "hidden_size": 32, "intermediate_size": 32,
-            "projection_dim": 16, "num_hidden_layers": 1, "num_attention_heads": 2, "max_position_embeddings": 32,
-            "bos_token_id": 0, "eos_token_id": 1, "pad_token_id": 1,
+            "model_type": "clip_text_model", "vocab_size": 64, "hidden_size": 32,
+            "intermediate_size": 32, "projection_dim": 16, "num_hidden_layers": 1,
+            "num_attention_heads": 2, "max_position_embeddings": 32, "bos_token_id": 0,
+            "eos_token_id": 1, "pad_token_id": 1,
         },
         "geometry_encoder_config": dict(small), "detr_encoder_config": dict(small),
         "detr_decoder_config": {**small, "num_queries": 12},
@@ -174,8 +211,8 @@ def depth_pro(*, use_fov_model: bool = True) -> Any:
     from transformers import DepthProConfig, DepthProForDepthEstimation
 
     encoder = {
-        "model_type": "dinov2", "image_size": 32, "patch_size": 8, "hidden_size": 16, "num_hidden_layers": 2,
-        "num_attention_heads": 2, "mlp_ratio": 1,
+        "model_type": "dinov2", "image_size": 32, "patch_size": 8, "hidden_size": 16,
+        "num_hidden_layers": 2, "num_attention_heads": 2, "mlp_ratio": 1,
     }  # fmt: skip
     return DepthProForDepthEstimation(
         DepthProConfig(

@@ -1,4 +1,6 @@
-"""What goes in and what comes out, against transformers' own processors where they run without torchvision."""
+"""What goes in and what comes out, against transformers' own processors where they run without
+torchvision.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,26 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-SIZES = [(480, 640), (1080, 1920), (640, 300), (97, 131), (24, 32), (799, 1333), (801, 799), (500, 500), (120, 900)]
+SIZES = [
+    (480, 640),
+    (1080, 1920),
+    (640, 300),
+    (97, 131),
+    (24, 32),
+    (799, 1333),
+    (801, 799),
+    (500, 500),
+    (120, 900),
+]
 """Height and width."""
 
 
 def photo(height: int, width: int) -> NDArray[np.uint8]:
     """Coarse patches of colour, and fine grain."""
     rng = np.random.default_rng(height * 7 + width)
-    coarse = np.kron(rng.integers(0, 256, (-(-height // 16), -(-width // 16), 3)), np.ones((16, 16, 1)))
+    coarse = np.kron(
+        rng.integers(0, 256, (-(-height // 16), -(-width // 16), 3)), np.ones((16, 16, 1))
+    )
     grain = rng.integers(-20, 21, (height, width, 3))
     return np.clip(coarse[:height, :width] + grain, 0, 255).astype(np.uint8)
 
@@ -47,9 +61,13 @@ class TestGroundingDino:
 
         rng = np.random.default_rng(0)
         for height, width in rng.integers(8, 3000, (400, 2)).tolist():
-            assert size_from_edges(height, width, 800, 1333) == get_size_with_aspect_ratio((height, width), 800, 1333)
+            assert size_from_edges(height, width, 800, 1333) == get_size_with_aspect_ratio(
+                (height, width), 800, 1333
+            )
 
-    def test_boxes_scores_and_words_are_those_of_the_library(self, saved: Callable[..., Path]) -> None:
+    def test_boxes_scores_and_words_are_those_of_the_library(
+        self, saved: Callable[..., Path]
+    ) -> None:
         from transformers import AutoTokenizer, GroundingDinoProcessor
 
         tokenizer = AutoTokenizer.from_pretrained(str(saved("grounding_dino")))
@@ -70,26 +88,35 @@ class TestGroundingDino:
         order = np.argsort(-theirs["scores"].numpy(), kind="stable")
         assert len(order) > 10
         np.testing.assert_allclose(ours.scores, theirs["scores"].numpy()[order], rtol=1e-6)
-        np.testing.assert_allclose(ours.boxes * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5)
+        np.testing.assert_allclose(
+            ours.boxes * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5
+        )
         words = [tokenizer.decode(ids[0, list(tokens)]) for tokens in ours.tokens]
         assert words == [theirs["text_labels"][i] for i in order]
 
 
 class TestDepthPro:
     @pytest.mark.parametrize(("height", "width"), [(480, 640), (1200, 1920), (97, 131)])
-    def test_the_pixels_are_normalised_and_resized_without_antialiasing(self, height: int, width: int) -> None:
+    def test_the_pixels_are_normalised_and_resized_without_antialiasing(
+        self, height: int, width: int
+    ) -> None:
         image = photo(height, width)
         normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5
-        theirs = torch.nn.functional.interpolate(normal, (768, 768), mode="bilinear", align_corners=False)
+        theirs = torch.nn.functional.interpolate(
+            normal, (768, 768), mode="bilinear", align_corners=False
+        )
         np.testing.assert_allclose(depth_pro.preprocess(image, 768), theirs.numpy(), atol=2e-4)
 
     def test_depth_and_focal_length_follow_the_formulas_of_the_library(self) -> None:
         rng = np.random.default_rng(3)
         raw = torch.from_numpy(rng.uniform(0.05, 2.0, (1, 24, 24)).astype(np.float32))
         out = SimpleNamespace(predicted_depth=raw, field_of_view=torch.tensor([52.0]))
-        height, width = 60, 80
+        height = 60
+        width = 80
         focal = 0.5 * width / torch.tan(0.5 * torch.deg2rad(out.field_of_view))
-        inverse = torch.nn.functional.interpolate((raw * width / focal)[:, None], (height, width), mode="bilinear")
+        inverse = torch.nn.functional.interpolate(
+            (raw * width / focal)[:, None], (height, width), mode="bilinear"
+        )
         theirs = 1 / torch.clamp(inverse[0, 0], 1e-4, 1e4)
         backend = depth_pro.DepthPro()
         config = SimpleNamespace(patch_size=6, scaled_images_ratios=[0.25, 0.5, 1])

@@ -1,8 +1,9 @@
-"""Every backend with a network that knows the world which the photo shows, through the whole conformance kit.
+"""Every backend with a network that knows the world which the photo shows, through the whole
+conformance kit.
 
-The networks answer what a perfect one would, in their own frames, by formulas that are written here apart from those
-of the backends. They also look at what they are fed: a picture that does not show the photo, upright and in RGB, is
-refused.
+The networks answer what a perfect one would, in their own frames, by formulas that are written here
+apart from those of the backends. They also look at what they are fed: a picture that does not show
+the photo, upright and in RGB, is refused.
 """
 
 from __future__ import annotations
@@ -60,7 +61,11 @@ class StandIn:
 
     def masks(self) -> np.ndarray:
         """(N, H, W) bool."""
-        return self.world.masks if self.world is not None and self.people else np.zeros((0, *self.size), bool)
+        return (
+            self.world.masks
+            if self.world is not None and self.people
+            else np.zeros((0, *self.size), bool)
+        )
 
     def floor(self) -> np.ndarray:
         """(H, W) bool."""
@@ -70,7 +75,9 @@ class StandIn:
 
 
 def squashed(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """A map of the photo at the pixels of another grid over it, cells of both meeting at the edges."""
+    """A map of the photo at the pixels of another grid over it, cells of both meeting at the
+    edges.
+    """
     height, width = values.shape
     v = (np.arange(rows) + 0.5) * height / rows - 0.5
     u = (np.arange(columns) + 0.5) * width / columns - 0.5
@@ -87,8 +94,12 @@ def batch(values: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(np.ascontiguousarray(values, np.float32))[None]
 
 
-def require_shown(pixels: np.ndarray, seen: np.ndarray, mean: tuple[float, ...], std: tuple[float, ...]) -> None:
-    """Refuse pixels (3, h, w) that are not those of ``seen`` (h, w, 3), 0..1, or that are normalised otherwise."""
+def require_shown(
+    pixels: np.ndarray, seen: np.ndarray, mean: tuple[float, ...], std: tuple[float, ...]
+) -> None:
+    """Refuse pixels (3, h, w) that are not those of ``seen`` (h, w, 3), 0..1, or that are
+    normalised otherwise.
+    """
     shown = pixels.transpose(1, 2, 0) * np.array(std) + np.array(mean)
     assert np.abs(shown - seen).mean() < 0.06, "the network was shown another picture"
     assert pixels.dtype == np.float32
@@ -134,7 +145,8 @@ class EomtStandIn(StandIn):
             masks[0, q] = squashed(gaussian_filter(whole, 1.6), 160, 160)
         classes[0, -1, 133] = 5.0
         return SimpleNamespace(
-            class_queries_logits=torch.from_numpy(classes), masks_queries_logits=torch.from_numpy(masks)
+            class_queries_logits=torch.from_numpy(classes),
+            masks_queries_logits=torch.from_numpy(masks),
         )
 
 
@@ -167,9 +179,18 @@ class GroundingDinoStandIn(StandIn):
         logits = np.full((1, 20, 256), -np.inf)
         logits[..., :3] = -4.0
         for q, mask in enumerate(found):
-            columns_, rows_ = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
-            x0, y0, x1, y1 = columns_[0], rows_[0], columns_[-1] + 1, rows_[-1] + 1
-            boxes[0, q] = (x0 + x1) / 2 / width, (y0 + y1) / 2 / height, (x1 - x0) / width, (y1 - y0) / height
+            columns_ = np.flatnonzero(mask.any(0))
+            rows_ = np.flatnonzero(mask.any(1))
+            x0 = columns_[0]
+            y0 = rows_[0]
+            x1 = columns_[-1] + 1
+            y1 = rows_[-1] + 1
+            boxes[0, q] = (
+                (x0 + x1) / 2 / width,
+                (y0 + y1) / 2 / height,
+                (x1 - x0) / width,
+                (y1 - y0) / height,
+            )
             logits[0, q, 1] = 2.0 - 0.1 * q
         return SimpleNamespace(logits=torch.from_numpy(logits), pred_boxes=torch.from_numpy(boxes))
 
@@ -193,19 +214,25 @@ class Sam2StandIn(StandIn):
         prompts = inputs["input_boxes"]
         assert prompts.dtype == np.float32
         assert prompts.shape == (1, prompts.shape[1], 4)
-        return SimpleNamespace(pred_masks=torch.from_numpy(np.stack([self._mask(box) for box in prompts[0]])[None]))
+        return SimpleNamespace(
+            pred_masks=torch.from_numpy(np.stack([self._mask(box) for box in prompts[0]])[None])
+        )
 
     def _mask(self, box: np.ndarray) -> np.ndarray:
         """(1, 256, 256) logits of whatever has this box, px of 1024 x 1024."""
         height, width = self.size
         known = [*self.masks(), self.floor()]
-        edges = np.array([_edges(mask) * np.tile([1024 / width, 1024 / height], 2) for mask in known])
+        edges = np.array(
+            [_edges(mask) * np.tile([1024 / width, 1024 / height], 2) for mask in known]
+        )
         gap = np.abs(edges - box).max(1)
         assert gap.min() < 8, "no such thing in the photo"
         return soft(known[int(gap.argmin())], 256, 256)[None]
 
     def _marked(self, x: float, y: float) -> np.ndarray:
-        """(1, 256, 256) logits of the person at a pixel of 1024 x 1024; negative where nobody is."""
+        """(1, 256, 256) logits of the person at a pixel of 1024 x 1024; negative where nobody
+        is.
+        """
         height, width = self.size
         on = [mask for mask in self.masks() if mask[int(y * height / 1024), int(x * width / 1024)]]
         return soft(on[0], 256, 256)[None] if on else np.full((1, 256, 256), -9.0)
@@ -225,21 +252,32 @@ class Sam3StandIn(StandIn):
         assert inputs["attention_mask"].sum() == 3
         masks = self.masks() if inputs["input_ids"][0, 1] == 7 else self.floor()[None]
         height, width = self.size
-        boxes, logits = np.zeros((1, 20, 4)), np.full((1, 20), -6.0)
+        boxes = np.zeros((1, 20, 4))
+        logits = np.full((1, 20), -6.0)
         found = np.full((1, 20, 288, 288), -9.0)
         for q, mask in enumerate(masks):
             found[0, q], logits[0, q] = soft(mask, 288, 288), 3.0 - 0.1 * q
             if mask.any():
                 boxes[0, q] = _edges(mask) / np.tile([width, height], 2)
         whole = soft(masks.any(0), 288, 288)[None, None]
-        answer = {"pred_masks": found, "pred_boxes": boxes, "pred_logits": logits, "semantic_seg": whole}
+        answer = {
+            "pred_masks": found,
+            "pred_boxes": boxes,
+            "pred_logits": logits,
+            "semantic_seg": whole,
+        }
         answer["presence_logits"] = np.full((1, 1), 5.0)
         return SimpleNamespace(**{name: torch.from_numpy(value) for name, value in answer.items()})
 
 
 def _edges(mask: np.ndarray) -> np.ndarray:
-    columns, rows = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float) if len(rows) else np.full(4, -1e4)
+    columns = np.flatnonzero(mask.any(0))
+    rows = np.flatnonzero(mask.any(1))
+    return (
+        np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
+        if len(rows)
+        else np.full(4, -1e4)
+    )
 
 
 def on_arrays(network: Any) -> Any:
@@ -247,7 +285,10 @@ def on_arrays(network: Any) -> Any:
     run = network.run
 
     def on_array(*method: str, **inputs: Any) -> Any:
-        return run(*method, **{name: np.asarray(v) if name == "pixel_values" else v for name, v in inputs.items()})
+        return run(
+            *method,
+            **{name: np.asarray(v) if name == "pixel_values" else v for name, v in inputs.items()},
+        )
 
     network.run = on_array
     return network
@@ -290,7 +331,9 @@ class TellingSam3(Telling, Sam3):
 
 
 EXACT_LIMITS: dict[type, dict[str, float]] = {TellingEomt: {"IoU": 0.97}}
-"""EoMT has a mask of 160 x 160 cells, each of two px in these photos, whatever the network knows."""
+"""EoMT has a mask of 160 x 160 cells, each of two px in these photos, whatever the network
+knows.
+"""
 
 ACCURATE = {"IoU": 0.97, "floor IoU": 0.98, "found": 1.0}
 WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
@@ -303,8 +346,14 @@ def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     report = check_backend(kind, capabilities=own | {"exact"}, exact_limits=EXACT_LIMITS.get(kind))
     print(report.text)
     report.raise_if_failed()
-    bounds = [report.accuracy[name] >= least for name, least in ACCURATE.items() if name in report.accuracy]
-    bounds += [report.accuracy[name] <= most for name, most in WRONG.items() if name in report.accuracy]
+    bounds = [
+        report.accuracy[name] >= least
+        for name, least in ACCURATE.items()
+        if name in report.accuracy
+    ]
+    bounds += [
+        report.accuracy[name] <= most for name, most in WRONG.items() if name in report.accuracy
+    ]
     assert bounds
     assert all(bounds), report.accuracy
 

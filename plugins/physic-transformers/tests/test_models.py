@@ -37,7 +37,9 @@ def _own_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
 
 
-def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_model_is_found_by_its_name_in_a_folder_of_weights(
+    saved: Callable[..., Path], tmp_path: Path
+) -> None:
     name = DepthProOptions().weights
     backend = DepthPro()
     (problem,) = backend.missing()
@@ -139,8 +141,11 @@ def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
     import torch
     from transformers.utils import logging
 
-    bars, level = logging.is_progress_bar_enabled(), logging.get_verbosity()
-    options = GroundedSam2Options(detector=str(saved("grounding_dino")), masks=str(saved("sam2_video")))
+    bars = logging.is_progress_bar_enabled()
+    level = logging.get_verbosity()
+    options = GroundedSam2Options(
+        detector=str(saved("grounding_dino")), masks=str(saved("sam2_video"))
+    )
     backend = GroundedSam2(options)
     capfd.readouterr()
     backend.load()
@@ -163,7 +168,8 @@ def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
 
 
 @pytest.mark.parametrize(
-    ("kind", "network", "prefix"), [("sam2", "Sam2Model", ""), ("sam3", "Sam3Model", "detector_model.")]
+    ("kind", "network", "prefix"),
+    [("sam2", "Sam2Model", ""), ("sam3", "Sam3Model", "detector_model.")],
 )
 def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
     saved: Callable[..., Path], kind: str, network: str, prefix: str

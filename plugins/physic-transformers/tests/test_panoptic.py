@@ -39,9 +39,10 @@ def same(grid):
 def test_classes_have_the_numbers_of_coco_panoptic():
     """Numbers of the label lists that published checkpoints carry."""
     known = {
-        0: "person", 56: "chair", 57: "couch", 79: "toothbrush", 80: "banner", 87: "floor-wood", 96: "platform",
-        97: "playingfield", 100: "road", 102: "sand", 105: "snow", 122: "floor-other-merged",
-        123: "pavement-merged", 125: "grass-merged", 126: "dirt-merged", 132: "rug-merged",
+        0: "person", 56: "chair", 57: "couch", 79: "toothbrush", 80: "banner", 87: "floor-wood",
+        96: "platform", 97: "playingfield", 100: "road", 102: "sand", 105: "snow",
+        122: "floor-other-merged", 123: "pavement-merged", 125: "grass-merged", 126: "dirt-merged",
+        132: "rug-merged",
     }  # fmt: skip
     assert len(COCO_PANOPTIC) == len(set(COCO_PANOPTIC)) == 133
     assert {i: COCO_PANOPTIC[i] for i in known} == known
@@ -50,7 +51,9 @@ def test_classes_have_the_numbers_of_coco_panoptic():
 
 
 def test_people_and_floor_get_separate_masks():
-    left, right, floor = box(2, 12, 1, 5), box(3, 13, 9, 12), box(10, 16, 0, 16)
+    left = box(2, 12, 1, 5)
+    right = box(3, 13, 9, 12)
+    floor = box(10, 16, 0, 16)
     classes, masks = queries(
         [PERSON, FLOOR_OTHER, PERSON, WALL], [left, floor & ~left & ~right, right, box(0, 2, 0, 16)]
     )
@@ -64,9 +67,12 @@ def test_people_and_floor_get_separate_masks():
 
 
 def test_each_portable_thing_is_an_object():
-    ball, cup, chair, held = (COCO_PANOPTIC.index(name) for name in ("sports ball", "cup", "chair", "person"))
+    ball, cup, chair, held = (
+        COCO_PANOPTIC.index(name) for name in ("sports ball", "cup", "chair", "person")
+    )
     classes, masks = queries(
-        [ball, cup, chair, held], [box(1, 4, 1, 4), box(6, 8, 2, 3), box(9, 15, 9, 15), box(2, 9, 3, 6)]
+        [ball, cup, chair, held],
+        [box(1, 4, 1, 4), box(6, 8, 2, 3), box(9, 15, 9, 15), box(2, 9, 3, 6)],
     )
     classes[3, held] = 14.0
     found = people_and_floor(classes, masks, same, (16, 16), held=0.3)
@@ -80,7 +86,10 @@ def test_objects_are_none_only_if_the_network_has_no_object_classes():
     assert known is not None
     assert known.shape == (0, 16, 16)
     names = ("person", "wall-wood")
-    assert people_and_floor(classes[:, [0, 1, 133]], masks, same, (16, 16), labels=names).objects is None
+    assert (
+        people_and_floor(classes[:, [0, 1, 133]], masks, same, (16, 16), labels=names).objects
+        is None
+    )
 
 
 def test_a_second_query_of_one_person_is_dropped():
@@ -89,10 +98,14 @@ def test_a_second_query_of_one_person_is_dropped():
     assert len(people_and_floor(classes, masks, same, (16, 16))) == 1
 
 
-@pytest.mark.parametrize("size", [(48, 64), (97, 131), (131, 97), (640, 640), (24, 32), (333, 1000)])
+@pytest.mark.parametrize(
+    "size", [(48, 64), (97, 131), (131, 97), (640, 640), (24, 32), (333, 1000)]
+)
 def test_the_frame_is_filled_as_the_library_fills_it(size):
     processor = eomt_processor()
-    made = processor.preprocess(np.full((*size, 3), 255, np.uint8), return_tensors="np")["pixel_values"][0]
+    made = processor.preprocess(np.full((*size, 3), 255, np.uint8), return_tensors="np")[
+        "pixel_values"
+    ][0]
     filled = made[0] > 0
     inner = PaddedFrame(*size, 640).inner
     assert filled[: inner[0], : inner[1]].all()
@@ -108,18 +121,32 @@ def test_segments_are_those_of_the_library(size):
     masks = rng.normal(0, 4, (8, 6, 6)).repeat(4, 1).repeat(4, 2).astype(np.float32)
     classes = rng.normal(0, 1, (8, 134)).astype(np.float32)
     classes[np.arange(8), labels] += rng.uniform(6, 12, 8).astype(np.float32)
-    said = {"masks_queries_logits": torch.tensor(masks)[None], "class_queries_logits": torch.tensor(classes)[None]}
+    said = {
+        "masks_queries_logits": torch.tensor(masks)[None],
+        "class_queries_logits": torch.tensor(classes)[None],
+    }
     published = processor.post_process_panoptic_segmentation(
         SimpleNamespace(**said),
-        target_sizes=[size], threshold=0.5, overlap_mask_area_threshold=0.3, stuff_classes=list(range(80, 133)),
+        target_sizes=[size], threshold=0.5, overlap_mask_area_threshold=0.3, stuff_classes=list(range(80, 133)),  # noqa: E501
         size={"shortest_edge": 640, "longest_edge": 640},
     )[0]  # fmt: skip
     segmentation = published["segmentation"].numpy()
-    wanted = {s["score"]: segmentation == s["id"] for s in published["segments_info"] if s["label_id"] == PERSON}
+    wanted = {
+        s["score"]: segmentation == s["id"]
+        for s in published["segments_info"]
+        if s["label_id"] == PERSON
+    }
     floor = np.isin(
-        segmentation, [s["id"] for s in published["segments_info"] if COCO_PANOPTIC[s["label_id"]] in FLOOR_CLASSES]
+        segmentation,
+        [
+            s["id"]
+            for s in published["segments_info"]
+            if COCO_PANOPTIC[s["label_id"]] in FLOOR_CLASSES
+        ],
     )
-    people = people_and_floor(classes, masks, PaddedFrame(*size, 640).to_photo, size, threshold=0.5, held=0.3)
+    people = people_and_floor(
+        classes, masks, PaddedFrame(*size, 640).to_photo, size, threshold=0.5, held=0.3
+    )
     assert len(people) == len(wanted) > 1
     for mask, score in zip(people.masks, people.scores, strict=True):
         (theirs,) = [m for s, m in wanted.items() if abs(s - score) < 2e-6]

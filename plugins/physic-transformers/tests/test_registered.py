@@ -14,7 +14,9 @@ from physic_testing import check_backend
 
 NAME = "physic-transformers"
 OFFERS = [offer for offer in list_backends() if offer.distribution == NAME]
-SETS = {one.weights.name: one.weights for one in read_library().sets if one.offer.distribution == NAME}
+SETS = {
+    one.weights.name: one.weights for one in read_library().sets if one.offer.distribution == NAME
+}
 
 
 @pytest.fixture(autouse=True)

@@ -19,7 +19,12 @@ from physic_core.types import CameraTrust, Hints, Intrinsics, People
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, class_names
-from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
+from physic_transformers.grounded_sam2 import (
+    GroundedSam2,
+    GroundedSam2Options,
+    decode_text_boxes,
+    format_prompt,
+)
 from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
 
@@ -35,14 +40,20 @@ WIDE = np.random.default_rng(0).integers(0, 256, (60, 100, 3), np.uint8)
 
 
 class Recorded:
-    """A network that keeps what it was asked and answers the next of some answers, or the only one."""
+    """A network that keeps what it was asked and answers the next of some answers, or the only
+    one.
+    """
 
     def __init__(self, config: Any, *answers: Any, tokenizer: Any = None) -> None:
-        self.config, self.tokenizer = config, tokenizer
-        self.output_kind, self.asked = list(answers), []
+        self.config = config
+        self.tokenizer = tokenizer
+        self.output_kind = list(answers)
+        self.asked = []
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
-        self.asked.append((method, {k: np.asarray(v) if torch.is_tensor(v) else v for k, v in inputs.items()}))
+        self.asked.append(
+            (method, {k: np.asarray(v) if torch.is_tensor(v) else v for k, v in inputs.items()})
+        )
         return self.output_kind.pop(0) if len(self.output_kind) > 1 else self.output_kind[0]
 
     def shown(self, call: int = 0) -> NDArray[np.float32]:
@@ -85,14 +96,20 @@ class TestWithoutTorchvision:
         ],
     )
     def test_the_real_classes_load_and_infer(
-        self, saved: Callable[..., Path], kind: Any, networks: dict[str, str], options: dict[str, float], dtype: str
+        self,
+        saved: Callable[..., Path],
+        kind: Any,
+        networks: dict[str, str],
+        options: dict[str, float],
+        dtype: str,
     ) -> None:
         folders = {option: str(saved(model)) for option, model in networks.items()}
         backend = kind(kind.Options(**folders, **options, precision=dtype))
         assert backend.missing() == ()
         backend.load()
         people = People(np.ones((1, 60, 100), bool), np.array([[5.0, 2, 60, 58]]), np.array([0.9]))
-        hints, size = Hints(intrinsics=Intrinsics.from_focal(90.0, 100, 60)), {"height": 60, "width": 100}
+        hints = Hints(intrinsics=Intrinsics.from_focal(90.0, 100, 60))
+        size = {"height": 60, "width": 100}
         rest, context = {
             "segmenter": ((), size),
             "metric_depth": ((hints,), size),
@@ -113,11 +130,21 @@ except Exception as error:
 """
 
 
-def test_a_torchvision_that_does_not_fit_torch_is_named(saved: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_torchvision_that_does_not_fit_torch_is_named(
+    saved: Callable[..., Path], tmp_path: Path
+) -> None:
     """The library imports it where it is installed, and then says that its own class is missing."""
     for folder, file, text in (
-        ("torchvision", "__init__.py", "raise RuntimeError('operator torchvision::nms does not exist')"),
-        ("torchvision-0.28.0.dist-info", "METADATA", "Metadata-Version: 2.1\nName: torchvision\nVersion: 0.28.0\n"),
+        (
+            "torchvision",
+            "__init__.py",
+            "raise RuntimeError('operator torchvision::nms does not exist')",
+        ),
+        (
+            "torchvision-0.28.0.dist-info",
+            "METADATA",
+            "Metadata-Version: 2.1\nName: torchvision\nVersion: 0.28.0\n",
+        ),
     ):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text(text)
@@ -152,17 +179,23 @@ class TestDepthPro:
 
     def test_the_networks_focal_length_replaces_a_guessed_one(self) -> None:
         guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
-        np.testing.assert_allclose(self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5)
+        np.testing.assert_allclose(
+            self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5
+        )
 
     def test_an_option_prefers_the_networks_own_focal_length(self) -> None:
         known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
-        np.testing.assert_allclose(self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5)
+        np.testing.assert_allclose(
+            self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5
+        )
 
     def test_depth_is_never_left_unscaled_without_an_angle(self) -> None:
         with pytest.raises(BackendError, match="does not tell the focal length"):
             self.asked(0.5, None)
         np.testing.assert_allclose(
-            self.asked(0.5, None, Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))).depth, 4.0, rtol=1e-5
+            self.asked(0.5, None, Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))).depth,
+            4.0,
+            rtol=1e-5,
         )
 
     def test_the_camera_of_a_photo_of_another_size_is_resized(self) -> None:
@@ -171,10 +204,20 @@ class TestDepthPro:
 
     @pytest.mark.parametrize(
         ("there", "side", "options", "refused"),
-        [(8.0, 384, {}, True), (8.0, 96, {}, False), (64.0, 384, {}, False), (8.0, 384, {"cpu_memory_gb": 0}, False)],
+        [
+            (8.0, 384, {}, True),
+            (8.0, 96, {}, False),
+            (64.0, 384, {}, False),
+            (8.0, 384, {"cpu_memory_gb": 0}, False),
+        ],
     )
     def test_a_small_machine_is_refused_before_it_is_out_of_memory(
-        self, monkeypatch: pytest.MonkeyPatch, there: float, side: int, options: dict[str, float], refused: bool
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        there: float,
+        side: int,
+        options: dict[str, float],
+        refused: bool,
     ) -> None:
         config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
         monkeypatch.setattr(DepthPro, "file", lambda *_, **__: Path("here"))
@@ -199,7 +242,10 @@ class TestGroundedSam2:
 
     def words(self, text: str, **_: Any) -> dict[str, Any]:
         self.texts = [*getattr(self, "texts", []), text]
-        return {name: np.ones((1, 4), np.int32) for name in ("input_ids", "token_type_ids", "attention_mask")}
+        return {
+            name: np.ones((1, 4), np.int32)
+            for name in ("input_ids", "token_type_ids", "attention_mask")
+        }
 
     def found(self, *rows: tuple[float, list[float]]) -> SimpleNamespace:
         """Scores and boxes (centre, size) of queries."""
@@ -207,7 +253,9 @@ class TestGroundedSam2:
         logits[0, :, 1] = [np.log(score / (1 - score)) for score, _ in rows]
         return tensors(logits=logits, pred_boxes=[[box for _, box in rows]])
 
-    def run(self, people: Any, floor: Any, masks: Any, **options: Any) -> tuple[People, Recorded, Recorded]:
+    def run(
+        self, people: Any, floor: Any, masks: Any, **options: Any
+    ) -> tuple[People, Recorded, Recorded]:
         detector = Recorded(None, people, floor, None, tokenizer=self.words)
         sam = Recorded(self.MASKS, "embeddings", *masks, None)
         backend = given(GroundedSam2(GroundedSam2Options(**options)), detector=detector, masks=sam)
@@ -231,14 +279,22 @@ class TestGroundedSam2:
 
     def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self) -> None:
         people = self.found((0.9, [0.25, 0.5, 0.3, 0.8]), (0.4, [0.75, 0.5, 0.2, 0.8]))
-        floor = self.found((0.35, [0.5, 0.9, 1.0, 0.2]), (0.5, [0.5, 0.75, 0.2, 0.5]), (0.2, [0.1, 0.1, 0.1, 0.1]))
+        floor = self.found(
+            (0.35, [0.5, 0.9, 1.0, 0.2]), (0.5, [0.5, 0.75, 0.2, 0.5]), (0.2, [0.1, 0.1, 0.1, 0.1])
+        )
         masks = self.inside((26, 26, 102, 230), (102, 128, 154, 256), (0, 205, 256, 256))
         answer, detector, sam = self.run(people, floor, [masks])
         assert self.texts == ["person.", "ground, floor, carpet."]
-        assert [method for method, _ in sam.asked] == ["get_image_embeddings", ""], "the photo is encoded once"
+        assert [method for method, _ in sam.asked] == ["get_image_embeddings", ""], (
+            "the photo is encoded once"
+        )
         prompts = sam.asked[1][1]["input_boxes"]
-        np.testing.assert_allclose(prompts[0, 0], [0.1 * 1024, 0.1 * 1024, 0.4 * 1024, 0.9 * 1024], atol=0.01)
-        np.testing.assert_allclose(prompts[0, 1], [0.4 * 1024, 0.5 * 1024, 0.6 * 1024, 1024], atol=0.01)
+        np.testing.assert_allclose(
+            prompts[0, 0], [0.1 * 1024, 0.1 * 1024, 0.4 * 1024, 0.9 * 1024], atol=0.01
+        )
+        np.testing.assert_allclose(
+            prompts[0, 1], [0.4 * 1024, 0.5 * 1024, 0.6 * 1024, 1024], atol=0.01
+        )
         assert prompts.shape == (1, 3, 4), "who scores 0.4 is nobody, what scores 0.2 is not floor"
         assert prompts.dtype == np.float32
         assert sam.asked[1][1]["multimask_output"] is False
@@ -264,18 +320,24 @@ class TestGroundedSam2:
 
     def test_one_person_found_twice_is_one(self) -> None:
         people = self.found((0.9, [0.3, 0.5, 0.4, 0.8]), (0.8, [0.3, 0.5, 0.42, 0.8]))
-        answer, *_ = self.run(people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))])
+        answer, *_ = self.run(
+            people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))]
+        )
         assert len(answer) == 1
 
     def test_prompts_keep_their_fractions_in_bfloat16(self) -> None:
         class Model:
-            config, device, dtype = None, "cpu", torch.bfloat16
+            config = None
+            device = "cpu"
+            dtype = torch.bfloat16
 
             def __call__(self, **inputs: torch.Tensor) -> dict[str, torch.Tensor]:
                 return inputs
 
         box = np.array([[[1001.25, 3.0, 1007.5, 9.0]]], np.float32)
-        seen = TransformersModel(Model()).run(input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32))
+        seen = TransformersModel(Model()).run(
+            input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32)
+        )
         np.testing.assert_array_equal(seen["input_boxes"].numpy(), box)
         assert seen["pixel_values"].dtype == torch.bfloat16
 
@@ -313,8 +375,12 @@ class TestSam3:
         assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
 
     def test_each_word_for_the_floor_is_searched_alone(self) -> None:
-        """Ground is at the left, floor at the right, and there is no carpet, wherever the network would see it."""
-        left, right, everywhere = (self.out(presence, (3.0, (0, 0, 1, 1))) for presence in (9.0, 9.0, -3.0))
+        """Ground is at the left, floor at the right, and there is no carpet, wherever the network
+        would see it.
+        """
+        left, right, everywhere = (
+            self.out(presence, (3.0, (0, 0, 1, 1))) for presence in (9.0, 9.0, -3.0)
+        )
         left.semantic_seg[..., 144:] = -5
         right.semantic_seg[..., :144] = -5
         everywhere.semantic_seg[:] = 5
@@ -325,7 +391,9 @@ class TestSam3:
             return self.words(text, **options)
 
         person = self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6)))
-        network = Recorded(self.CONFIG, "seen", left, right, everywhere, person, None, tokenizer=words)
+        network = Recorded(
+            self.CONFIG, "seen", left, right, everywhere, person, None, tokenizer=words
+        )
         floor = given(Sam3(), weights=network).infer(WIDE).floor
         assert texts == ["ground", "floor", "carpet", "person"]
         assert floor[45:, :48].all()

@@ -26,7 +26,9 @@ ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0
 
 
 def data_of(page: str) -> dict:
-    return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)[1])
+    return json.loads(
+        re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)[1]
+    )
 
 
 def scripts_of(page: str) -> list[str]:
@@ -40,16 +42,21 @@ def points_of(packed: dict) -> np.ndarray:
 
 
 def flags_of(text: str, count: int) -> np.ndarray:
-    return np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), count=count, bitorder="little").astype(bool)
+    return np.unpackbits(
+        np.frombuffer(base64.b64decode(text), np.uint8), count=count, bitorder="little"
+    ).astype(bool)
 
 
 @pytest.fixture
 def standing(reconstruction):
-    """The room with two embedded bodies in their T-pose, soles on the floor, pelvises 1.5 m apart."""
+    """The room with two embedded bodies in their T-pose, soles on the floor, pelvises 1.5 m
+    apart.
+    """
     model = load_body()
     rotations, betas, transl = model.zero_pose()
     body = model(rotations, betas, transl)
-    up, floor = np.array(reconstruction.scene.floor.normal), reconstruction.scene.floor.offset
+    up = np.array(reconstruction.scene.floor.normal)
+    floor = reconstruction.scene.floor.offset
     right = np.array([1.0, 0.0, 0.0])
     turn = np.stack([right, up, np.cross(right, up)], axis=1)
     vertices, joints = (np.asarray(t[0]) @ turn.T for t in (body.vertices, body.joints))
@@ -74,11 +81,15 @@ def standing(reconstruction):
     return replace(reconstruction, people=tuple(people), faces=model.faces.numpy().astype(np.int32))
 
 
-@pytest.mark.parametrize("size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"])
+@pytest.mark.parametrize(
+    "size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"]
+)
 def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(make, size):
     result = make(*size)
     packed = pack_scene(result)
-    stride, rows, columns = packed["stride"], packed["rows"], packed["columns"]
+    stride = packed["stride"]
+    rows = packed["rows"]
+    columns = packed["columns"]
     assert stride == (1 if size == (160, 120) else 2)
     valid = flags_of(packed["valid"], rows * columns).reshape(rows, columns)
     wanted = result.scene.points[::stride, ::stride][valid]
@@ -88,7 +99,9 @@ def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(ma
     assert kept.sum() == len(mesh.faces) > 10_000
     # The corners of each triangle, found as the page finds them, are those of the mesh.
     cells = np.flatnonzero(kept) // 2
-    offsets = np.where((np.flatnonzero(kept) % 2)[:, None], [1, columns, columns + 1], [0, columns, 1])
+    offsets = np.where(
+        (np.flatnonzero(kept) % 2)[:, None], [1, columns, columns + 1], [0, columns, 1]
+    )
     of_mesh = (mesh.pixels[:, 1] // stride * columns + mesh.pixels[:, 0] // stride)[mesh.faces]
     assert {tuple(c) for c in cells[:, None] + offsets} == {tuple(c) for c in of_mesh}
 
@@ -98,7 +111,9 @@ def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
     packed = pack_bodies(crowd)
     count = packed["people"][0]["points"]["count"]
     assert count < 0.4 * len(standing.people[0].vertices)
-    contact, colors = (base64.b64decode(packed["people"][0][name]) for name in ("contact", "colors"))
+    contact, colors = (
+        base64.b64decode(packed["people"][0][name]) for name in ("contact", "colors")
+    )
     assert max(contact) == 255
     assert (len(contact), len(colors)) == (count, 3 * count)
     assert packed["people"][0]["texture"] is packed["uv"] is None
@@ -107,9 +122,11 @@ def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
 
 
 def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_seams(standing):
-    packed, count = pack_bodies(standing), len(standing.people[0].vertices)
+    packed = pack_bodies(standing)
+    count = len(standing.people[0].vertices)
     faces, split, uv = (
-        np.frombuffer(base64.b64decode(packed[name]["data"]), "<u2").astype(int) for name in ("faces", "split", "uv")
+        np.frombuffer(base64.b64decode(packed[name]["data"]), "<u2").astype(int)
+        for name in ("faces", "split", "uv")
     )
     vertex = np.r_[np.arange(count), split]
     np.testing.assert_array_equal(vertex[faces].reshape(-1, 3), standing.faces)
@@ -136,11 +153,16 @@ def test_the_page_tells_assumed_contacts_from_others(standing):
     hand = replace(foot, part="left_hand", assumed=False)
     person = replace(standing.people[0], contacts=(foot, hand))
     contacts = data_of(report_html(replace(standing, people=(person,))))["people"][0]["contacts"]
-    assert [(one["part"], one["assumed"]) for one in contacts] == [("left foot", True), ("left hand", False)]
+    assert [(one["part"], one["assumed"]) for one in contacts] == [
+        ("left foot", True),
+        ("left hand", False),
+    ]
 
 
 def test_the_page_tells_two_surfaces_of_one_class_apart(standing):
-    feet = tuple(BodyContact("left_foot", ContactPartner("scene", "water", id), 0.8, 9) for id in (1, 2))
+    feet = tuple(
+        BodyContact("left_foot", ContactPartner("scene", "water", id), 0.8, 9) for id in (1, 2)
+    )
     person = replace(standing.people[0], contacts=feet)
     contacts = data_of(report_html(replace(standing, people=(person,))))["people"][0]["contacts"]
     assert [one["partner"] for one in contacts] == ["water 1", "water 2"]
@@ -151,7 +173,9 @@ def test_stature_and_distances_are_those_of_the_bodies(standing):
     model = load_body()
     assert person["stature"] == pytest.approx(float(model.stature(torch.zeros(1, 16))), abs=1e-4)
     assert 1.5 < person["stature"] < 1.9
-    assert person["camera"] == pytest.approx(float(np.linalg.norm(standing.people[0].joints[0])), abs=1e-6)
+    assert person["camera"] == pytest.approx(
+        float(np.linalg.norm(standing.people[0].joints[0])), abs=1e-6
+    )
     assert person["lowest"] == pytest.approx(0.0, abs=1e-5)
     pelvis = float(np.linalg.norm(standing.people[0].joints[0] - standing.people[1].joints[0]))
     (record,) = person["others"]
@@ -175,7 +199,11 @@ def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, 
     # The mannequins of the room have other vertices than the embedded body.
     for result in (
         reconstruction,
-        replace(reconstruction, body_model="smplx", config={"body_model": {"path": str(tmp_path / "SMPLX.npz")}}),
+        replace(
+            reconstruction,
+            body_model="smplx",
+            config={"body_model": {"path": str(tmp_path / "SMPLX.npz")}},
+        ),
     ):
         person = data_of(report_html(result))["people"][0]
         assert person["stature"] is None
@@ -219,8 +247,12 @@ def test_a_person_of_other_photos_has_no_box_in_the_reference_photo(reconstructi
 
 
 def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):
-    scene = replace(reconstruction.scene, floor=None, valid=np.zeros_like(reconstruction.scene.valid))
-    data = data_of(report_html(replace(reconstruction, scene=scene, people=(), checks=(), stages=())))
+    scene = replace(
+        reconstruction.scene, floor=None, valid=np.zeros_like(reconstruction.scene.valid)
+    )
+    data = data_of(
+        report_html(replace(reconstruction, scene=scene, people=(), checks=(), stages=()))
+    )
     assert data["floor"] is False
     assert data["scene"]["points"]["count"] == 0
 
@@ -242,7 +274,9 @@ def test_only_the_scripts_of_the_page_may_run(reconstruction):
     page = report_html(reconstruction)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
     assert policy.startswith("default-src 'none'; script-src 'sha256-")
-    digests = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts_of(page)]
+    digests = [
+        base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts_of(page)
+    ]
     assert len(digests) == 2
     assert all(f"'sha256-{digest}'" in policy for digest in digests)
     assert "unsafe-inline" not in policy.partition("style-src")[0]
@@ -259,7 +293,10 @@ def test_a_page_of_failure_says_what_is_wrong():
 
 def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
     content = (PAGE / "vendor" / "three.js").read_bytes()
-    assert (PAGE / "vendor" / "three.sha256").read_text().split() == [hashlib.sha256(content).hexdigest(), "three.js"]
+    assert (PAGE / "vendor" / "three.sha256").read_text().split() == [
+        hashlib.sha256(content).hexdigest(),
+        "three.js",
+    ]
     head = content[:1400].decode()
     assert "The MIT License" in head
     assert "three.js authors" in head

@@ -19,14 +19,19 @@ from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.page import report_html
 
 READY = "document.documentElement.dataset.ready"
-ODD = "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> \u2028 \U0001f3c0.jpg"
+ODD = (
+    "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> "
+    "\u2028 \U0001f3c0.jpg"
+)
 SWITCHES = ["mesh", "points", "people", "floor"]
 
 
 @pytest.fixture(scope="module")
 def result(rooms):
     checks = (
-        CheckResult("floor", "ok", 0.5, 0.15, "at least", "share", "of the searched pixels lie on the floor"),
+        CheckResult(
+            "floor", "ok", 0.5, 0.15, "at least", "share", "of the searched pixels lie on the floor"
+        ),
         CheckResult("floor_mask", "failed", 0.0, 1.0, "at least", "1: yes", ODD),
         CheckResult("lean", "unknown", None, 12.0, "at most", "degrees", "nobody stands", person=1),
     )
@@ -113,7 +118,9 @@ def test_each_switch_shows_and_hides_its_part(page, overview, name):
 def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
     def red(picture: np.ndarray) -> int:
         picture = picture.astype(int)
-        return int(((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum())
+        return int(
+            ((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum()
+        )
 
     click(page, "[value=neutral]")
     hidden = red(page.picture("#canvas"))
@@ -126,9 +133,15 @@ def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
 
 def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
     made = make()
-    unsure = [replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16)) for p in made.people]
+    unsure = [
+        replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16))
+        for p in made.people
+    ]
     other = show(replace(made, people=tuple(unsure)))
-    for opened, labels in ((page, ["Contact with", "anything"]), (other, ["Contact with", "floor", FAINT])):
+    for opened, labels in (
+        (page, ["Contact with", "anything"]),
+        (other, ["Contact with", "floor", FAINT]),
+    ):
         assert text(opened, "#legend") == GUESSED
         click(opened, "[value=neutral]")
         assert opened.evaluate("document.querySelector('#legend').hidden") is True
@@ -145,7 +158,8 @@ def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
 def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
     """As the photo's camera sees them, larger than in the photo."""
     made = make(320, 240)
-    image, pink = made.image.copy(), np.array([230, 20, 200])
+    image = made.image.copy()
+    pink = np.array([230, 20, 200])
     for person in made.people:
         image[person.mask] = pink
     page = show(replace(made, image=image))
@@ -157,7 +171,9 @@ def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
     assert abs((rows.min() + rows.max()) / 2 - height / 2) < 0.15 * height
     assert abs((columns.min() + columns.max()) / 2 - width / 2) < 0.15 * width
     click(page, "[value=neutral]")
-    assert (np.abs(page.picture("#canvas").astype(int) - pink).max(-1) < 30).sum() < 0.02 * shown.sum()
+    assert (
+        np.abs(page.picture("#canvas").astype(int) - pink).max(-1) < 30
+    ).sum() < 0.02 * shown.sum()
 
 
 def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
@@ -166,7 +182,9 @@ def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns
     seen = page.picture("#canvas")
     height, width = result.image.shape[:2]
     (left, top), (right, bottom) = (
-        np.subtract(place_on_canvas(page, result, *corner), page.box("#canvas")[:2]).round().astype(int)
+        np.subtract(place_on_canvas(page, result, *corner), page.box("#canvas")[:2])
+        .round()
+        .astype(int)
         for corner in ((-0.5, -0.5), (width - 0.5, height - 0.5))
     )
     inside = seen[max(top, 0) : bottom, max(left, 0) : right]
@@ -198,9 +216,15 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     page.click(*place_on_canvas(page, result, *(spot[:2] / spot[2])))
     card = text(page, "#people")
     click(page, "[data-view=people]")
-    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
+    assert (
+        page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText")
+        == "Person 1"
+    )
     assert "doubtful" in card
-    assert metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1]) in card
+    assert (
+        metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1])
+        in card
+    )
     apart = np.linalg.norm(result.people[0].joints[0] - result.people[1].joints[0])
     assert metres_text(float(apart), result.distance_sigma) in card
     assert "1 not measured" in card
@@ -235,7 +259,9 @@ def test_people_stay_in_view_whatever_is_dragged_zoomed_and_pressed(page):
             page.drag(tuple(start), tuple(end))
         elif rng.random() < 0.7:
             page.evaluate("document.querySelector('#canvas').focus()")
-            page.press(str(rng.choice(["+", "-", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"])))
+            page.press(
+                str(rng.choice(["+", "-", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"]))
+            )
         else:
             click(page, f"[data-view={rng.choice(['people', 'angle', 'side', 'top', 'camera'])}]")
         if step % 20 == 19:
@@ -255,14 +281,18 @@ def test_two_clicks_measure_the_distance_of_their_points(page, result):
     click(page, "#measure")
     for column, row in spots:
         page.click(*place_on_canvas(page, result, column, row))
-    apart, upwards = (float(number) for number in re.findall(r"([\d.]+) ± [\d.]+ m", text(page, "#hint")))
+    apart, upwards = (
+        float(number) for number in re.findall(r"([\d.]+) ± [\d.]+ m", text(page, "#hint"))
+    )
     assert apart == pytest.approx(np.linalg.norm(first - second), abs=0.04)
     assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
     click(page, "#measure")
     click(page, "[data-view=people]")
 
 
-def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects_a_person(page, result):
+def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects_a_person(
+    page, result
+):
     over = page.picture("#photo")
     click(page, "#overlay")
     plain = page.picture("#photo")
@@ -274,7 +304,10 @@ def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects
     wrist = result.people[0].joints[9] @ result.intrinsics.matrix.T / result.people[0].joints[9][2]
     rows, columns = result.image.shape[:2]
     page.click(x + (wrist[0] + 0.5) / columns * width, y + (wrist[1] + 0.5) / rows * height)
-    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 0"
+    assert (
+        page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText")
+        == "Person 0"
+    )
     page.click(x + 3, y + 3)
     assert page.evaluate("document.querySelector('.chips [aria-pressed=true]')") is None
 
@@ -296,7 +329,10 @@ def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
         ".filter(e => !e.disabled && e.tabIndex < 0).length"
     )
     assert names == 0
-    unnamed = "[...document.querySelectorAll('button, input')].filter(e => !(e.labels?.length || e.innerText)).length"
+    unnamed = (
+        "[...document.querySelectorAll('button, input')].filter(e => !(e.labels?.length || "
+        "e.innerText)).length"
+    )
     assert page.evaluate(unnamed) == 0
     page.evaluate("document.querySelector('[data-show=people]').focus()")
     page.press(" ")
@@ -325,7 +361,8 @@ def test_the_page_saves_the_view_as_a_picture(chromium, path):
     page = chromium.open(path.as_uri(), 900, 600, before=KEEP_FILES)
     page.wait(READY)
     view = np.asarray(Image.open(io.BytesIO(saved_file(page, "#picture"))))
-    errors, canvas = page.errors(), page.picture("#canvas")
+    errors = page.errors()
+    canvas = page.picture("#canvas")
     page.close()
     assert errors == []
     assert view.shape[:2] == canvas.shape[:2]
@@ -341,13 +378,19 @@ def test_the_view_alone_is_for_other_pages(chromium, path):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_page(chromium, make, tmp_path, dark):
+def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_page(
+    chromium, make, tmp_path, dark
+):
     """A white sky fills the upper half of the view, in the photo's colours and beside the photo."""
     made = make(320, 240)
-    valid, colors = made.scene.valid.copy(), made.scene.colors.copy()
+    valid = made.scene.valid.copy()
+    colors = made.scene.colors.copy()
     valid[:120], colors[:120] = False, 250
     path = tmp_path / "report.html"
-    path.write_text(report_html(replace(made, scene=replace(made.scene, valid=valid, colors=colors))), encoding="utf-8")
+    path.write_text(
+        report_html(replace(made, scene=replace(made.scene, valid=valid, colors=colors))),
+        encoding="utf-8",
+    )
     page = chromium.open(path.as_uri(), 960, 600, dark=dark)
     page.wait(READY)
     click(page, "[data-view=side]")
@@ -384,7 +427,11 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
     content = path.read_text(encoding="utf-8")
     broken = tmp_path / "broken.html"
     start = content.index('"photo":"data:image/jpeg;base64,') + 40
-    kept = content[: len(content) // 2] if damage == "cut off" else content[:start] + "AAAA" + content[start + 4000 :]
+    kept = (
+        content[: len(content) // 2]
+        if damage == "cut off"
+        else content[:start] + "AAAA" + content[start + 4000 :]
+    )
     broken.write_text(kept, encoding="utf-8")
     page = chromium.open(broken.as_uri(), 900, 600)
     if damage == "cut off":

@@ -1,4 +1,6 @@
-"""Workers and photos that need no network, for tests of the batch; worker processes import this module."""
+"""Workers and photos that need no network, for tests of the batch; worker processes import this
+module.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ def work(text: str, seconds: float = 0.0) -> str:
             marker.touch()
             os.kill(os.getpid(), signal.SIGKILL)
     if name.startswith("full"):
-        raise OutputError("cannot write results: No space left on device") from OSError(errno.ENOSPC, "")
+        raise OutputError("cannot write results: No space left on device") from OSError(
+            errno.ENOSPC, ""
+        )
     if name.startswith("nobody"):
         raise NoPersonError("no person was found")
     if name.startswith("broken"):
@@ -104,7 +108,13 @@ def standin_job(out: Path) -> BatchJob:
 
 
 def run_standin(
-    folder: Path, out: Path, *, workers: int = 2, seconds: float = 0.0, timeout: float | None = None, **plan: Any
+    folder: Path,
+    out: Path,
+    *,
+    workers: int = 2,
+    seconds: float = 0.0,
+    timeout: float | None = None,
+    **plan: Any,
 ) -> None:
     """Run or resume a batch over the files of a folder, without networks."""
     from physic_core.batch.photos import list_photos
@@ -113,7 +123,9 @@ def run_standin(
     job = standin_job(out)
     todo = plan_batch(list_photos([str(folder)]).photos, job, **plan).todo
     settings = WorkerSettings(workers, timeout, out / "logs")
-    executor = partial(run_locally, settings=settings, open_worker=partial(open_processor, job, seconds))
+    executor = partial(
+        run_locally, settings=settings, open_worker=partial(open_processor, job, seconds)
+    )
     run_batch(todo, job, executor, out / "journal.jsonl")
 
 

@@ -19,18 +19,21 @@ class Killed(BaseException):
 
 
 class Steps:
-    """Counts the steps of a write (open, write, synchronise, rename, delete), and ends it at one of them.
+    """Counts the steps of a write (open, write, synchronise, rename, delete), and ends it at one of
+    them.
 
     Args:
         folder: whose files count.
         last: number of the step that fails; None for a count only.
-        how: "killed": the step and all after it do nothing. "full": this one step raises OSError, and only writes are
-            steps. "failing": this one step raises OSError, whatever it is. "interrupted": this one step raises
-            KeyboardInterrupt, as Ctrl-C does.
+        how: "killed": the step and all after it do nothing. "full": this one step raises OSError,
+            and only writes are steps. "failing": this one step raises OSError, whatever it is.
+            "interrupted": this one step raises KeyboardInterrupt, as Ctrl-C does.
     """
 
     def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
-        self.folder, self.last, self.how = str(folder), last, how
+        self.folder = str(folder)
+        self.last = last
+        self.how = how
         self.count = 0
         self.writes: dict[str, list[int]] = {}
         self.is_dead = False
@@ -54,8 +57,12 @@ class Steps:
         self.count += 1
 
     def chosen(self) -> list[int]:
-        """Return the steps that were counted; of many writes to one file the first, the last, and some between."""
-        middle = {n for writes in self.writes.values() for n in writes[1:-1] if (n - writes[0]) % 31}
+        """Return the steps that were counted; of many writes to one file the first, the last, and
+        some between.
+        """
+        middle = {
+            n for writes in self.writes.values() for n in writes[1:-1] if (n - writes[0]) % 31
+        }
         return [number for number in range(self.count) if number not in middle]
 
     @contextmanager
@@ -63,7 +70,8 @@ class Steps:
         """Count and fail within the block."""
         with pytest.MonkeyPatch.context() as patch:
             opened: dict[int, str] = {}
-            real_open, real_os_open = io.open, os.open
+            real_open = io.open
+            real_os_open = os.open
 
             def os_open(path: Any, *args: Any, **options: Any) -> int:
                 file = real_os_open(path, *args, **options)
@@ -114,7 +122,9 @@ class _File:
     """A file whose writes are steps."""
 
     def __init__(self, file: Any, path: str, steps: Steps) -> None:
-        self._file, self._path, self._steps = file, path, steps
+        self._file = file
+        self._path = path
+        self._steps = steps
 
     def write(self, content: Any) -> Any:
         self._steps.step(self._path, is_write=True)

@@ -45,7 +45,9 @@ def pixels(kind: str) -> np.ndarray:
 
 
 def wrong_share(kind: str, image: np.ndarray) -> float:
-    """The share of pixels that differ from the undamaged file by more than 40 levels in a channel."""
+    """The share of pixels that differ from the undamaged file by more than 40 levels in a
+    channel.
+    """
     difference = np.abs(image.astype(np.int16) - pixels(kind))
     return float((difference.max(-1) > 40).mean())
 
@@ -67,7 +69,13 @@ def cut(data: bytes, at: int) -> bytes:
             return data[:at] + data[-12:]
         case b"RIFF":
             at -= at % 2
-            return data[:4] + struct.pack("<I", at - 8) + data[8:16] + struct.pack("<I", at - 20) + data[20:at]
+            return (
+                data[:4]
+                + struct.pack("<I", at - 8)
+                + data[8:16]
+                + struct.pack("<I", at - 20)
+                + data[20:at]
+            )
         case _:
             return data[:at] + b"\xff\xd9"
 
@@ -81,7 +89,11 @@ def picture_start(data: bytes) -> int:
 
 
 def damaged(kind: str, rng: random.Random) -> bytes:
-    """Damage a file in a way that its reader has to find; zeros are a valid picture for the decoder of WebP."""
+    """Damage a file in a way that its reader has to find; zeros are a valid picture for the decoder
+    of WebP.
+    """
     data = encoded(kind)
     at = rng.randrange(picture_start(data), len(data) - BLOCK - 20)
-    return DAMAGES[rng.choice([name for name in DAMAGES if (kind, name) != ("webp", "zeros")])](data, at)
+    return DAMAGES[rng.choice([name for name in DAMAGES if (kind, name) != ("webp", "zeros")])](
+        data, at
+    )

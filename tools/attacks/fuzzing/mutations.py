@@ -10,8 +10,8 @@ NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x8000000
 """Values at which the arithmetic of decoders overflows."""
 
 TOKENS = (
-    "0", "-1", "1e309", "-1e309", "nan", "NaN", "inf", "Infinity", "1e-320", "9" * 5000, "0x", "1_0", "true", "null",
-    '""', "[]", "{}", "[" * 2000, "{" * 500, '"\\u0000"', '"\\ud800"', '"é\U0001f600"', '"~nobody"', '"/dev/zero"',
+    "0", "-1", "1e309", "-1e309", "nan", "NaN", "inf", "Infinity", "1e-320", "9" * 5000, "0x", "1_0", "true", "null",  # noqa: E501
+    '""', "[]", "{}", "[" * 2000, "{" * 500, '"\\u0000"', '"\\ud800"', '"é\U0001f600"', '"~nobody"', '"/dev/zero"',  # noqa: E501
     "\x00", "'", "=", "\n", "[[a]]", "a.b.c=1", "1979-05-27T07:32:00Z",
 )  # fmt: skip
 """Tokens of TOML and JSON that parsers and checks of values have failed on."""
@@ -55,7 +55,9 @@ def _mutate_once(out: bytearray, rng: random.Random, others: Sequence[bytes]) ->
         case _:
             other = rng.choice(others) if others else bytes(out)
             start = rng.randrange(len(other) + 1)
-            out[at : at + rng.choice((4, 16, 64, 1024))] = other[start : start + rng.choice((4, 16, 64, 1024))]
+            out[at : at + rng.choice((4, 16, 64, 1024))] = other[
+                start : start + rng.choice((4, 16, 64, 1024))
+            ]
 
 
 def mutate_text(text: str, rng: random.Random, tokens: Sequence[str] = TOKENS) -> str:

@@ -1,4 +1,6 @@
-"""Small image files that take gigabytes or minutes if their header is believed, and what reading them gives."""
+"""Small image files that take gigabytes or minutes if their header is believed, and what reading
+them gives.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,13 @@ def encoded(kind: str, mode: str = "RGB", **options: object) -> bytearray:
 def webp() -> bytes:
     """34 bytes."""
     picture = b"\x2f" + struct.pack("<I", (SIDE - 1) | (SIDE - 1) << 14) + bytes(9)
-    return b"RIFF" + struct.pack("<I", 12 + len(picture)) + b"WEBPVP8L" + struct.pack("<I", len(picture)) + picture
+    return (
+        b"RIFF"
+        + struct.pack("<I", 12 + len(picture))
+        + b"WEBPVP8L"
+        + struct.pack("<I", len(picture))
+        + picture
+    )
 
 
 def jpeg2000() -> bytes:
@@ -58,7 +66,9 @@ def chunk(kind: bytes, data: bytes) -> bytes:
 def palette_png() -> bytes:
     """144 megapixels of one transparent colour. The same block of compressed zeros is repeated."""
     compressor = zlib.compressobj(9)
-    begin, block = (compressor.compress(bytes(SIDE + 1)) + compressor.flush(zlib.Z_FULL_FLUSH) for _ in range(2))
+    begin, block = (
+        compressor.compress(bytes(SIDE + 1)) + compressor.flush(zlib.Z_FULL_FLUSH) for _ in range(2)
+    )
     header = struct.pack(">IIBBBBB", SIDE, SIDE, 8, 3, 0, 0, 0)
     colours = chunk(b"PLTE", bytes(768)) + chunk(b"tRNS", bytes(9))
     picture = chunk(b"IDAT", begin + block * (SIDE - 1) + b"\x03\x00")
@@ -70,24 +80,42 @@ def png_with(*chunks: bytes) -> bytes:
     return data[:33] + b"".join(chunks) + data[33:]
 
 
-def tiff(side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", following: int = 0) -> bytes:
+def tiff(
+    side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", following: int = 0
+) -> bytes:
     """A grey image whose further tags are (tag, type, count, value)."""
-    rows = [(256, 4, 1, side), (257, 4, 1, side), (258, 3, 1, 8), (262, 3, 1, 1), (277, 3, 1, 1), *tags]
+    rows = [
+        (256, 4, 1, side),
+        (257, 4, 1, side),
+        (258, 3, 1, 8),
+        (262, 3, 1, 1),
+        (277, 3, 1, 1),
+        *tags,
+    ]
     table = b"".join(struct.pack("<HHLL", *row) for row in sorted(rows))
-    return b"II*\x00" + struct.pack("<LH", 8, len(rows)) + table + struct.pack("<L", following) + after
+    return (
+        b"II*\x00" + struct.pack("<LH", 8, len(rows)) + table + struct.pack("<L", following) + after
+    )
 
 
 def huge_tile() -> bytes:
     """A tile of 2.1 gigapixels for an image of 64 x 64 px."""
     place = 8 + 2 + 12 * 10 + 4
     data = zlib.compress(bytes(1000))
-    tile = [(322, 4, 1, 46_000), (323, 4, 1, 46_000), (324, 4, 1, place), (325, 4, 1, len(data)), (259, 3, 1, 8)]
+    tile = [
+        (322, 4, 1, 46_000),
+        (323, 4, 1, 46_000),
+        (324, 4, 1, place),
+        (325, 4, 1, len(data)),
+        (259, 3, 1, 8),
+    ]
     return tiff(64, tile, data)
 
 
 def many_frames() -> bytes:
     """A hundred thousand images, of which one is used."""
-    count, size = 100_000, 2 + 12 * 8 + 4
+    count = 100_000
+    size = 2 + 12 * 8 + 4
     strip = [(273, 4, 1, 8), (278, 4, 1, 64), (279, 4, 1, 4096)]
     first = tiff(64, strip, following=8 + size)
     frame = first[8:-4]
@@ -111,13 +139,24 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "png with a palette": (palette_png, "144 megapixels were read at 4000 x 4000 px"),
     "png of texts": (
-        lambda: png_with(*(chunk(b"zTXt", b"%d\x00\x00" % i + zlib.compress(bytes(1 << 20))) for i in range(70))),
+        lambda: png_with(
+            *(chunk(b"zTXt", b"%d\x00\x00" % i + zlib.compress(bytes(1 << 20))) for i in range(70))
+        ),
         DAMAGED,
     ),
-    "png of a profile": (lambda: png_with(chunk(b"iCCP", b"p\x00\x00" + zlib.compress(bytes(10**7)))), DAMAGED),
+    "png of a profile": (
+        lambda: png_with(chunk(b"iCCP", b"p\x00\x00" + zlib.compress(bytes(10**7)))),
+        DAMAGED,
+    ),
     "tiff of frames": (many_frames, "only the first of its frames is used"),
     "gif of frames": (many_gif_frames, "only the first of its frames is used"),
-    "bmp": (lambda: b"BM" + struct.pack("<IIIIiiHHIIiiII", 0, 0, 54, 40, SIDE, SIDE, 1, 24, 0, 0, 0, 0, 0, 0), DAMAGED),
+    "bmp": (
+        lambda: (
+            b"BM"
+            + struct.pack("<IIIIiiHHIIiiII", 0, 0, 54, 40, SIDE, SIDE, 1, 24, 0, 0, 0, 0, 0, 0)
+        ),
+        DAMAGED,
+    ),
     "ppm": (lambda: b"P6 %d %d 65535\n" % (SIDE, SIDE) + bytes(9), DAMAGED),
 }
 """Name -> how to make the file, and what its error or notes contain."""

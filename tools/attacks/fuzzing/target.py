@@ -19,8 +19,8 @@ class Target:
     Args:
         name: also the folder of the files that failed once, in ``corpus/``.
         make_seeds: writes valid inputs, given an empty folder, and returns them.
-        attack: reads the data, given an empty folder; it raises whatever a user must not see, and returns otherwise. An
-            answer that a user may see, such as InputError, is caught by it.
+        attack: reads the data, given an empty folder; it raises whatever a user must not see, and
+            returns otherwise. An answer that a user may see, such as InputError, is caught by it.
         mutate: how seeds are damaged.
     """
 

@@ -1,4 +1,6 @@
-"""The smallest result that has everything: two people of four vertices, a floor, a lens, checks and stages."""
+"""The smallest result that has everything: two people of four vertices, a floor, a lens, checks and
+stages.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ from physic_core.types import (
     UnposedPerson,
 )
 
-HEIGHT, WIDTH = 6, 8
+HEIGHT = 6
+WIDTH = 8
 PARTNERS = (ContactPartner("floor", "rug"), ContactPartner("person", person=1, part="left_hand"))
 
 
@@ -47,7 +50,9 @@ def tiny_result(seed: int = 0) -> Reconstruction:
         scale=1.0625,
         scale_sigma=0.07,
     )
-    backend = Provenance("segmenter", "mock", "physic_mock", "physic-mock", "0.1.0", {"limit": float("inf")}, "MIT")
+    backend = Provenance(
+        "segmenter", "mock", "physic_mock", "physic-mock", "0.1.0", {"limit": float("inf")}, "MIT"
+    )
     return Reconstruction(
         image=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
         intrinsics=camera,
@@ -56,7 +61,10 @@ def tiny_result(seed: int = 0) -> Reconstruction:
         faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
         body_model="embedded",
         skeleton="coco17",
-        stages=(StageRecord("people", 0.25, 1.5, backend), StageRecord("joint", 1 / 3, cached=True)),
+        stages=(
+            StageRecord("people", 0.25, 1.5, backend),
+            StageRecord("joint", 1 / 3, cached=True),
+        ),
         diagnostics={"joint": {"contact": [12.5, 0.1], "lowest": float("-inf"), "seed": seed}},
         warnings=("The focal length is a default – “0.95” of the long side.",),
         notes=("read from a file",),
@@ -74,7 +82,13 @@ def tiny_result(seed: int = 0) -> Reconstruction:
 
 
 def _person(rng: np.random.Generator) -> Person:
-    sizes = {"global_orient": 3, "body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "jaw_pose": 3}
+    sizes = {
+        "global_orient": 3,
+        "body_pose": 63,
+        "left_hand_pose": 45,
+        "right_hand_pose": 45,
+        "jaw_pose": 3,
+    }
     sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 4, "expression": 0, "transl": 3}
 
     def numbers(*shape: int) -> Any:
@@ -94,7 +108,12 @@ def _person(rng: np.random.Generator) -> Person:
         contact_probability=rng.random(4).astype(np.float16),
         contact_partner=np.int16([-1, 0, 1, -1]),
         contacts=(BodyContact("left_hand", PARTNERS[1], 0.75, 1),),
-        support=Support(SupportState.ASSUMED, (BodyContact("seat", PARTNERS[0], None, 4),), None, (0.5, 0.25, 3.0)),
+        support=Support(
+            SupportState.ASSUMED,
+            (BodyContact("seat", PARTNERS[0], None, 4),),
+            None,
+            (0.5, 0.25, 3.0),
+        ),
         failed_checks=("support",),
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,
@@ -102,13 +121,22 @@ def _person(rng: np.random.Generator) -> Person:
 
 
 def difference(left: Any, right: Any, where: str = "result") -> str:
-    """Return where two results differ in a value, a dtype or a class; "" if they are equal to the last bit."""
+    """Return where two results differ in a value, a dtype or a class; "" if they are equal to the
+    last bit.
+    """
     if type(left) is not type(right):
         return where
     if is_dataclass(left):
-        parts = [(getattr(left, f.name), getattr(right, f.name), f"{where}.{f.name}") for f in fields(left)]
+        parts = [
+            (getattr(left, f.name), getattr(right, f.name), f"{where}.{f.name}")
+            for f in fields(left)
+        ]
     elif isinstance(left, np.ndarray):
-        same = left.dtype == right.dtype and left.shape == right.shape and left.tobytes() == right.tobytes()
+        same = (
+            left.dtype == right.dtype
+            and left.shape == right.shape
+            and left.tobytes() == right.tobytes()
+        )
         return "" if same else where
     elif isinstance(left, dict):
         if list(left) != list(right):
@@ -117,7 +145,10 @@ def difference(left: Any, right: Any, where: str = "result") -> str:
     elif isinstance(left, tuple | list):
         if len(left) != len(right):
             return where
-        parts = [(one, other, f"{where}[{i}]") for i, (one, other) in enumerate(zip(left, right, strict=True))]
+        parts = [
+            (one, other, f"{where}[{i}]")
+            for i, (one, other) in enumerate(zip(left, right, strict=True))
+        ]
     else:
         return "" if repr(left) == repr(right) else where
     return next(filter(None, (difference(*part) for part in parts)), "")

@@ -1,4 +1,6 @@
-"""Terms on bodies and sizes: deviation from the start (L_reg), limits of joints, statures, known sizes, scene scale."""
+"""Terms on bodies and sizes: deviation from the start (L_reg), limits of joints, statures, known
+sizes, scene scale.
+"""
 
 from __future__ import annotations
 
@@ -26,15 +28,19 @@ _PARAMETER_WEIGHTS = {"root": 0.3, "pose": 1.0, "hands": 1.0, "betas": 1.0, "off
 """Weights of the deviations of each group of parameters from the start."""
 
 _STATED_WEIGHT = 20.0
-"""Weight of a deviation as large as the error that the body estimator states. It is more than the 1 of independent
-errors: those of a photo's depth, floor and keypoints are common to all vertices and keypoints, which the other terms
-count one by one."""
+"""Weight of a deviation as large as the error that the body estimator states.
+
+It is more than the 1 of independent errors: those of a photo's depth, floor and keypoints are
+common to all vertices and keypoints, which the other terms count one by one.
+"""
 _LEAST_ROTATION_SIGMA = 0.01  # radians
 
 
 @dataclass(frozen=True)
 class RegularisationSettings:
-    """Settings of the regularisation term: deviation of root-relative mesh and parameters from the start."""
+    """Settings of the regularisation term: deviation of root-relative mesh and parameters from the
+    start.
+    """
 
     sigma_m: Positive = 0.06
     """Expected change of a vertex of weight 1, root-relative, metres."""
@@ -45,14 +51,23 @@ class RegularisationSettings:
 
 
 def parameter_energy(deviation: Tensor, weight: Tensor) -> Tensor:
-    """Return the L_reg of parameter deviations (B, P), whitened or raw: ``sum_i w_i x_i^2`` (B,), weights (P,)."""
+    """Return the L_reg of parameter deviations (B, P), whitened or raw: ``sum_i w_i x_i^2`` (B,),
+    weights (P,).
+    """
     return deviation.square() @ weight
 
 
 def vertex_weights(
-    snapshot: Snapshot, visible: float, occluded: float, area: Tensor, *, occlusion_aware: bool = True
+    snapshot: Snapshot,
+    visible: float,
+    occluded: float,
+    area: Tensor,
+    *,
+    occlusion_aware: bool = True,
 ) -> Tensor:
-    """Return the L_reg weight of each vertex (B, n): vertex area times ``visible``, or ``occluded`` if not visible."""
+    """Return the L_reg weight of each vertex (B, n): vertex area times ``visible``, or ``occluded``
+    if not visible.
+    """
     strong = ~snapshot.visibility.eligible
     if occlusion_aware:
         strong = strong | snapshot.visibility.hidden
@@ -60,7 +75,8 @@ def vertex_weights(
 
 
 def stated_weights(problem: JointProblem, expected: Tensor) -> Tensor:
-    """Return the weights (B, 22) of the rotations of pelvis and body joints, by the errors that the estimator states.
+    """Return the weights (B, 22) of the rotations of pelvis and body joints, by the errors that the
+    estimator states.
 
     NaN where it states none, and where the photo shows no joint that the rotation moves.
 
@@ -70,23 +86,33 @@ def stated_weights(problem: JointProblem, expected: Tensor) -> Tensor:
     """
     if problem.rotation_sigma is None:
         return expected.new_full((len(problem), len(expected)), torch.nan)
-    children = [[j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))]
+    children = [
+        [j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))
+    ]
     shown = torch.stack([problem.observed[:, moved].any(1) for moved in children], 1)
     sigma = problem.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
     return torch.where(shown, _STATED_WEIGHT * (expected / sigma).square(), torch.nan)
 
 
 class RegularisationTerm:
-    """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
+    """Regularisation term, evaluated by
+    :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
 
-    The squared error of a start decreases with its number n of photos: all weights are n times those for one
-    photo.
+    The squared error of a start decreases with its number n of photos: all weights are n times
+    those for one photo.
     """
 
     def __init__(
-        self, settings: RegularisationSettings, context: JointContext, state: State, *, occlusion_aware: bool
+        self,
+        settings: RegularisationSettings,
+        context: JointContext,
+        state: State,
+        *,
+        occlusion_aware: bool,
     ) -> None:
-        self._settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+        self._settings = settings
+        self._context = context
+        self._occlusion_aware = occlusion_aware
         self._photos = context.problem.photos
         self._prior_weight = state.expand_to_parameters(
             _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
@@ -100,21 +126,31 @@ class RegularisationTerm:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
         weight = vertex_weights(
-            snapshot, s.visible_weight, _OCCLUDED_WEIGHT, self._context.area, occlusion_aware=self._occlusion_aware
+            snapshot,
+            s.visible_weight,
+            _OCCLUDED_WEIGHT,
+            self._context.area,
+            occlusion_aware=self._occlusion_aware,
         )
         self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
-        """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter deviations (B, P)."""
+        """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter
+        deviations (B, P).
+        """
         turns = deviation[:, : self._stated_beyond_prior.shape[1]]
         stated = (self._stated_beyond_prior * turns.square()).sum(1)
         return mesh + self._photos * (parameter_energy(deviation, self._prior_weight) + stated)
 
 
-# Entries of the 55 rotation matrices, flattened: knees turn by rows 2 and 1 of column 1, elbows by rows 2 and 0 of
-# column 0. One gather of eight numbers has a cheap gradient.
-_HINGE_SINES = [9 * joint + 7 for joint in joint_pair("knee")] + [9 * joint + 6 for joint in joint_pair("elbow")]
-_HINGE_COSINES = [9 * joint + 4 for joint in joint_pair("knee")] + [9 * joint for joint in joint_pair("elbow")]
+# Entries of the 55 rotation matrices, flattened: knees turn by rows 2 and 1 of column 1, elbows by
+# rows 2 and 0 of column 0. One gather of eight numbers has a cheap gradient.
+_HINGE_SINES = [9 * joint + 7 for joint in joint_pair("knee")] + [
+    9 * joint + 6 for joint in joint_pair("elbow")
+]
+_HINGE_COSINES = [9 * joint + 4 for joint in joint_pair("knee")] + [
+    9 * joint for joint in joint_pair("elbow")
+]
 _HINGE_SIGNS = (1.0, 1.0, 1.0, -1.0)
 _MAX_FLEXION = 2.7  # radians, of knees and elbows
 _FLEXION_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
@@ -129,10 +165,11 @@ class LimitSettings:
 
 
 def hinge_angles(rotations: Tensor) -> Tensor:
-    """Return the flexion of left knee, right knee, left elbow, right elbow: (B, 55, 3, 3) -> (B, 4) radians.
+    """Return the flexion of left knee, right knee, left elbow, right elbow: (B, 55, 3, 3) -> (B, 4)
+    radians.
 
-    0 is straight. Knees bend about x, elbows about y (the left one in the opposite direction). Twist about the limb's
-    own axis is ignored.
+    0 is straight. Knees bend about x, elbows about y (the left one in the opposite direction).
+    Twist about the limb's own axis is ignored.
     """
     entries = torch.tensor(_HINGE_SINES + _HINGE_COSINES, device=rotations.device)
     sine, cosine = torch.split(rotations.flatten(1).index_select(1, entries), 4, dim=1)
@@ -157,7 +194,11 @@ class LimitTerm(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "limits"."""
-        return {"limits": self._weight * limit_energy(bodies.estimate.rotations)} if self._weight else {}
+        return (
+            {"limits": self._weight * limit_energy(bodies.estimate.rotations)}
+            if self._weight
+            else {}
+        )
 
 
 @dataclass(frozen=True)
@@ -165,16 +206,24 @@ class StatureSettings:
     """Settings of the stature term: deviation of each person's height from the estimated height."""
 
     weight: NotNegative = 20.0
-    """Weight; with that of the scene's scale, it splits size disagreements between people and scene; 0 removes
-    the term. It is that of stated rotations: bodies whose joints hardly bend must not change their size instead."""
+    """Weight; with that of the scene's scale, it splits size disagreements between people and
+    scene; 0 removes the term. It is that of stated rotations: bodies whose joints hardly bend must
+    not change their size instead.
+    """
 
 
 class StatureTerm(Term):
-    """Stature term of all people: deviation of each person's height from the body estimator's result."""
+    """Stature term of all people: deviation of each person's height from the body estimator's
+    result.
+    """
 
     def __init__(self, settings: StatureSettings, context: JointContext) -> None:
         self._weight = settings.weight
-        self._stature = linearise_stature(context.problem.model, context.problem.betas0) if settings.weight else None
+        self._stature = (
+            linearise_stature(context.problem.model, context.problem.betas0)
+            if settings.weight
+            else None
+        )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "stature"."""
@@ -190,18 +239,24 @@ class KnownSizeTerm(Term):
     def __init__(self, context: JointContext) -> None:
         problem = context.problem
         assert problem.known is not None
-        self._known, self._K = problem.known, problem.K
+        self._known = problem.known
+        self._K = problem.K
         self._floor_offset = problem.floor_offset
         self._stature = linearise_stature(problem.model, problem.betas0)
         self._ends: list[BodyEnds] = []
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Choose the vertices of people at the pixels of known lengths."""
-        self._ends = self._known.distances.ends_on_bodies(snapshot.vertices, snapshot.visibility.normals, self._K)
+        self._ends = self._known.distances.ends_on_bodies(
+            snapshot.vertices, snapshot.visibility.normals, self._K
+        )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """Return the energies "known_stature" and "known_scene"; the second is divided equally among the people."""
-        known, estimate = self._known, bodies.estimate
+        """Return the energies "known_stature" and "known_scene"; the second is divided equally
+        among the people.
+        """
+        known = self._known
+        estimate = bodies.estimate
         given = torch.isfinite(known.stature)
         stature = torch.where(given, known.stature, self._stature.height)
         own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * given
@@ -226,7 +281,9 @@ class SceneScaleSettings:
 
 
 class SceneScaleTerm(Term):
-    """Scene-scale term ``w x^2``; ``x`` is the deviation of the scale from the initial scale (``State.deviation``)."""
+    """Scene-scale term ``w x^2``; ``x`` is the deviation of the scale from the initial scale
+    (``State.deviation``).
+    """
 
     def __init__(self, weight: float) -> None:
         self._weight = weight

@@ -72,7 +72,8 @@ class PeoplePairs:
 
 
 def select_probes(model: BodyModel, ids: Tensor, area: Tensor) -> PeopleProbes:
-    """Select one vertex per 3 cm cell and body part in the T-pose, with the summed area of its group.
+    """Select one vertex per 3 cm cell and body part in the T-pose, with the summed area of its
+    group.
 
     Args:
         ids: (n,) int64, the subsampled vertices.
@@ -85,18 +86,21 @@ def select_probes(model: BodyModel, ids: Tensor, area: Tensor) -> PeopleProbes:
 
 
 @torch.no_grad()
-def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, reach: float) -> PeoplePairs:
+def find_people_pairs(
+    probes: PeopleProbes, vertices: Tensor, normals: Tensor, reach: float
+) -> PeoplePairs:
     """Find the nearest vertex of each probe on each other person.
 
-    A probe whose own normal does not oppose that of the nearest vertex has no pair there: the far side of a limb that
-    is inside another body would be pulled deeper.
+    A probe whose own normal does not oppose that of the nearest vertex has no pair there: the far
+    side of a limb that is inside another body would be pulled deeper.
 
     Args:
         vertices: (B, n, 3) subsampled vertices, metres.
         normals: (B, n, 3) unit, out of the bodies.
         reach: largest distance of a pair, metres.
     """
-    low, high = vertices.amin(1) - reach, vertices.amax(1) + reach
+    low = vertices.amin(1) - reach
+    high = vertices.amax(1) + reach
     close = ((low[:, None] < high) & (low < high[:, None])).all(-1).tolist()
     people = [(i, j) for i, j in permutations(range(len(vertices)), 2) if close[i][j]]
     pairs = [_nearest(i, j, probes, vertices, reach) for i, j in people]
@@ -112,7 +116,9 @@ def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, r
 
 
 def connected_groups(links: Tensor, people: int) -> Tensor:
-    """Return the group (people,) int64 of each person: the smallest index of those connected by links (k, 2)."""
+    """Return the group (people,) int64 of each person: the smallest index of those connected by
+    links (k, 2).
+    """
     group = list(range(people))
     for a, b in torch.unique(links, dim=0).tolist():
         first, second = sorted((group[a], group[b]))
@@ -121,15 +127,19 @@ def connected_groups(links: Tensor, people: int) -> Tensor:
 
 
 def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> Tensor:
-    """Return person i, probes of this person, person j, and their nearest rows of person j: (4, p) int64."""
-    points, body = vertices[i, probes.rows], vertices[j]
+    """Return person i, probes of this person, person j, and their nearest rows of person j: (4, p)
+    int64.
+    """
+    points = vertices[i, probes.rows]
+    body = vertices[j]
     rows = inside_body_boxes(body, points[None], reach).nonzero(as_tuple=True)[0]
     if not len(rows):
         return rows.new_zeros(4, 0)
     skin = body[rows]
     chosen = inside_body_boxes(points, skin[None], reach).nonzero(as_tuple=True)[0]
     nearest = NearestPointSearch(skin, torch.zeros_like(skin), reach).query(points[chosen])
-    probe, other_row = chosen[nearest.found], rows[nearest.index[nearest.found]]
+    probe = chosen[nearest.found]
+    other_row = rows[nearest.index[nearest.found]]
     return torch.stack([torch.full_like(probe, i), probe, torch.full_like(probe, j), other_row])
 
 
@@ -143,19 +153,26 @@ _GAP_SIGMAS = 1.5  # of the penetration term; beyond as many a gap counts as an 
 class PairEnergies(torch.autograd.Function):
     """Energy of each person (B,), with analytic derivatives by the vertices (B, n, 3).
 
-    ``sum_p apart(max(0, -d - slack)) + touch(max(0, d))`` with the distance d of a pair along the normal of the other
-    body, negative inside it. The overhead of autograd for these small arrays exceeds their cost.
+    ``sum_p apart(max(0, -d - slack)) + touch(max(0, d))`` with the distance d of a pair along the
+    normal of the other body, negative inside it. The overhead of autograd for these small arrays
+    exceeds their cost.
     """
 
     @staticmethod
-    def forward(ctx: Any, vertices: Tensor, pairs: PeoplePairs, apart: RobustSum, touch: RobustSum) -> Tensor:
+    def forward(
+        ctx: Any, vertices: Tensor, pairs: PeoplePairs, apart: RobustSum, touch: RobustSum
+    ) -> Tensor:
         count = vertices.shape[1]
-        flat, rows = vertices.reshape(-1, 3), pairs.person * count + pairs.row
+        flat = vertices.reshape(-1, 3)
+        rows = pairs.person * count + pairs.row
         other_rows = pairs.other * count + pairs.other_row
         distance = ((flat[rows] - flat[other_rows]) * pairs.normal).sum(-1)
         inside, by_inside = apart.values_and_slopes(torch.relu(-distance - SLACK_M))
         gap, by_gap = touch.values_and_slopes(torch.relu(distance))
-        ctx.vertices, ctx.rows, ctx.other_rows, ctx.pairs = vertices.shape, rows, other_rows, pairs
+        ctx.vertices = vertices.shape
+        ctx.rows = rows
+        ctx.other_rows = other_rows
+        ctx.pairs = pairs
         ctx.slope = by_gap - by_inside
         return vertices.new_zeros(len(vertices)).index_add(0, pairs.person, inside + gap)
 
@@ -182,7 +199,9 @@ class PeopleTerm(Term):
         context: constants of the optimisation.
     """
 
-    def __init__(self, contact: ContactTermSettings, penetration: PenetrationSettings, context: JointContext) -> None:
+    def __init__(
+        self, contact: ContactTermSettings, penetration: PenetrationSettings, context: JointContext
+    ) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
         self._is_on = bool(self._touch_weight or self._apart_weight) and len(context.area) > 1
@@ -192,31 +211,41 @@ class PeopleTerm(Term):
         if self._is_on:
             model = context.problem.model
             self._probes = select_probes(model, context.ids, context.area)
-            touching = torch.tensor([name in _TOUCHING_PARTS for name in model.part_names], device=context.ids.device)
+            touching = torch.tensor(
+                [name in _TOUCHING_PARTS for name in model.part_names], device=context.ids.device
+            )
             self._may_touch = context.on_visible_part & touching[model.part_of_vertex[context.ids]]
 
     @property
     def links(self) -> Tensor:
         """Pairs (p, 2) int64 of people with vertices near each other."""
-        return torch.stack([self.pairs.person, self.pairs.other], 1) if self._is_on else super().links
+        return (
+            torch.stack([self.pairs.person, self.pairs.other], 1) if self._is_on else super().links
+        )
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""
         if not self._is_on:
             return
-        found = find_people_pairs(self._probes, snapshot.vertices, snapshot.visibility.normals, _REACH_M)
+        found = find_people_pairs(
+            self._probes, snapshot.vertices, snapshot.visibility.normals, _REACH_M
+        )
         touches = self._may_touch[found.person, found.row] & (found.distance < _MAX_GAP_M)
         kept = touches | (found.distance < _NEARLY_INSIDE_M)
-        self.pairs, touches = found.select(kept), touches[kept]
+        self.pairs = found.select(kept)
+        touches = touches[kept]
         area = self._probes.area[self.pairs.person, self.pairs.probe]
         self.apart = robust_depths(self._apart_weight * area)
-        self.touch = RobustSum.of("geman_mcclure", _GAP_SIGMAS, SURFACE_SIGMA_M, self._touch_weight * area * touches)
+        self.touch = RobustSum.of(
+            "geman_mcclure", _GAP_SIGMAS, SURFACE_SIGMA_M, self._touch_weight * area * touches
+        )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of the pairs; zero if no vertices are near each other."""
         if not self._is_on:
             return {}
-        pairs, energy = self.pairs, torch.zeros_like(bodies.vertices[:, 0, 0])
+        pairs = self.pairs
+        energy = torch.zeros_like(bodies.vertices[:, 0, 0])
         if len(pairs):
             energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
                 bodies.vertices, pairs, self.apart, self.touch

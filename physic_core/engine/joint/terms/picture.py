@@ -1,4 +1,6 @@
-"""Terms on the picture: keypoints (L_j2d), those of other cameras, and the depth of visible vertices (L_d)."""
+"""Terms on the picture: keypoints (L_j2d), those of other cameras, and the depth of visible
+vertices (L_d).
+"""
 
 from __future__ import annotations
 
@@ -42,24 +44,33 @@ class ReprojectionSettings:
         return partial(robust_loss, "cauchy", c=self.outlier_sigmas)
 
 
-def reprojection_energy(projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss) -> Tensor:
-    """Return the energy L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``, unit in px.
+def reprojection_energy(
+    projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss
+) -> Tensor:
+    """Return the energy L_j2d (Eq.
+
+    2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``, unit in px.
 
     Args:
         projected: (B, J, 2) px.
         observed: (B, J, 2) px, finite.
         weight: (B, J), 0 for keypoints that are skipped.
-        unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and height.
+        unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and
+            height.
     """
     error = (projected - observed) / unit[:, None]
     return (weight * rho(error.square().sum(-1))).sum(-1)
 
 
 class ReprojectionTerm(Term):
-    """Reprojection term L_j2d of all keypoints, with the arguments of :func:`reprojection_energy`."""
+    """Reprojection term L_j2d of all keypoints, with the arguments of
+    :func:`reprojection_energy`.
+    """
 
     def __init__(self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss) -> None:
-        self._context, self._unit, self._rho = context, unit, rho
+        self._context = context
+        self._unit = unit
+        self._rho = rho
         self.weights = {"reprojection": context.keypoints.weight}
         self._weight = weight * context.keypoints.weight if weight else None
 
@@ -69,19 +80,28 @@ class ReprojectionTerm(Term):
             return {}
         projected = project(bodies.keypoints, self._context.problem.K)
         observed = self._context.keypoints.points
-        return {"reprojection": reprojection_energy(projected, observed, self._weight, self._unit, self._rho)}
+        return {
+            "reprojection": reprojection_energy(
+                projected, observed, self._weight, self._unit, self._rho
+            )
+        }
 
 
 def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
-    """Return keypoints (B, J, 2) px and confidence (B, J); both are set to 0 if either is not finite."""
-    points, confidence = problem.keypoints, problem.keypoint_confidence
+    """Return keypoints (B, J, 2) px and confidence (B, J); both are set to 0 if either is not
+    finite.
+    """
+    points = problem.keypoints
+    confidence = problem.keypoint_confidence
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
 def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
-    """Return the keypoints of finite people, with less weight on limbs that are not visible in any photo."""
+    """Return the keypoints of finite people, with less weight on limbs that are not visible in any
+    photo.
+    """
     points, confidence = finite_keypoints(problem)
     seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
     weight = torch.where(confidence < _MIN_CONFIDENCE, 0.0, confidence)
@@ -91,7 +111,9 @@ def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
 
 
 def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:
-    """Return the weights (B, J), multiplied by those of the skeleton, and 0 for keypoints outside the image."""
+    """Return the weights (B, J), multiplied by those of the skeleton, and 0 for keypoints outside
+    the image.
+    """
     weight = weight * inside_image(points, *problem.masks.shape[-2:])
     skeleton = problem.skeleton
     return weight * weight.new_tensor([skeleton.weights.get(name, 1.0) for name in skeleton.names])
@@ -102,9 +124,11 @@ MIN_DEPTH_M = 0.01
 
 _DEPTH_SIGMA = 0.03  # expected error of the logarithm of depth
 _DEPTH_OUTLIER_SIGMAS = 2.0
-# With a free depth offset only the relief of a person counts, which networks estimate less reliably than the distance.
+# With a free depth offset only the relief of a person counts, which networks estimate less reliably
+# than the distance.
 _RELIEF_SHARE = 2.0 / 15.0
-_EDGE_SHARE = 0.005  # of the stature in px; nearer to the silhouette, the depth often belongs to the background
+# of the stature in px; nearer to the silhouette, the depth often belongs to the background
+_EDGE_SHARE = 0.005
 
 
 @dataclass(frozen=True)
@@ -114,17 +138,20 @@ class DepthSettings:
     weight: NotNegative = 15.0
     """Lambda_d of Eq. 5; 0 removes the term."""
     offset_sigma: NotNegative = 0.2
-    """Expected log(depth offset) between person and scene, for people whose feet stand on a known floor; 0 fixes their
-    depth to the scene."""
+    """Expected log(depth offset) between person and scene, for people whose feet stand on a known
+    floor; 0 fixes their depth to the scene.
+    """
     offset_alone_sigma: NotNegative = 0.03
     """Expected log(depth offset) of all other people."""
 
 
 class DepthTerm:
-    """Depth term: Eq. 4 with log depth, between each visible vertex and the depth map at its projection.
+    """Depth term: Eq.
 
-    ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, with scale s of the scene and depth offset o of the person.
-    The mean does not depend on the resolution.
+    4 with log depth, between each visible vertex and the depth map at its projection.
+
+    ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, with scale s of the scene and depth
+    offset o of the person. The mean does not depend on the resolution.
 
     Args:
         state: free parameters; people with a free offset have a smaller weight.
@@ -139,14 +166,20 @@ class DepthTerm:
                 "the depth term compares pixels, but human_depth is missing: give it, or set"
                 " engine.joint.depth.weight = 0"
             )
-        self._context, self._weight = context, settings.weight
-        self._per_person = torch.where(state.offset_free, settings.weight * _RELIEF_SHARE, settings.weight)
+        self._context = context
+        self._weight = settings.weight
+        self._per_person = torch.where(
+            state.offset_free, settings.weight * _RELIEF_SHARE, settings.weight
+        )
         self.weights: dict[str, Tensor] = {}
         self.log_map_depth = torch.zeros_like(context.area)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select visible vertices away from the mask's border, and weigh them by their area in pixels."""
-        context, visibility = self._context, snapshot.visibility
+        """Select visible vertices away from the mask's border, and weigh them by their area in
+        pixels.
+        """
+        context = self._context
+        visibility = snapshot.visibility
         self.log_map_depth, known = _sample(context.log_depth, visibility.uv)
         edge_px = context.person_px * _EDGE_SHARE
         well_inside = sample_mask_neighbours(visibility.uv, context.problem.masks, edge_px).all(0)
@@ -154,7 +187,9 @@ class DepthTerm:
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
-        self.weights = {"depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))}
+        self.weights = {
+            "depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))
+        }
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over differences of log depth; None if the term is off."""
@@ -163,13 +198,19 @@ class DepthTerm:
         weight = self.weights["depth"]
         share = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
         return RobustSum.of(
-            "cauchy", _DEPTH_OUTLIER_SIGMAS, _DEPTH_SIGMA, self._per_person.to(share.dtype)[:, None] * share
+            "cauchy",
+            _DEPTH_OUTLIER_SIGMAS,
+            _DEPTH_SIGMA,
+            self._per_person.to(share.dtype)[:, None] * share,
         )
 
 
 def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tensor:
-    """Return the expected size of each person's log depth offset to the scene: (B,), 0 for a fixed offset."""
-    problem, feet_visible = context.problem, context.feet_visible
+    """Return the expected size of each person's log depth offset to the scene: (B,), 0 for a fixed
+    offset.
+    """
+    problem = context.problem
+    feet_visible = context.feet_visible
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
     if problem.floor_normal is None:
         return alone
@@ -180,7 +221,9 @@ def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tenso
 
 
 def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the map at the nearest pixel, 0 where unknown, and whether it is known: (B, n) each."""
+    """Return the map at the nearest pixel, 0 where unknown, and whether it is known: (B, n)
+    each.
+    """
     if log_depth is None:
         return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
     height, width = log_depth.shape
@@ -192,11 +235,18 @@ def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class ViewsTerm(Term):
-    """Sum of the reprojection terms of all other cameras, with the weight and loss of the photo's term."""
+    """Sum of the reprojection terms of all other cameras, with the weight and loss of the photo's
+    term.
+    """
 
     def __init__(self, settings: ReprojectionSettings, context: JointContext) -> None:
         self._terms = [
-            (view, ReprojectionTerm(own, settings.weight, own.person_px[:, None] * settings.sigma, settings.rho()))
+            (
+                view,
+                ReprojectionTerm(
+                    own, settings.weight, own.person_px[:, None] * settings.sigma, settings.rho()
+                ),
+            )
             for view, own in zip(context.problem.views, context.views, strict=True)
         ]
 
@@ -205,5 +255,7 @@ class ViewsTerm(Term):
         scale = bodies.estimate.log_scale.exp()
         found: list[Tensor] = []
         for view, term in self._terms:
-            found += term(replace(bodies, keypoints=view.to_camera(bodies.keypoints, scale))).values()
+            found += term(
+                replace(bodies, keypoints=view.to_camera(bodies.keypoints, scale))
+            ).values()
         return {"views": torch.stack(found).sum(0)} if found else {}

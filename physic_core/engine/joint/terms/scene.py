@@ -1,4 +1,6 @@
-"""Terms on scene and floor: penetration (L_i), contact (L_c), vertices below the floor, and soles."""
+"""Terms on scene and floor: penetration (L_i), contact (L_c), vertices below the floor, and
+soles.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,9 @@ class PenetrationSettings:
     max_depth_m: Positive = 0.15
     """Deeper vertices are skipped, metres."""
     people_weight: NotNegative = 3.0
-    """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0
-    skips it."""
+    """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`),
+    relative to ``weight``; 0 skips it.
+    """
 
 
 class PenetrationTerm:
@@ -39,14 +42,21 @@ class PenetrationTerm:
     ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``, with signed distance d_v.
     """
 
-    def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
-        self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+    def __init__(
+        self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool
+    ) -> None:
+        self.settings = settings
+        self._context = context
+        self._occlusion_aware = occlusion_aware
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near the scene that are not hidden."""
-        contacts, visibility = snapshot.contacts, snapshot.visibility
-        near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
+        contacts = snapshot.contacts
+        visibility = snapshot.visibility
+        near = (
+            contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
+        )
         near = near & ~contacts.in_free_space
         if self._occlusion_aware:
             near = near & ~visibility.hidden
@@ -54,7 +64,9 @@ class PenetrationTerm:
         self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is off."""
+        """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is
+        off.
+        """
         weight = self.settings.weight
         return robust_depths(weight * self.weights["penetration"]) if weight else None
 
@@ -70,26 +82,33 @@ CONTACT_RANGE_M = 0.15
 
 @dataclass(frozen=True)
 class ContactTermSettings:
-    """Settings of the contact term: distances along normals, so that sliding along a surface has no cost."""
+    """Settings of the contact term: distances along normals, so that sliding along a surface has no
+    cost.
+    """
 
     weight: NotNegative = 1.25
     """Lambda_c of Eq. 5; 0 removes the term."""
     source: Literal["prior", "static"] = "prior"
-    """Contact vertices: from the "prior", or the "static" parts of every body: feet, hands, thighs, seat and
-    back."""
+    """Contact vertices: from the "prior", or the "static" parts of every body: feet, hands, thighs,
+    seat and back.
+    """
     static_weight: NotNegative = 0.4
     """Weight of static parts without expected contact; 0 removes them."""
     outlier_sigmas: Positive = 3.5
     """Beyond this many sigmas a distance counts as an outlier (Geman-McClure)."""
     people_weight: NotNegative = 0.8
-    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0 removes
-    it."""
+    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to
+    ``weight``; 0 removes it.
+    """
 
 
 class ContactTerm:
-    """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these two surfaces.
+    """Contact term: Eq.
 
-    ``sum_v w_v rho(d_v^2 / sigma^2)``, with signed distance d_v; a redescending rho ignores far contacts.
+    6 for contact vertices near scene or floor that face the nearer of these two surfaces.
+
+    ``sum_v w_v rho(d_v^2 / sigma^2)``, with signed distance d_v; a redescending rho ignores far
+    contacts.
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
@@ -98,7 +117,8 @@ class ContactTerm:
     """
 
     def __init__(self, settings: ContactTermSettings, context: JointContext) -> None:
-        self.settings, self._context = settings, context
+        self.settings = settings
+        self._context = context
         probability = context.contact_probability
         prior = torch.where(context.is_contact, probability, torch.zeros_like(probability))
         if settings.static_weight:
@@ -112,15 +132,22 @@ class ContactTerm:
         self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select the vertices near a surface that they face, and weigh them by the cosine between the normals."""
-        contacts, reach = snapshot.contacts, CONTACT_RANGE_M
-        to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
+        """Select the vertices near a surface that they face, and weigh them by the cosine between
+        the normals.
+        """
+        contacts = snapshot.contacts
+        reach = CONTACT_RANGE_M
+        to_scene = contacts.signed.abs()
+        to_floor = contacts.height.abs()
         can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
         self.touching = (can_scene | can_floor) & snapshot.visibility.eligible
-        # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
-        cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
+        # Only vertices that face a surface can lie on it: the rim of a foot is over the floor
+        # without contact.
+        cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(
+            min=0.0
+        )
         weight = self._context.area * self.prior * cosine
         self.weights = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
 
@@ -129,13 +156,16 @@ class ContactTerm:
         s = self.settings
         if not s.weight:
             return None
-        return RobustSum.of("geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"])
+        return RobustSum.of(
+            "geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"]
+        )
 
 
 _PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
 _PLANE_OUTLIER_SIGMAS = 2.0
 _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
-_MAX_FLOOR_DEPTH_M = 0.2  # people with deeper vertices get no weight on invisible limbs: leg pose or floor is wrong
+# people with deeper vertices get no weight on invisible limbs: leg pose or floor is wrong
+_MAX_FLOOR_DEPTH_M = 0.2
 
 
 @dataclass(frozen=True)
@@ -150,48 +180,70 @@ class FloorTerm:
     """Floor term: depth of all vertices below the floor's plane."""
 
     def __init__(self, settings: FloorSettings, context: JointContext) -> None:
-        self.settings, self._context = settings, context
+        self.settings = settings
+        self._context = context
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights: full weight on visible limbs, less on invisible ones."""
         area = self._context.area
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
-        invisible = torch.where(below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area))
+        invisible = torch.where(
+            below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area)
+        )
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
-        # People far below contradict the floor or the scene's scale, and must not draw it away from the others.
+        # People far below contradict the floor or the scene's scale, and must not draw it away from
+        # the others.
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
-        self.weights = {"floor": torch.zeros_like(area) if self._context.problem.floor_normal is None else weight}
+        self.weights = {
+            "floor": torch.zeros_like(area)
+            if self._context.problem.floor_normal is None
+            else weight
+        }
 
     def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over depths below the floor; None if the term is off or there is no floor."""
+        """Return the robust sum over depths below the floor; None if the term is off or there is no
+        floor.
+        """
         weight = self.settings.weight
         if not weight or self._context.problem.floor_normal is None:
             return None
-        return RobustSum.of("pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"])
+        return RobustSum.of(
+            "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"]
+        )
 
 
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
-_SOLE_SIGMA_M, _SOLE_OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
-_LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
+# a foot more than about 3 cm over the floor is an outlier
+_SOLE_SIGMA_M = 0.015
+_SOLE_OUTLIER_SIGMAS = 2.0
+_LOWER_SIGMA_M = 0.04
+_LOWER_OUTLIER_SIGMAS = 2.0
 _LOWER_WEIGHT = 2.0  # of the lower visible foot, in weights of each foot
 _MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
-_UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
+_UNSEEN_SIGMA_M = 0.05
+_UNSEEN_OUTLIER_SIGMAS = 3.0
 _MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
 
 
 @dataclass(frozen=True)
 class SoleSettings:
-    """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's vertices."""
+    """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's
+    vertices.
+    """
 
     weight: NotNegative = 2.0
-    """Weight of each visible foot near the floor; the lower one has twice as much again, up to a larger height."""
+    """Weight of each visible foot near the floor; the lower one has twice as much again, up to a
+    larger height.
+    """
     unseen_weight: NotNegative = 4.0
     """Weight of each invisible foot; most feet stand on the floor."""
 
 
 def lowest_sole_indices(height: Tensor) -> Tensor:
-    """Return the indices of the lowest 5 % of the vertices of a foot's sole: heights (B, n) -> (B, n / 20) int64."""
+    """Return the indices of the lowest 5 % of the vertices of a foot's sole: heights (B, n) -> (B,
+    n / 20) int64.
+    """
     count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
     return height.topk(count, dim=-1, largest=False).indices
 
@@ -202,10 +254,12 @@ def lowest_height(height: Tensor) -> Tensor:
 
 
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
-    """Return the sole energy (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)`` with robust losses near and far.
+    """Return the sole energy (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)`` with robust
+    losses near and far.
 
-    ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does not redescend. It
-    applies only to the lower foot: a person who stands, walks or runs has at most one foot far from the ground.
+    ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does
+    not redescend. It applies only to the lower foot: a person who stands, walks or runs has at most
+    one foot far from the ground.
 
     Args:
         lowest: (B, 2) height of the left and the right sole, metres.
@@ -226,19 +280,25 @@ class SoleTerm:
     """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
 
     def __init__(self, settings: SoleSettings, context: JointContext) -> None:
-        self.settings, self._context = settings, context
+        self.settings = settings
+        self._context = context
         self._all_seen = bool(context.feet_visible.all())
         self.weights: dict[str, Tensor] = {}
 
     @property
     def is_on(self) -> bool:
-        """Whether the sole term is used: there is a floor, and at least one weight of the term is not 0."""
+        """Whether the sole term is used: there is a floor, and at least one weight of the term is
+        not 0.
+        """
         s = self.settings
         return self._context.problem.floor_normal is not None and bool(s.weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Weigh the visible feet by their touch, and select people whose lower foot is expected to touch the floor."""
-        context, contacts = self._context, snapshot.contacts
+        """Weigh the visible feet by their touch, and select people whose lower foot is expected to
+        touch the floor.
+        """
+        context = self._context
+        contacts = snapshot.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
@@ -248,7 +308,8 @@ class SoleTerm:
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         dtype = context.area.dtype
-        touch, either = torch.ones_like(lowest), torch.ones_like(lowest[:, 0])
+        touch = torch.ones_like(lowest)
+        either = torch.ones_like(lowest[:, 0])
         if context.problem.foot_touch is not None:
             touch = context.problem.foot_touch.to(lowest)
             either = 1 - (1 - touch).prod(1)
@@ -259,11 +320,16 @@ class SoleTerm:
         }
 
     def energy(self, lowest: Tensor) -> Tensor:
-        """Return the sole energy (B,) for the heights (B, 2) of the left and the right sole, metres."""
+        """Return the sole energy (B,) for the heights (B, 2) of the left and the right sole,
+        metres.
+        """
         s = self.settings
-        weight, lower_weight = s.weight * self.weights["soles"], _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
+        weight = s.weight * self.weights["soles"]
+        lower_weight = _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
         seen = sole_energy(lowest, weight, lower_weight)
         if self._all_seen:
             return seen
-        unseen = robust_loss("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
+        unseen = robust_loss(
+            "geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS
+        )
         return seen + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)

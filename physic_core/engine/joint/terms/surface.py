@@ -1,10 +1,12 @@
 """Surface terms, evaluated together: depth, contact, penetration, floor, soles and mesh.
 
-They share the distances to scene and floor, and are one autograd function with analytic derivatives. The arrays are
-small: the overhead of autograd for a hundred operations exceeds their cost, a quarter of stage 3. Arrays are (B, 3, n),
-since reductions over a last axis of three are slow.
+They share the distances to scene and floor, and are one autograd function with analytic
+derivatives. The arrays are small: the overhead of autograd for a hundred operations exceeds their
+cost, a quarter of stage 3. Arrays are (B, 3, n), since reductions over a last axis of three are
+slow.
 
-Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
+Distances are divided by the scene's scale, so that shrinking scene and people together does not
+lower the energy.
 """
 
 from __future__ import annotations
@@ -35,17 +37,21 @@ SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 @dataclass(frozen=True)
 class SurfaceInputs:
-    """Inputs of the surface terms for B people and n subsampled vertices, constant between two refreshes.
+    """Inputs of the surface terms for B people and n subsampled vertices, constant between two
+    refreshes.
 
     Attributes:
-        depth: robust sum over differences of log depth; None if the term is off, as in the next three.
+        depth: robust sum over differences of log depth; None if the term is off, as in the next
+            three.
         contact: robust sum over distances to the touched surface.
         penetration: robust sum over depths inside the scene beyond the slack.
         floor: robust sum over depths below the floor.
-        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
+        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's
+            frame.
         log_map_depth: (B, n) logarithm of the depth map at the vertices.
         on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
-        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
+        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use
+            ``last_scale``.
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points; None without a scene.
         plane_distance: (B, n) from the camera to the planes through those points, unscaled.
@@ -85,7 +91,8 @@ class _SurfaceEnergies(torch.autograd.Function):
 
     Returns:
         energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
-        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
+        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a
+            sole.
     """
 
     @staticmethod
@@ -114,7 +121,9 @@ class _SurfaceEnergies(torch.autograd.Function):
             energies["contact"], slopes["contact"] = data.contact.value_and_slope(touched)
         if data.penetration is not None:
             inside = torch.relu(-signed - SLACK_M)
-            energies["penetration"], slopes["penetration"] = data.penetration.value_and_slope(inside)
+            energies["penetration"], slopes["penetration"] = data.penetration.value_and_slope(
+                inside
+            )
         if data.floor is not None:
             last = over + unit * (data.floor_offset * data.last_scale)
             under = torch.relu(-torch.where(data.eligible, height, last))
@@ -123,10 +132,15 @@ class _SurfaceEnergies(torch.autograd.Function):
         deviation = (points - pelvis[..., None]) - root @ data.relative
         slopes["mesh"] = 2.0 * data.mesh_weight[:, None] * deviation
         energies["mesh"] = 0.5 * (slopes["mesh"] * deviation).sum((1, 2))
-        feet = [sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles]
+        feet = [
+            sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles
+        ]
         lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
 
-        ctx.data, ctx.slopes, ctx.feet, ctx.of_scale = data, slopes, feet, log_scale.shape
+        ctx.data = data
+        ctx.slopes = slopes
+        ctx.feet = feet
+        ctx.of_scale = log_scale.shape
         ctx.save_for_backward(points, ahead, over, unit)
         return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
 
@@ -141,7 +155,8 @@ class _SurfaceEnergies(torch.autograd.Function):
         by_scale = torch.zeros_like(points[:, 0, 0])
         by_offset = None
 
-        # Gradients by the distance to the scene, by the height over the floor, and by that height at the last scale.
+        # Gradients by the distance to the scene, by the height over the floor, and by that height
+        # at the last scale.
         by_signed = by_height = by_last = torch.zeros_like(ahead)
         if "contact" in slopes:
             by_touched = of_terms["contact"] * slopes["contact"]
@@ -152,33 +167,46 @@ class _SurfaceEnergies(torch.autograd.Function):
         if "floor" in slopes:
             by_under = of_terms["floor"] * slopes["floor"]
             by_eligible = torch.where(data.eligible, by_under, by_last)
-            by_height, by_last = by_height - by_eligible, by_eligible - by_under
+            by_height = by_height - by_eligible
+            by_last = by_eligible - by_under
         for foot, of_foot in zip(ctx.feet, of_feet, strict=True):
             if foot is not None:
-                by_height = by_height.scatter_add(1, foot, (of_foot / foot.shape[1])[:, None].expand_as(foot))
+                by_height = by_height.scatter_add(
+                    1, foot, (of_foot / foot.shape[1])[:, None].expand_as(foot)
+                )
 
         by_point = torch.zeros_like(points)
         if data.normals is not None:
             by_point = (unit * by_signed)[:, None] * data.normals
             by_scale = by_scale - (by_signed * ahead).sum(1)
         if data.floor_normal is not None:
-            by_point = by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
+            by_point = (
+                by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
+            )
             by_scale = by_scale - (by_height * over).sum(1)
         by_deviation = of_terms["mesh"][..., None] * slopes["mesh"]
         by_point = by_point + by_deviation
-        by_pelvis, by_root = -by_deviation.sum(2), -by_deviation @ data.relative.transpose(1, 2)
+        by_pelvis = -by_deviation.sum(2)
+        by_root = -by_deviation @ data.relative.transpose(1, 2)
         if "depth" in slopes:
             by_log = of_terms["depth"] * slopes["depth"]
             away = points[:, 2]
             by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, torch.zeros_like(away))
             by_offset = -by_log.sum(1)
             by_scale = by_scale + by_offset
-        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale.sum_to_size(ctx.of_scale), by_offset
+        return (
+            None,
+            by_point.transpose(1, 2),
+            by_pelvis,
+            by_root,
+            by_scale.sum_to_size(ctx.of_scale),
+            by_offset,
+        )
 
 
-surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]] = (
-    _SurfaceEnergies.apply
-)
+surface_energies: Callable[
+    [SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]
+] = _SurfaceEnergies.apply
 """The function of :class:`_SurfaceEnergies`."""
 
 
@@ -200,15 +228,28 @@ class SurfaceTerms(Term):
         soles: SoleTerm,
         regularisation: RegularisationTerm,
     ) -> None:
-        self.context, self.depth, self.contact, self.penetration = context, depth, contact, penetration
-        self.floor, self.soles, self.regularisation = floor, soles, regularisation
+        self.context = context
+        self.depth = depth
+        self.contact = contact
+        self.penetration = penetration
+        self.floor = floor
+        self.soles = soles
+        self.regularisation = regularisation
         self.energies = surface_energies
         self.surface: SurfaceInputs
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Refresh all terms and collect the inputs of the energies."""
-        context, contacts = self.context, snapshot.contacts
-        parts = (self.depth, self.contact, self.penetration, self.floor, self.soles, self.regularisation)
+        context = self.context
+        contacts = snapshot.contacts
+        parts = (
+            self.depth,
+            self.contact,
+            self.penetration,
+            self.floor,
+            self.soles,
+            self.regularisation,
+        )
         for part in parts:
             part.refresh(snapshot)
         self.weights = {name: weight for part in parts for name, weight in part.weights.items()}
@@ -223,8 +264,12 @@ class SurfaceTerms(Term):
             on_scene=self.contact.on_scene,
             eligible=snapshot.visibility.eligible,
             relative=context.relative.transpose(1, 2).contiguous(),
-            normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
-            plane_distance=contacts.plane_distance if contacts.plane_distance is not None else no_scene,
+            normals=contacts.normals.transpose(1, 2).contiguous()
+            if contacts.normals is not None
+            else None,
+            plane_distance=contacts.plane_distance
+            if contacts.plane_distance is not None
+            else no_scene,
             floor_normal=context.problem.floor_normal,
             floor_offset=context.problem.floor_offset,
             last_scale=snapshot.scale,
@@ -233,12 +278,17 @@ class SurfaceTerms(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of each term that is not off: name -> (B,)."""
-        surface, e = self.surface, bodies.estimate
+        surface = self.surface
+        e = bodies.estimate
         values, lowest = self.energies(
             surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scales, e.offset
         )
         sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
-        energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}
+        energies = {
+            n: v
+            for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False)
+            if on is not None
+        }
         if self.soles.is_on:
             energies["soles"] = self.soles.energy(lowest)
         energies["regularisation"] = self.regularisation.energy(values[4], bodies.deviation)

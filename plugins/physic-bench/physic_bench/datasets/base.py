@@ -27,8 +27,9 @@ class FrameSet:
         frames: in order.
         notes: decisions that the results depend on, a sentence each; printed.
         left_out: frame id -> why it is not evaluated.
-        completed: returns the frames with truth that only results give, such as triangulated joints, from frame id ->
-            result of the first method, and its name; None if all truth is known.
+        completed: returns the frames with truth that only results give, such as triangulated
+            joints, from frame id -> result of the first method, and its name; None if all truth is
+            known.
     """
 
     frames: tuple[Frame, ...]
@@ -43,11 +44,13 @@ class DataSet:
 
     Attributes:
         name: of the command.
-        about: what to get where under which terms, the files of ROOT and how it is measured, as Markdown.
-        missing: returns everything that is missing in ROOT, a sentence each. Arguments are ROOT, whether pictures are
-            needed, and the options.
-        frames: returns the frames. Arguments are ROOT, the function that chooses among all names, the user's body
-            model files, and the options; it raises InputError if files contradict each other.
+        about: what to get where under which terms, the files of ROOT and how it is measured, as
+            Markdown.
+        missing: returns everything that is missing in ROOT, a sentence each. Arguments are ROOT,
+            whether pictures are needed, and the options.
+        frames: returns the frames. Arguments are ROOT, the function that chooses among all names,
+            the user's body model files, and the options; it raises InputError if files contradict
+            each other.
         options: of the command, beside those of all data sets.
     """
 
@@ -81,13 +84,17 @@ class Choice:
         try:
             lines = read_regular(self.file, _MAX_LIST_BYTES).decode().splitlines()
         except OSError as error:
-            raise InputError(f"cannot read the list of frames {self.file}: {unreadable(error)}") from error
+            raise InputError(
+                f"cannot read the list of frames {self.file}: {unreadable(error)}"
+            ) from error
         except UnicodeDecodeError as error:
             raise InputError(f"cannot read the list of frames {self.file}: {error}") from error
         listed = [line.split("#")[0].strip().strip("/") for line in lines]
         listed = list(dict.fromkeys(name for name in listed if name))
         if unknown := sorted(set(listed) - set(names)):
-            raise InputError(f"{self.file} lists frames that there are not: {', '.join(unknown[:5])}")
+            raise InputError(
+                f"{self.file} lists frames that there are not: {', '.join(unknown[:5])}"
+            )
         return evenly(listed, self.limit)
 
 

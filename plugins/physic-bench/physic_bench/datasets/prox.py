@@ -1,7 +1,8 @@
-"""PROX quantitative: one person in a scanned room, with bodies by motion capture and one Kinect colour camera.
+"""PROX quantitative: one person in a scanned room, with bodies by motion capture and one Kinect
+colour camera.
 
-Get quantitative.zip from prox.is.tue.mpg.de, and SMPLX_MALE.npz from smpl-x.is.tue.mpg.de (--smplx), each with an
-account and for non-commercial research. ROOT is the folder quantitative/:
+Get quantitative.zip from prox.is.tue.mpg.de, and SMPLX_MALE.npz from smpl-x.is.tue.mpg.de
+(--smplx), each with an account and for non-commercial research. ROOT is the folder quantitative/:
 
     recordings/<recording>/Color/<frame>.jpg           pictures, mirrored as they come
     calibration/Color.json                             camera_mtx and k of the colour camera
@@ -9,10 +10,11 @@ account and for non-commercial research. ROOT is the folder quantitative/:
     scenes/vicon.ply                                   the scan
     fittings/mosh/<recording>/meshes/<frame>/000.ply   10475 vertices of SMPL-X
     fittings/mosh/<recording>/results/<frame>/000.pkl  optional: parameters, which give joints
-    keypoints/<recording>/<frame>_keypoints.json       optional: OpenPose, says in which frame the meshes are
+    keypoints/<recording>/<frame>_keypoints.json       optional: OpenPose, says in which frame the
+    meshes are
 
-Frames are named RECORDING/FRAME; the paper's list of 178 is not published. A vertex truly touches within 2, 4 and 5 cm
-of the scan, or inside it by up to 15 cm.
+Frames are named RECORDING/FRAME; the paper's list of 178 is not published. A vertex truly touches
+within 2, 4 and 5 cm of the scan, or inside it by up to 15 cm.
 """
 
 from __future__ import annotations
@@ -54,11 +56,17 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NUM_VERTICES = 10475
-MIN_OVERLAP, MIN_LEAD = 0.4, 0.1
-"""Of the frame of reference that fits: median overlap of boxes, and by how much it is ahead of the others."""
+MIN_OVERLAP = 0.4
+MIN_LEAD = 0.1
+"""Of the frame of reference that fits: median overlap of boxes, and by how much it is ahead of the
+others.
+"""
 
 MAX_MODEL_ERROR_M = 0.02
-"""Mean distance of a mesh from its parameters, posed by the user's file. Another gender is 5 cm and more away."""
+"""Mean distance of a mesh from its parameters, posed by the user's file.
+
+Another gender is 5 cm and more away.
+"""
 
 MESH_FRAMES = ("camera", "scene", "vicon")
 
@@ -75,18 +83,29 @@ def missing(root: Path, pictures: bool, mesh_frame: str) -> list[str]:
     if pictures:
         needed.append(("recordings/*/Color/*.jpg", "pictures"))
     if mesh_frame == "auto":
-        needed.append(("keypoints/*/*_keypoints.json", "keypoints that say where the meshes are; or give --mesh-frame"))
+        needed.append(
+            (
+                "keypoints/*/*_keypoints.json",
+                "keypoints that say where the meshes are; or give --mesh-frame",
+            )
+        )
     return missing_files(root, needed)
 
 
-def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles, mesh_frame: str) -> FrameSet:
+def frames(
+    root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles, mesh_frame: str
+) -> FrameSet:
     """Return the frames."""
     meshes = (root / "fittings" / "mosh").glob("*/meshes/*/000.ply")
     names = choose(sorted(f"{path.parts[-4]}/{path.parts[-2]}" for path in meshes))
     pictures = {name: root / "recordings" / name.replace("/", "/Color/", 1) for name in names}
     pictures = {name: path.with_name(f"{path.name}.jpg") for name, path in pictures.items()}
     camera = _camera(root, [path for path in pictures.values() if path.is_file()])
-    kind, note = (mesh_frame, "as you chose") if mesh_frame != "auto" else decide_mesh_frame(root, names, camera)
+    kind, note = (
+        (mesh_frame, "as you chose")
+        if mesh_frame != "auto"
+        else decide_mesh_frame(root, names, camera)
+    )
     found = [
         Frame(
             name,
@@ -101,10 +120,11 @@ def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFil
 
 
 def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple[str, str]:
-    """Return the frame of reference of the meshes, and the numbers that decided: published readers disagree.
+    """Return the frame of reference of the meshes, and the numbers that decided: published readers
+    disagree.
 
-    Up to ten meshes are projected as if they were in each frame of reference, and their boxes are compared with those
-    of the keypoints, as they are and mirrored.
+    Up to ten meshes are projected as if they were in each frame of reference, and their boxes are
+    compared with those of the keypoints, as they are and mirrored.
 
     Raises:
         InputError: none fits, or two fit alike.
@@ -116,14 +136,19 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
         try:
             vertices = _mesh(root, name)
             with reading(file):
-                points = numbers(read_json(file)["people"][0]["pose_keypoints_2d"], (-1, 3), "keypoints")
+                points = numbers(
+                    read_json(file)["people"][0]["pose_keypoints_2d"], (-1, 3), "keypoints"
+                )
         except DamagedFrameError:
             continue  # a damaged mesh is named when the frame is scored
         pixels = points[points[:, 2] > 0.2, :2]
         boxes = [box_of_points(some) for some in (pixels, pixels * [-1, 1] + [camera.width - 1, 0])]
         for kind in MESH_FRAMES:
             own = box_of_points(project(_to_camera(root, vertices, kind), camera.K))
-            overlaps = [0.0 if own is None or b is None else float(box_iou(own[None], b[None])[0, 0]) for b in boxes]
+            overlaps = [
+                0.0 if own is None or b is None else float(box_iou(own[None], b[None])[0, 0])
+                for b in boxes
+            ]
             found[kind].append(max(overlaps))
     overlap = {kind: median(values or [0.0]) for kind, values in found.items()}
     best, second = sorted(overlap, key=lambda kind: -overlap[kind])[:2]
@@ -131,7 +156,10 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
         f"{kind} {value:.2f}" for kind, value in overlap.items()
     )
     if overlap[best] < MIN_OVERLAP or overlap[best] - overlap[second] < MIN_LEAD:
-        raise InputError(f"it cannot be decided in which frame the meshes of {root} are ({words}): give --mesh-frame")
+        raise InputError(
+            f"it cannot be decided in which frame the meshes of {root} are ({words}): give "
+            f"--mesh-frame"
+        )
     return best, words
 
 
@@ -145,12 +173,15 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
         apart = float(np.linalg.norm(vertices - body.vertices, axis=1).mean())
         if apart > MAX_MODEL_ERROR_M:
             raise DamagedFrameError(
-                f"{file}, posed by {bodies.file('smplx', 'male').name}, is {1000 * apart:.0f} mm from its mesh: give "
+                f"{file}, posed by {bodies.file('smplx', 'male').name}, is {1000 * apart:.0f} mm "
+                f"from its mesh: give "
                 "--smplx SMPLX_MALE.npz, or a folder with it, since the body is male"
             )
         joints = _to_camera(root, body.joints, kind)
     names = () if joints is None else JOINT_NAMES
-    person = BenchPerson("0", joints, names, "posed SMPL-X", _to_camera(root, vertices, kind), "smplx")
+    person = BenchPerson(
+        "0", joints, names, "posed SMPL-X", _to_camera(root, vertices, kind), "smplx"
+    )
     return Truth((person,), scene=read_surface(root / "scenes" / "vicon.ply"))
 
 

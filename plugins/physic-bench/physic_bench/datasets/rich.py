@@ -1,18 +1,20 @@
 """RICH: one or two people in scanned places before several cameras, with annotated contact.
 
 Get bodies, human_scene_contact, images and scan_calibration of a split from rich.is.tue.mpg.de,
-SMPLX_{NEUTRAL,MALE,FEMALE}.npz from smpl-x.is.tue.mpg.de (--smplx FOLDER), each with an account and for non-commercial
-research, and resource/gender.json from the repository rich_toolkit of paulchhuang. Files of ROOT:
+SMPLX_{NEUTRAL,MALE,FEMALE}.npz from smpl-x.is.tue.mpg.de (--smplx FOLDER), each with an account and
+for non-commercial research, and resource/gender.json from the repository rich_toolkit of
+paulchhuang. Files of ROOT:
 
     bodies/<split>/<SEQ>/<FRAME>/<SUB>.pkl                SMPL-X parameters in the frame of camera 0
-    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,); or <SUB>.obj: 10475 vertices, contact green
-    images/<split>/<SEQ>/cam_<XX>/<FRAME>_<XX>.jpeg       or .png, .bmp
+    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,); or <SUB>.obj: 10475
+    vertices, contact green images/<split>/<SEQ>/cam_<XX>/<FRAME>_<XX>.jpeg       or .png, .bmp
     scan_calibration/<SCENE>/calibration/<CAM>.xml        CameraMatrix, Intrinsics, Distortion
     scan_calibration/<SCENE>/scan_camcoord.ply            optional: scan in the frame of camera 0
     resource/gender.json                                  gender of each subject
 
-Frames are named SEQ/FRAME/CAMERA. Contact of 6890 vertices is the truth as published; predicted contact of another mesh
-is carried over, which needs --smpl. Cameras without calibration are skipped.
+Frames are named SEQ/FRAME/CAMERA. Contact of 6890 vertices is the truth as published; predicted
+contact of another mesh is carried over, which needs --smpl. Cameras without calibration are
+skipped.
 """
 
 from __future__ import annotations
@@ -70,10 +72,14 @@ def missing(root: Path, pictures: bool, split: str) -> list[str]:
     return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * pictures)
 
 
-def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles, split: str) -> FrameSet:
+def frames(
+    root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles, split: str
+) -> FrameSet:
     """Return the frames."""
     if bodies.smplx is None:
-        raise ConfigError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
+        raise ConfigError(
+            "RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE"
+        )
     names = [
         f"{folder.parent.name}/{folder.name}/{int(file.stem)}"
         for folder in sorted((root / "bodies" / split).glob("*/*"))
@@ -81,12 +87,15 @@ def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFil
         if file.stem.isdecimal()
     ]
     with_picture = [name for name in names if _picture(root, split, name) is not None]
-    found, left_out = [], {}
+    found = []
+    left_out = {}
     for name in choose(with_picture or names):
         sequence, moment, view = name.split("/")
         picture = _picture(root, split, name)
         try:
-            camera = _camera(_scene(root, sequence) / "calibration" / f"{int(view):03d}.xml", picture)
+            camera = _camera(
+                _scene(root, sequence) / "calibration" / f"{int(view):03d}.xml", picture
+            )
         except DamagedFrameError as error:
             left_out[name] = str(error)
             continue
@@ -96,7 +105,9 @@ def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFil
     return FrameSet(tuple(found), (), left_out)
 
 
-def _truth(root: Path, sequence: str, moment: str, camera: Camera, split: str, bodies: BodyFiles) -> Truth:
+def _truth(
+    root: Path, sequence: str, moment: str, camera: Camera, split: str, bodies: BodyFiles
+) -> Truth:
     genders = read_json(root / "resource" / "gender.json")
     people = []
     for file in sorted((root / "bodies" / split / sequence / moment).glob("*.pkl")):
@@ -105,15 +116,22 @@ def _truth(root: Path, sequence: str, moment: str, camera: Camera, split: str, b
         with reading(file):
             body = bodies.smplx_body(read_pickled(file), gender)
         contact = _contact(root / "human_scene_contact" / split / sequence / moment / file.name)
-        joints, vertices = camera.in_camera(body.joints), camera.in_camera(body.vertices)
+        joints = camera.in_camera(body.joints)
+        vertices = camera.in_camera(body.vertices)
         mesh = TOPOLOGY_OF_COUNT[len(contact)]
-        people.append(BenchPerson(file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, mesh))
+        people.append(
+            BenchPerson(
+                file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, mesh
+            )
+        )
     scan = _scene(root, sequence) / "scan_camcoord.ply"
     return Truth(tuple(people), scene=read_surface(scan) if scan.is_file() else None)
 
 
 def _contact(file: Path) -> NDArray[np.bool_]:
-    """Return the annotated contact of a person: of the .pkl file, or of the .obj file without it."""
+    """Return the annotated contact of a person: of the .pkl file, or of the .obj file without
+    it.
+    """
     if file.is_file():
         with reading(file):
             return numbers(read_pickled(file)["contact"], (6890,), "contact") > 0
@@ -134,29 +152,44 @@ def _camera(file: Path, picture: Path | None) -> Camera:
         }
         K = numbers(values["Intrinsics"], (3, 3), "Intrinsics").copy()
         to_camera = numbers(values["CameraMatrix"], (3, 4), "CameraMatrix")
-        R, t = rotation(to_camera[:, :3], "CameraMatrix"), to_camera[:, 3]
+        R = rotation(to_camera[:, :3], "CameraMatrix")
+        t = to_camera[:, 3]
         k1, k2 = values["Distortion"][:2]
         if np.abs(t).max() > MAX_RANGE_M or K[[0, 1, 0, 1], [0, 1, 2, 2]].min() <= 0:
-            raise DamagedFrameError("the camera must have a focal length and a principal point, and be within 100 m")
-    width, height = round(2 * K[0, 2]), round(2 * K[1, 2])
+            raise DamagedFrameError(
+                "the camera must have a focal length and a principal point, and be within 100 m"
+            )
+    width = round(2 * K[0, 2])
+    height = round(2 * K[1, 2])
     if picture is not None:
         with open_picture(picture) as opened:
             size = opened.size
-        # Pictures may have been made smaller by a half or a quarter: the calibration is for the full ones.
+        # Pictures may have been made smaller by a half or a quarter: the calibration is for the
+        # full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
-        if not all(0.8 < factor * full / own < 1.25 for own, full in zip(size, (width, height), strict=True)):
-            raise DamagedFrameError(f"the picture {picture} has {size} px, and {file} is for {width} x {height}")
+        if not all(
+            0.8 < factor * full / own < 1.25
+            for own, full in zip(size, (width, height), strict=True)
+        ):
+            raise DamagedFrameError(
+                f"the picture {picture} has {size} px, and {file} is for {width} x {height}"
+            )
         K[:2] *= factor
         width, height = size
     return Camera(K, width, height, R, t, (float(k1), float(k2), 0.0, 0.0, 0.0))
 
 
 def _scene(root: Path, sequence: str) -> Path:
-    """Return the folder of the scene: the first word of the sequence, with its variant where there are several."""
+    """Return the folder of the scene: the first word of the sequence, with its variant where there
+    are several.
+    """
     first = sequence.split("_")[0]
-    folders = sorted(path for path in (root / "scan_calibration").glob(f"{first}_*") if path.is_dir())
+    folders = sorted(
+        path for path in (root / "scan_calibration").glob(f"{first}_*") if path.is_dir()
+    )
     return next(
-        (path for path in folders if path.name.removeprefix(f"{first}_") in sequence), root / "scan_calibration" / first
+        (path for path in folders if path.name.removeprefix(f"{first}_") in sequence),
+        root / "scan_calibration" / first,
     )
 
 
@@ -164,11 +197,15 @@ def _picture(root: Path, split: str, name: str) -> Path | None:
     sequence, moment, view = name.split("/")
     stem = f"{split}/{sequence}/cam_{int(view):02d}/{moment}_{int(view):02d}"
     paths = (
-        root / top / f"{stem}.{s}" for top in ("images", "images_jpg_subset") for s in ("jpeg", "jpg", "png", "bmp")
+        root / top / f"{stem}.{s}"
+        for top in ("images", "images_jpg_subset")
+        for s in ("jpeg", "jpg", "png", "bmp")
     )
     return next((path for path in paths if path.is_file()), None)
 
 
-_SPLIT = click.Option(["--split"], type=click.Choice(["train", "val", "test"]), default="test", show_default=True)
+_SPLIT = click.Option(
+    ["--split"], type=click.Choice(["train", "val", "test"]), default="test", show_default=True
+)
 
 DATA_SET = DataSet("rich", __doc__, missing, frames, (_SPLIT,))

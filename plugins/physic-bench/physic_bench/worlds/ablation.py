@@ -1,4 +1,6 @@
-"""Rows of the ablation table: those of the paper's Table 3, static contacts and PROX, as overrides of a preset."""
+"""Rows of the ablation table: those of the paper's Table 3, static contacts and PROX, as overrides
+of a preset.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
 from physic_core.files.text import to_json
 
-START, FULL, TRIAL = "start", "full", "trial"
+START = "start"
+FULL = "full"
+TRIAL = "trial"
 
 Overrides = Mapping[str, Any]
 """Changed settings: stage -> field -> value, or stage -> term -> field -> value."""
@@ -35,10 +39,14 @@ class TableRow:
 
     @property
     def digest(self) -> str:
-        """Hash of the settings and of their types, which select the energy; independent of the label."""
+        """Hash of the settings and of their types, which select the energy; independent of the
+        label.
+        """
         settings: Any = None
         if self.settings is not None:
-            types = [type(getattr(self.settings, stage.name)).__name__ for stage in fields(self.settings)]
+            types = [
+                type(getattr(self.settings, stage.name)).__name__ for stage in fields(self.settings)
+            ]
             settings = [types, to_json(asdict(self.settings), digits=7)]
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -88,7 +96,11 @@ _FLOOR: Overrides = {
 }
 
 ABLATION: tuple[AblationRow, ...] = (
-    AblationRow("reprojection", "L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow(
+        "reprojection",
+        "L_reg + L_j2d",
+        _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR),
+    ),
     AblationRow("contact", "+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
     AblationRow("penetration", "+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
     AblationRow("depth", "+ L_d", _without(_OCCLUSION, _FLOOR)),
@@ -101,7 +113,8 @@ ABLATION: tuple[AblationRow, ...] = (
 
 
 def ablation_rows(preset: str) -> tuple[TableRow, ...]:
-    """Return the start row and all ablation rows of an engine preset, which is the full model, in the paper's order.
+    """Return the start row and all ablation rows of an engine preset, which is the full model, in
+    the paper's order.
 
     Raises:
         ConfigError: the engine has no such preset.

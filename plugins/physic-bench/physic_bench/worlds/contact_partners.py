@@ -1,4 +1,6 @@
-"""Scores of what each contact vertex touches, how surely, and what supports a person, against the truth of a world."""
+"""Scores of what each contact vertex touches, how surely, and what supports a person, against the
+truth of a world.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,12 @@ NO_CONTACT = ContactMap(np.zeros((1, 1), bool), None, np.full((1, 1), -1, np.int
 
 
 def contact_counts_by_partner(
-    world: World, contacts: ContactMap, row: int, person: int, true_person: Mapping[int, int], part: NDArray[np.int64]
+    world: World,
+    contacts: ContactMap,
+    row: int,
+    person: int,
+    true_person: Mapping[int, int],
+    part: NDArray[np.int64],
 ) -> dict[str, Any]:
     """Count right and wrong contacts of one person.
 
@@ -69,10 +76,12 @@ def contact_counts_by_partner(
         part: (V,) body part of each vertex, index into ``world.parts``.
 
     Returns:
-        For each kind of contact (``scene``, ``people``, ``self``, ``support``) the counts ``KIND_hits``,
-        ``KIND_false_alarms``, ``KIND_misses``; for partners ``partner_found`` and ``partner_right``; for small objects
-        ``item_found`` and ``item_missed``; and, if probabilities are estimated, ``brier_sum``, ``brier_count`` and
-        ``reliability``: (BINS, 3) number of vertices, sum of probabilities and number of true contacts; and the same of
+        For each kind of contact (``scene``, ``people``, ``self``, ``support``) the counts
+        ``KIND_hits``, ``KIND_false_alarms``, ``KIND_misses``; for partners ``partner_found`` and
+        ``partner_right``; for small objects ``item_found`` and ``item_missed``; and, if
+        probabilities are estimated, ``brier_sum``, ``brier_count`` and
+        ``reliability``: (BINS, 3) number of vertices, sum of probabilities and number of true
+            contacts; and the same of
         limbs that the photo does not show, ``reliability_unseen``.
     """
     outer = np.asarray(world.outer)
@@ -101,7 +110,9 @@ def contact_counts_by_partner(
     anything = item | truth["scene"] | truth["people"] | truth["self"]
     both = anything & contacts.touching[row] & outer
     right = _right_partner(world, contacts, row, person, true_person) & both
-    objects = np.array([*(one.surface == "object" or one.kind == "object" for one in contacts.partners), False])
+    objects = np.array(
+        [*(one.surface == "object" or one.kind == "object" for one in contacts.partners), False]
+    )
     on_object = contacts.touching[row] & objects[contacts.partner[row]]
     counts |= {
         "partner_found": int(both.sum()),
@@ -126,10 +137,12 @@ def reported_support_counts(
         support: reported; None counts as no support.
         carrying: (V,) vertices that truly carry the person.
         names: of the parts.
-        region: (V,) part of each vertex, see :func:`physic_core.engine.contact.regions.contact_regions`.
+        region: (V,) part of each vertex, see
+            :func:`physic_core.engine.contact.regions.contact_regions`.
 
     Returns:
-        The counts ``reported_support_hits``, ``reported_support_false_alarms`` and ``reported_support_misses``.
+        The counts ``reported_support_hits``, ``reported_support_false_alarms`` and
+        ``reported_support_misses``.
     """
     vertices = np.bincount(region[carrying], minlength=len(names))
     true = {name for name, count in zip(names, vertices, strict=True) if count >= _FEWEST}
@@ -154,7 +167,8 @@ def _right_partner(
     world: World, contacts: ContactMap, row: int, person: int, true_person: Mapping[int, int]
 ) -> BoolArray:
     """Return the vertices (V,) whose estimated partner is one of those that they truly touch."""
-    surface, parts = np.array(SURFACE_NAMES)[world.touched_surface[person]], np.array([*world.parts, ""])
+    surface = np.array(SURFACE_NAMES)[world.touched_surface[person]]
+    parts = np.array([*world.parts, ""])
     own = parts[world.touched_own_part[person]]
     right = np.zeros(len(own), bool)
     for index, partner in enumerate(contacts.partners):
@@ -162,7 +176,9 @@ def _right_partner(
         if partner.kind == "floor":
             true = np.isin(surface, _GROUND)
         elif partner.kind == "person":
-            true = world.touched_person[person] == true_person.get(-1 if partner.person is None else partner.person, -2)
+            true = world.touched_person[person] == true_person.get(
+                -1 if partner.person is None else partner.person, -2
+            )
         elif partner.kind == "self":
             true = np.isin(own, _PARTS_OF_REGION.get(partner.part, (partner.part,)))
         else:
@@ -183,7 +199,10 @@ def _shown_limbs(world: World, person: int) -> BoolArray:
 def _calibration(probability: FloatArray, true: BoolArray) -> dict[str, Any]:
     """Return the sums of the Brier score and of the reliability diagram for vertices (n,)."""
     bins = np.minimum((probability * BINS).astype(np.int64), BINS - 1)
-    sums = [np.bincount(bins, weights, BINS) for weights in (np.ones(len(bins)), probability, true.astype(np.float64))]
+    sums = [
+        np.bincount(bins, weights, BINS)
+        for weights in (np.ones(len(bins)), probability, true.astype(np.float64))
+    ]
     return {
         "brier_sum": float(((probability - true) ** 2).sum()),
         "brier_count": len(probability),

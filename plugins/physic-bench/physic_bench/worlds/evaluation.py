@@ -1,7 +1,8 @@
 """Metrics of one reconstruction against the ground truth of its world, for every person.
 
-Joint errors use the first 22 SMPL-X joints, pelvis to wrists (:data:`physic_core.metrics.BODY_JOINTS`).
-:data:`physic_bench.worlds.columns.COLUMNS` defines all metrics.
+Joint errors use the first 22 SMPL-X joints, pelvis to wrists
+(:data:`physic_core.metrics.BODY_JOINTS`). :data:`physic_bench.worlds.columns.COLUMNS` defines all
+metrics.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ class WorldEstimate:
         intrinsics: camera intrinsics of the scene.
         failures: for each person, why the engine did not optimise the body; empty if it did.
         contacts: contact with anything; None if the row does not estimate what people touch.
-        supports: for each person, what carries them, None for an incomplete body; None if the row does not estimate it.
+        supports: for each person, what carries them, None for an incomplete body; None if the row
+            does not estimate it.
     """
 
     vertices: FloatArray
@@ -88,8 +90,12 @@ class WorldEstimate:
     supports: tuple[Support | None, ...] | None = None
 
 
-def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> WorldEstimate:
-    """Return the estimators' bodies before optimisation; vertices with a high contact probability are in contact."""
+def initial_estimate(
+    evidence: Estimates, model: BodyModel, contact_probability: float
+) -> WorldEstimate:
+    """Return the estimators' bodies before optimisation; vertices with a high contact probability
+    are in contact.
+    """
     import torch
 
     from physic_core.body.bones import rotations_from_parameters
@@ -101,7 +107,12 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
         for value in (parameters.betas, parameters.transl, parameters.expression)
     )
     with torch.inference_mode():
-        body = model(rotations_from_parameters(parameters, model.device, model.dtype), betas, transl, expression)
+        body = model(
+            rotations_from_parameters(parameters, model.device, model.dtype),
+            betas,
+            transl,
+            expression,
+        )
     return WorldEstimate(
         vertices=body.vertices.cpu().numpy(),
         joints=body.joints.cpu().numpy(),
@@ -114,7 +125,9 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
 
 def engine_estimate(solution: Solution) -> WorldEstimate:
     """Return the engine's solution as a WorldEstimate."""
-    contacts = ContactMap(solution.contact, solution.contact_probability, solution.contact_partner, solution.partners)
+    contacts = ContactMap(
+        solution.contact, solution.contact_probability, solution.contact_partner, solution.partners
+    )
     return WorldEstimate(
         solution.vertices,
         solution.joints,
@@ -147,17 +160,26 @@ class Evaluator:
         self._empty = world.points(people=False)
         self._known: BoolArray = np.asarray(np.isfinite(self._empty).all(-1))
         self._near = scene_distance(
-            world.vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
+            world.vertices,
+            self._empty,
+            world.empty_normals,
+            self._known,
+            world.intrinsics,
+            world.floor,
         )
         hidden = hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics)
-        self._counted = world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUE_PENETRATION_M)
+        self._counted = (
+            world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUE_PENETRATION_M)
+        )
         self._shown = world.contact & (np.abs(self._near.distance) <= _SHOWN)
         self._limbs = np.zeros(world.joints_visible.shape, bool)
         self._limbs[:, LIMB_JOINTS] = ~world.joints_visible[:, LIMB_JOINTS]
 
     @staticmethod
     def body_graph(model: BodyModel) -> csr_array:
-        """Return the edge graph of the rest body's surface, with shortcuts across pairs of adjacent faces."""
+        """Return the edge graph of the rest body's surface, with shortcuts across pairs of adjacent
+        faces.
+        """
         vertices = model(*model.zero_pose()).vertices[0]
         return surface_graph(vertices.cpu().numpy(), model.faces.cpu().numpy(), across=True)
 
@@ -168,7 +190,8 @@ class Evaluator:
         touch = self._touch(everybody, self._near)
         for facts, true in zip(touch, self._true_touch(everybody, world.vertices), strict=True):
             facts |= true
-        seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
+        seen = world.masks.sum((1, 2))
+        whole = world.unoccluded_masks.sum((1, 2))
         return [
             {
                 "action": world.action[i],
@@ -188,30 +211,47 @@ class Evaluator:
         Raises:
             PhysicError: the bodies are not of the world's mesh.
         """
-        world, matching = self.world, self.matching
+        world = self.world
+        matching = self.matching
         if estimate.vertices.shape[1:] != world.vertices.shape[1:]:
             raise PhysicError(
                 f"The bodies have {estimate.vertices.shape[1]} vertices and those of the worlds "
-                f"{world.vertices.shape[1]}: only bodies of the mesh {world.topology} can be compared."
+                f"{world.vertices.shape[1]}: only bodies of the mesh {world.topology} can be "
+                f"compared."
             )
         answers: list[dict[str, Any]] = [
-            {"found": False, "why": "no person was found there", **self._missed(i, estimate.contacts is not None)}
+            {
+                "found": False,
+                "why": "no person was found there",
+                **self._missed(i, estimate.contacts is not None),
+            }
             for i in range(len(world.masks))
         ]
-        rows, true = matching.predicted, matching.truth
-        finite = np.isfinite(estimate.vertices[rows]).all((1, 2)) & np.isfinite(estimate.joints[rows]).all((1, 2))
+        rows = matching.predicted
+        true = matching.truth
+        finite = np.isfinite(estimate.vertices[rows]).all((1, 2)) & np.isfinite(
+            estimate.joints[rows]
+        ).all((1, 2))
         for i in true[~finite]:
             answers[i]["why"] = "the body is not finite"
-        rows, true = rows[finite], true[finite]
+        rows = rows[finite]
+        true = true[finite]
         if len(rows):
-            measured = zip(self._pose(estimate, rows, true), self._contact(estimate, rows, true), strict=True)
+            measured = zip(
+                self._pose(estimate, rows, true), self._contact(estimate, rows, true), strict=True
+            )
             touch = self._scene_touch(estimate, rows, true)
-            true_person = dict(zip(matching.predicted.tolist(), matching.truth.tolist(), strict=True))
+            true_person = dict(
+                zip(matching.predicted.tolist(), matching.truth.tolist(), strict=True)
+            )
             for j, (pose, contact) in enumerate(measured):
-                row, person = int(rows[j]), int(true[j])
+                row = int(rows[j])
+                person = int(true[j])
                 answer = {"found": True, "why": estimate.failures[row], **pose, **contact}
                 if estimate.contacts is not None:
-                    answer |= contact_counts_by_partner(world, estimate.contacts, row, person, true_person, self._part)
+                    answer |= contact_counts_by_partner(
+                        world, estimate.contacts, row, person, true_person, self._part
+                    )
                 if estimate.supports is not None:
                     answer |= self._support_counts(estimate.supports[row], person)
                 answers[person] = answer | (touch[j] if touch else {})
@@ -219,13 +259,17 @@ class Evaluator:
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
         """Return the records of all true people for a table row whose run failed."""
-        return [{"found": False, "why": why, **self._missed(i, True)} for i in range(len(self.world.masks))]
+        return [
+            {"found": False, "why": why, **self._missed(i, True)}
+            for i in range(len(self.world.masks))
+        ]
 
     def scene_record(self, estimate: WorldEstimate) -> dict[str, Any]:
         """Return the errors of scene and floor; empty if the estimate has no scene."""
         if estimate.scene is None:
             return {}
-        world, scene = self.world, estimate.scene
+        world = self.world
+        scene = estimate.scene
         error = scene_error(scene.points, self._empty, scene.valid, self._known)
         feet = world.joints[:, 10:12].reshape(-1, 3).mean(0)
         floor = floor_error(scene.floor, world.floor, feet)
@@ -244,7 +288,10 @@ class Evaluator:
     def _pose(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
         """Return the pose errors of matched people."""
         world = self.world
-        joints, fact = (np.asarray(a[:, BODY_JOINTS], np.float64) for a in (estimate.joints[rows], world.joints[true]))
+        joints, fact = (
+            np.asarray(a[:, BODY_JOINTS], np.float64)
+            for a in (estimate.joints[rows], world.joints[true])
+        )
         aligned = align_similarity(joints, fact)
         limbs = self._limbs[true][:, BODY_JOINTS]
         columns = {
@@ -254,11 +301,16 @@ class Evaluator:
             "hidden_limbs_pa_mm": mpjpe_mm(aligned, fact, limbs),
             "depth_error_mm": 1000 * (joints[:, 0, 2] - fact[:, 0, 2]),
         }
-        return [{name: float(values[j]) for name, values in columns.items()} for j in range(len(rows))]
+        return [
+            {name: float(values[j]) for name, values in columns.items()} for j in range(len(rows))
+        ]
 
-    def _contact(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
+    def _contact(
+        self, estimate: WorldEstimate, rows: Indices, true: Indices
+    ) -> list[dict[str, Any]]:
         """Return the contact scores of matched people."""
-        predicted, fact = estimate.contact[rows], self.world.contact[true]
+        predicted = estimate.contact[rows]
+        fact = self.world.contact[true]
         counts = contact_counts(predicted, fact)
         skin = geodesic_error(self._graph, predicted, fact)
         return [
@@ -276,28 +328,41 @@ class Evaluator:
         carrying = self.world.support[person]
         return reported_support_counts(support, carrying, self._support_parts, self._support_part)
 
-    def _scene_touch(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
+    def _scene_touch(
+        self, estimate: WorldEstimate, rows: Indices, true: Indices
+    ) -> list[dict[str, float]]:
         """Return penetration and floating of matched people relative to the reconstructed scene."""
         scene = estimate.scene
         if scene is None:
             return []
         vertices = estimate.vertices[rows]
-        near = scene_distance(vertices, scene.points, scene.normals, scene.valid, estimate.intrinsics, scene.floor)
+        near = scene_distance(
+            vertices, scene.points, scene.normals, scene.valid, estimate.intrinsics, scene.floor
+        )
         error = scene_error(scene.points, self._empty, scene.valid, self._known)
         factor = math.exp(-error.log_scale) if math.isfinite(error.log_scale) else 1.0
         scaled = self._true_touch(true, factor * vertices)
-        return [{**touch, **own} for touch, own in zip(self._touch(true, near), scaled, strict=True)]
+        return [
+            {**touch, **own} for touch, own in zip(self._touch(true, near), scaled, strict=True)
+        ]
 
     def _true_touch(self, true: Indices, vertices: FloatArray) -> list[dict[str, float]]:
-        """Return penetration and floating of vertices (n, V, 3) of true people relative to the true scene."""
+        """Return penetration and floating of vertices (n, V, 3) of true people relative to the true
+        scene.
+        """
         world = self.world
-        distance = world.room.signed_distance(world.camera.to_room(np.asarray(vertices, np.float64)))
+        distance = world.room.signed_distance(
+            world.camera.to_room(np.asarray(vertices, np.float64))
+        )
         distance = np.maximum(distance, -PROXIMITY_RADIUS_M)
         counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
         inside = penetration(distance, counted)
         gap = contact_gap(distance, world.contact[true], reach=PROXIMITY_RADIUS_M)
         return [
-            {"true_penetration_mm": 1000 * float(inside.mean_depth[j]), "true_floating_mm": 1000 * float(gap[j])}
+            {
+                "true_penetration_mm": 1000 * float(inside.mean_depth[j]),
+                "true_floating_mm": 1000 * float(gap[j]),
+            }
             for j in range(len(true))
         ]
 
@@ -305,7 +370,8 @@ class Evaluator:
         """Return penetration and floating for given scene distances."""
         inside = penetration(near.distance, self._counted[true])
         shown, every = (
-            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, self.world.contact)
+            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M)
+            for c in (self._shown, self.world.contact)
         )
         return [
             {
@@ -319,7 +385,11 @@ class Evaluator:
 
     def _missed(self, i: int, partners: bool) -> dict[str, Any]:
         """Return the contact counts of a missed person: all true contacts are misses."""
-        counts: dict[str, Any] = {"hits": 0, "false_alarms": 0, "misses": int(self.world.contact[i].sum())}
+        counts: dict[str, Any] = {
+            "hits": 0,
+            "false_alarms": 0,
+            "misses": int(self.world.contact[i].sum()),
+        }
         if partners:
             counts |= contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part)
             counts |= self._support_counts(None, i)

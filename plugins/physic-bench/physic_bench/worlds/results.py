@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 
 def tables_of(records: Sequence[Record], work: BenchmarkJob) -> Tables | None:
-    """Return the figures of all rows, and the differences from the full model; None without a record.
+    """Return the figures of all rows, and the differences from the full model; None without a
+    record.
 
     Args:
         records: of completed worlds, in any order.
@@ -30,7 +31,9 @@ def tables_of(records: Sequence[Record], work: BenchmarkJob) -> Tables | None:
     order = sorted(records, key=lambda record: str((record["name"], record["seed"])))
     keys = [row.key for row in work.rows]
     return Tables.of(
-        {key: records_of(order, key) for key in (*keys, "truth")}, COLUMNS, FULL if FULL in keys else keys[0]
+        {key: records_of(order, key) for key in (*keys, "truth")},
+        COLUMNS,
+        FULL if FULL in keys else keys[0],
     )
 
 
@@ -52,7 +55,10 @@ def notes_of(records: Sequence[Record], work: BenchmarkJob) -> list[str]:
     alarms = sum(record["false_alarms"] for record in records)
     notes += [f"{alarms} bodies match no person"] * bool(alarms)
     blind = [record for record in records if record["error"]]
-    notes += [f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}: its people count as missed" for r in blind]
+    notes += [
+        f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}: its people count as missed"
+        for r in blind
+    ]
     return notes
 
 
@@ -67,7 +73,10 @@ def document_of(
         work: configuration and table rows.
         settings: options of the command.
     """
-    rows = {r.key: {"label": r.label, "engine": None if r.settings is None else asdict(r.settings)} for r in work.rows}
+    rows = {
+        r.key: {"label": r.label, "engine": None if r.settings is None else asdict(r.settings)}
+        for r in work.rows
+    }
     return {
         "benchmark": "accuracy",
         "complete": len(records) == asked,

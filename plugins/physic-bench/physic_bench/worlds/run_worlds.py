@@ -1,7 +1,8 @@
-"""Execution of the accuracy benchmark: estimators once per world, then the engine once per table row.
+"""Execution of the accuracy benchmark: estimators once per world, then the engine once per table
+row.
 
-Each process computes one world at a time. Estimates and rows are kept by a hash of their inputs and source code, so
-that an interrupted run, or a run with another row, reuses them.
+Each process computes one world at a time. Estimates and rows are kept by a hash of their inputs and
+source code, so that an interrupted run, or a run with another row, reuses them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_bench.kept import kept
-from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, evidence_key, source_hash
+from physic_bench.worlds.world_evidence import (
+    WorldCase,
+    estimate_evidence,
+    evidence_key,
+    source_hash,
+)
 from physic_core.batch.workers import started_processes
 from physic_core.errors import PhysicError
 
@@ -51,7 +57,8 @@ class BenchmarkJob:
     """Configuration of the estimators and the table rows that are computed for each world.
 
     Attributes:
-        config: configuration of the backends with their noise, and of the engine settings that estimation uses.
+        config: configuration of the backends with their noise, and of the engine settings that
+            estimation uses.
         rows: rows of the table.
         folder: cache folder of evidence and rows; None disables the cache.
     """
@@ -70,13 +77,16 @@ def run_cases(cases: Sequence[WorldCase], work: BenchmarkJob, jobs: int = 1) -> 
         jobs: number of processes; 1 uses this process.
 
     Raises:
-        PhysicError: the configuration is invalid, or a process was killed. Errors of a single world are in its record.
+        PhysicError: the configuration is invalid, or a process was killed. Errors of a single world
+            are in its record.
     """
     if jobs == 1:
         yield from (run_world(case, work) for case in cases)
         return
     others = set(active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=_ignore_interrupts
+    )
     try:
         with started_processes():
             futures = [pool.submit(run_world, case, work) for case in cases]
@@ -105,8 +115,9 @@ def run_world(case: WorldCase, work: BenchmarkJob) -> Record:
     """Run estimators and engine on one world and return its record.
 
     Returns:
-        "name", "seed", "people" (truth), "false_alarms", "error" of the estimators, and "rows" by key: each with
-        "people" and "scene" of :class:`physic_bench.worlds.evaluation.Evaluator`, "seconds", "warnings" and "error".
+        "name", "seed", "people" (truth), "false_alarms", "error" of the estimators, and "rows" by
+        key: each with "people" and "scene" of :class:`physic_bench.worlds.evaluation.Evaluator`,
+        "seconds", "warnings" and "error".
     """
     from physic_core.adapters.devices import limited_threads
 
@@ -120,7 +131,11 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
 
     def file(name: str) -> Path | None:
         code = source_hash(*_EVALUATION_CODE)
-        return None if work.folder is None else work.folder / evidence_key(case, plan) / f"{name}-{code}.json"
+        return (
+            None
+            if work.folder is None
+            else work.folder / evidence_key(case, plan) / f"{name}-{code}.json"
+        )
 
     @cache
     def looked() -> tuple[Evaluator, Estimates | None, str]:
@@ -138,7 +153,13 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
         evaluator, _, trouble = looked()
         alarms = len(evaluator.matching.false_alarms)
         people = evaluator.truth_records()
-        return {"name": case.name, "seed": case.seed, "people": people, "false_alarms": alarms, "error": trouble}
+        return {
+            "name": case.name,
+            "seed": case.seed,
+            "people": people,
+            "false_alarms": alarms,
+            "error": trouble,
+        }
 
     def scored(row: TableRow) -> Record:
         evaluator, evidence, trouble = looked()
@@ -150,7 +171,12 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
         return not found["error"] and not looked()[2]
 
     found: Record = kept(file("about"), about, in_order)
-    return {**found, "rows": {row.key: kept(file(row.digest), partial(scored, row), in_order) for row in work.rows}}
+    return {
+        **found,
+        "rows": {
+            row.key: kept(file(row.digest), partial(scored, row), in_order) for row in work.rows
+        },
+    }
 
 
 def _failed(evaluator: Evaluator, error: str) -> Record:
@@ -169,19 +195,31 @@ def _run_row(row: TableRow, evidence: Estimates, evaluator: Evaluator, model: Bo
     start = time.perf_counter()
     try:
         if row.settings is None:
-            estimate, seconds = initial_estimate(evidence, model, 0.5), None
+            estimate = initial_estimate(evidence, model, 0.5)
+            seconds = None
         else:
             estimate = engine_estimate(run_engine(evidence, row.settings, model, stages))
             seconds = time.perf_counter() - start
-        people, scene = evaluator.person_records(estimate), evaluator.scene_record(estimate)
+        people = evaluator.person_records(estimate)
+        scene = evaluator.scene_record(estimate)
     except Exception as error:  # one row that fails in one world is counted, and ends nothing
-        return _failed(evaluator, f"{type(error).__name__}: {error}") | {"warnings": stages.warnings}
-    return {"people": people, "scene": scene, "seconds": seconds, "warnings": stages.warnings, "error": ""}
+        return _failed(evaluator, f"{type(error).__name__}: {error}") | {
+            "warnings": stages.warnings
+        }
+    return {
+        "people": people,
+        "scene": scene,
+        "seconds": seconds,
+        "warnings": stages.warnings,
+        "error": "",
+    }
 
 
 @cache
 def _pipeline_and_body(config: str) -> tuple[ResolvedPipeline, BodyModel, Any]:
-    """Return the resolved backends, the body model and its surface graph of a config, given as JSON."""
+    """Return the resolved backends, the body model and its surface graph of a config, given as
+    JSON.
+    """
     from physic_bench.worlds.evaluation import Evaluator
     from physic_core.body import load_body
     from physic_core.configuration.model import Config

@@ -79,7 +79,9 @@ def estimate_evidence(
     known = None if path is None else load_evidence(path)
     if known is not None:
         return known
-    evidence = run_backends(world.image, None, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
+    evidence = run_backends(
+        world.image, None, plan, lambda: model, StageRunner(plan.device, len(plan.backends))
+    )
     if path is not None:
         write_value(path, evidence)
     return evidence
@@ -88,13 +90,17 @@ def estimate_evidence(
 def load_evidence(path: Path) -> Estimates | None:
     """Read evidence from a file; None if it is missing or damaged."""
     with suppress(OSError, DamagedFileError):
-        found: Estimates = read_value(path, [Estimates, OtherView, FloorSearch, Stance, MeasuredScale])
+        found: Estimates = read_value(
+            path, [Estimates, OtherView, FloorSearch, Stance, MeasuredScale]
+        )
         return found
     return None
 
 
 def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
-    """Return the cache key of a world's evidence: a hash of world, backends, options and source code."""
+    """Return the cache key of a world's evidence: a hash of world, backends, options and source
+    code.
+    """
     plugins = {found.provenance.plugin.partition(".")[0] for found in plan.backends.values()}
     facts = {
         "world": [case.name, case.seed, *case.size],
@@ -118,8 +124,8 @@ def source_hash(*parts: str) -> str:
     """Return a hash of Python files, and of data files with fitted numbers.
 
     Args:
-        parts: installed packages, or folders or modules in them, such as "physic_core/body". Of a package that is not
-            installed, the name counts.
+        parts: installed packages, or folders or modules in them, such as "physic_core/body". Of a
+            package that is not installed, the name counts.
     """
     digest = hashlib.sha256()
     for part in parts:
@@ -128,26 +134,39 @@ def source_hash(*parts: str) -> str:
         for place in (spec.submodule_search_locations or ()) if spec is not None else ():
             root = Path(place).parent
             path = root / part
-            found = [path] if path.is_file() else (one for one in path.rglob("*") if one.suffix in (".py", ".json"))
+            found = (
+                [path]
+                if path.is_file()
+                else (one for one in path.rglob("*") if one.suffix in (".py", ".json"))
+            )
             for file in sorted(found):
                 digest.update(file.relative_to(root).as_posix().encode())
                 digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def benchmark_cases(count: int, seed: int, size: tuple[int, int], actions: str = "default") -> tuple[WorldCase, ...]:
+def benchmark_cases(
+    count: int, seed: int, size: tuple[int, int], actions: str = "default"
+) -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 
     Args:
         count: number of worlds of each kind of action; the actions of a kind take turns.
         seed: seed of the random world seeds.
         size: width and height of the photos, px.
-        actions: "default" for those of ``WORLDS``, "contact" for those of ``CONTACT_WORLDS``, or "both".
+        actions: "default" for those of ``WORLDS``, "contact" for those of ``CONTACT_WORLDS``, or
+            "both".
     """
     from physic_testing.worlds import CONTACT_WORLDS, WORLDS, benchmark_worlds
 
-    kinds = {"default": (WORLDS,), "contact": (CONTACT_WORLDS,), "both": (WORLDS, CONTACT_WORLDS)}[actions]
-    return tuple(WorldCase(name, own, size) for names in kinds for name, own in benchmark_worlds(count, seed, names))
+    kinds = {"default": (WORLDS,), "contact": (CONTACT_WORLDS,), "both": (WORLDS, CONTACT_WORLDS)}[
+        actions
+    ]
+    return tuple(
+        WorldCase(name, own, size)
+        for names in kinds
+        for name, own in benchmark_worlds(count, seed, names)
+    )
 
 
 def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:

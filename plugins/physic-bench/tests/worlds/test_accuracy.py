@@ -1,4 +1,6 @@
-"""Worlds through the mocks and the engine: what is kept, what fails, what a run that is stopped leaves behind."""
+"""Worlds through the mocks and the engine: what is kept, what fails, what a run that is stopped
+leaves behind.
+"""
 
 from __future__ import annotations
 
@@ -46,9 +48,13 @@ def alike(one, other):
             alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
         )
     if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+        return one.dtype == other.dtype and np.array_equal(
+            one, other, equal_nan=one.dtype.kind == "f"
+        )
     if isinstance(one, torch.Tensor):
-        return isinstance(other, torch.Tensor) and one.dtype == other.dtype and torch.equal(one, other)
+        return (
+            isinstance(other, torch.Tensor) and one.dtype == other.dtype and torch.equal(one, other)
+        )
     return one == other
 
 
@@ -82,13 +88,18 @@ def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
 def test_rows_are_the_papers_and_can_be_picked():
     rows = ablation_rows("default")
     assert [row.key for row in rows] == [
-        "start", "reprojection", "contact", "penetration", "depth", "occlusion", "full", "prox", "static",
+        "start", "reprojection", "contact", "penetration", "depth", "occlusion", "full", "prox",
+        "static",
     ]  # fmt: skip
     assert rows[0].settings is None
     assert rows[6].settings == load_config(preset="mock").engine.settings()
     assert len({row.digest for row in rows}) == len(rows)
     assert select_rows("default", []) == rows
-    assert [row.key for row in select_rows("paper", ["paper", "full", "start"])] == ["start", "full", "paper"]
+    assert [row.key for row in select_rows("paper", ["paper", "full", "start"])] == [
+        "start",
+        "full",
+        "paper",
+    ]
     with pytest.raises(ConfigError, match=r"^no row named 'ful'"):
         select_rows("default", ["ful"])
     with pytest.raises(ConfigError, match="no engine preset named 'best'"):
@@ -137,7 +148,9 @@ def test_what_fails_is_counted(config, monkeypatch):
     monkeypatch.setattr(world_evidence, "run_backends", broken)
     blind = run_world(CASE, work)
     assert blind["error"] == "RuntimeError: no memory\nleft"
-    assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2
+    assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [
+        blind["error"]
+    ] * 2
     notes = " ".join(notes_of([blind], work))
     assert "RuntimeError: no memory" in notes
     assert "1 people; missed: 1" in notes
@@ -146,18 +159,30 @@ def test_what_fails_is_counted(config, monkeypatch):
 def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     work = BenchmarkJob(config, select_rows("default", ["start"]), None)
     records = [run_world(CASE, work)]
-    paths = write_results(tables_of(records, work), tmp_path, "two", [], document_of(records, 2, work, {"seed": 0}))
+    paths = write_results(
+        tables_of(records, work), tmp_path, "two", [], document_of(records, 2, work, {"seed": 0})
+    )
     assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
-    document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
-    assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
+    document = json.loads(
+        paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is not JSON")
+    )
+    assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (
+        False,
+        1,
+        2,
+    )
     assert {"physic-core", "physic-mock", "torch"} <= set(document["versions"])
     assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
-    assert document["settings"]["rows"]["start"] == {"label": "start (the estimators' own)", "engine": None}
+    assert document["settings"]["rows"]["start"] == {
+        "label": "start (the estimators' own)",
+        "engine": None,
+    }
     assert paths[0].read_text().startswith("two\n")
     assert "| PA-MPJPE, mm |" in paths[1].read_text()
 
 
-# ---- the command -----------------------------------------------------------------------------------------------------
+# ---- the command
+# --------------------------------------------------------------------------------------------------
 
 
 def bench(*arguments):
@@ -167,12 +192,24 @@ def bench(*arguments):
 @pytest.fixture
 def known_worlds(monkeypatch):
     """Worlds that other tests build too, in the place of drawn ones."""
-    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count)
+    monkeypatch.setattr(
+        world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count
+    )
 
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
-    world = ("--worlds", "1", "--model-bodies", "--size", "160x120", "--cache", str(tmp_path / "cache"))
-    finished = bench("accuracy", *world, "-o", str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
+    world = (
+        "--worlds",
+        "1",
+        "--model-bodies",
+        "--size",
+        "160x120",
+        "--cache",
+        str(tmp_path / "cache"),
+    )
+    finished = bench(
+        "accuracy", *world, "-o", str(tmp_path / "out"), "--set", "joint.optimiser.steps=0"
+    )
     assert finished.exit_code == 0, finished.output
     assert "Difference from full" in finished.output
     document = json.loads((tmp_path / "out" / "results.json").read_text())
@@ -207,15 +244,29 @@ def test_a_file_of_the_user_is_not_replaced(name, tmp_path):
     assert (finished.exit_code, (tmp_path / name).read_text()) == (2, "mine")
 
 
-@pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)])
-def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkeypatch, known_worlds):
+@pytest.mark.parametrize(
+    ("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)]
+)
+def test_a_run_that_is_stopped_leaves_what_is_done(
+    cause, code, tmp_path, monkeypatch, known_worlds
+):
     def stopped(cases, work, jobs):
         yield run_world(cases[0], work)
         raise cause
 
     monkeypatch.setattr(run_worlds, "run_cases", stopped)
     finished = bench(
-        *("accuracy", "--worlds", "3", "--model-bodies", "--size", "160x120", "--rows", "start", "--no-cache"),
+        *(
+            "accuracy",
+            "--worlds",
+            "3",
+            "--model-bodies",
+            "--size",
+            "160x120",
+            "--rows",
+            "start",
+            "--no-cache",
+        ),
         *("-o", str(tmp_path)),
     )
     assert finished.exit_code == code

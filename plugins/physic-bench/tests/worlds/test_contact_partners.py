@@ -1,4 +1,6 @@
-"""Scores of contact partners: the truth is perfect, and each kind of error counts once and nowhere else."""
+"""Scores of contact partners: the truth is perfect, and each kind of error counts once and nowhere
+else.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ SIZE = (96, 72)
 
 
 def true_contacts(world: World) -> ContactMap:
-    """The truth as an estimate: the scene goes before people, those before the own body and small objects."""
+    """The truth as an estimate: the scene goes before people, those before the own body and small
+    objects.
+    """
     partner = np.full(world.contact.shape, -1, np.int16)
     partners: list[ContactPartner] = []
 
@@ -30,7 +34,10 @@ def true_contacts(world: World) -> ContactMap:
     for name in np.unique(world.touched_surface[world.contact]):
         surface = SURFACE_NAMES[name]
         kind = "floor" if surface in ("floor", "ground") else "scene"
-        add(world.contact & (world.touched_surface == name), ContactPartner(kind, surface, id=int(name)))
+        add(
+            world.contact & (world.touched_surface == name),
+            ContactPartner(kind, surface, id=int(name)),
+        )
     for person in range(len(world.masks)):
         add(world.touched_person == person, ContactPartner("person", person=person))
     for number, part in enumerate(world.parts):
@@ -73,7 +80,11 @@ def test_a_missed_person_has_no_true_positives():
     truth = counted(world, true_contacts(world))
     assert counts["scene_misses"] == truth["scene_hits"] == world.contact[0].sum()
     assert counts["people_misses"] == (world.touched_person[0] >= 0).sum()
-    assert not any(value for name, value in counts.items() if name.endswith(("hits", "alarms", "found", "right")))
+    assert not any(
+        value
+        for name, value in counts.items()
+        if name.endswith(("hits", "alarms", "found", "right"))
+    )
     assert "reliability" not in counts
 
 
@@ -98,5 +109,7 @@ def test_probabilities_are_calibrated_by_hand():
     found = figures(counted(world, even))
     assert found["ece"] == found["ece_likely"] == pytest.approx(abs(0.25 - share), abs=1e-6)
     assert found["brier"] == pytest.approx(share * 0.75**2 + (1 - share) * 0.25**2, abs=1e-6)
-    right = figures(counted(world, replace(truth, probability=np.full(truth.touching.shape, share))))
+    right = figures(
+        counted(world, replace(truth, probability=np.full(truth.touching.shape, share)))
+    )
     assert right["ece"] == pytest.approx(0, abs=1e-9)

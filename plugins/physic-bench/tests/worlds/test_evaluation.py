@@ -1,4 +1,6 @@
-"""The evaluator: the truth is perfect, a known fault is measured and nothing else, and nobody is dropped in silence."""
+"""The evaluator: the truth is perfect, a known fault is measured and nothing else, and nobody is
+dropped in silence.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,22 @@ def world():
 def truth_of(world):
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)
-    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
-    return WorldEstimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
+    scene = Scene(
+        points,
+        world.empty_normals,
+        world.empty_image,
+        valid,
+        world.floor,
+        np.zeros((0, 3), np.float32),
+    )
+    return WorldEstimate(
+        world.vertices,
+        world.joints,
+        world.contact,
+        scene,
+        world.intrinsics,
+        ("",) * len(world.masks),
+    )
 
 
 @pytest.fixture
@@ -60,7 +76,9 @@ def test_a_known_fault_is_measured(world, truth, skin):
     up = np.asarray(world.floor.normal, np.float32)
     moved = replace(truth, vertices=world.vertices + 0.1 * up, joints=world.joints + 0.1 * up)
     evaluator = Evaluator(world, world.masks, skin)
-    for person, before in zip(evaluator.person_records(moved), evaluator.person_records(truth), strict=True):
+    for person, before in zip(
+        evaluator.person_records(moved), evaluator.person_records(truth), strict=True
+    ):
         assert person["mpjpe_mm"] == pytest.approx(100, rel=1e-4)
         assert person["mpvpe_mm"] == pytest.approx(100, rel=1e-4)
         assert person["pa_mpjpe_mm"] < 1e-3
@@ -69,7 +87,12 @@ def test_a_known_fault_is_measured(world, truth, skin):
     larger = replace(truth, scene=replace(truth.scene, points=1.1 * truth.scene.points))
     assert evaluator.scene_record(larger)["scene_scale_percent"] == pytest.approx(10, rel=1e-3)
     assert evaluator.scene_record(larger)["scene_depth_percent"] == pytest.approx(10, rel=1e-3)
-    assert evaluator.scene_record(replace(truth, scene=replace(truth.scene, floor=None)))["floor_found"] is False
+    assert (
+        evaluator.scene_record(replace(truth, scene=replace(truth.scene, floor=None)))[
+            "floor_found"
+        ]
+        is False
+    )
 
 
 def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
@@ -88,7 +111,9 @@ def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(wor
     evaluator = Evaluator(world, world.masks, skin)
     scene = replace(truth.scene, points=1.1 * truth.scene.points, floor=None)
     larger = replace(truth, scene=scene, vertices=1.1 * truth.vertices, joints=1.1 * truth.joints)
-    for person, facts in zip(evaluator.person_records(larger), evaluator.truth_records(), strict=True):
+    for person, facts in zip(
+        evaluator.person_records(larger), evaluator.truth_records(), strict=True
+    ):
         for name in ("true_penetration_mm", "true_floating_mm"):
             assert person[name] == pytest.approx(facts["measured"][name], abs=0.1)
 
@@ -96,7 +121,12 @@ def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(wor
 def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
     order = [1, 0]
     turned = WorldEstimate(
-        truth.vertices[order], truth.joints[order], truth.contact[order], truth.scene, truth.intrinsics, ("no step", "")
+        truth.vertices[order],
+        truth.joints[order],
+        truth.contact[order],
+        truth.scene,
+        truth.intrinsics,
+        ("no step", ""),
     )
     people = Evaluator(world, world.masks[order], skin).person_records(turned)
     assert [person["mpjpe_mm"] for person in people] == [0, 0]
@@ -105,14 +135,23 @@ def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
 
 def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
     evaluator = Evaluator(world, world.masks[:1], skin)
-    only = WorldEstimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
+    only = WorldEstimate(
+        truth.vertices[:1],
+        truth.joints[:1],
+        truth.contact[:1],
+        truth.scene,
+        truth.intrinsics,
+        ("",),
+    )
     first, second = evaluator.person_records(only)
     assert first["found"]
     assert (second["found"], second["why"]) == (False, "no person was found there")
     assert (second["hits"], second["false_alarms"]) == (0, 0)
     assert second["misses"] == world.contact[1].sum()
     assert "people_misses" not in second
-    broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
+    broken = replace(
+        truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None]
+    )
     reasons = [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)]
     assert reasons == ["", "the body is not finite"]
     assert [p["why"] for p in evaluator.missed_records("OutOfMemory")] == ["OutOfMemory"] * 2
@@ -123,4 +162,6 @@ def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
 
 def test_bodies_of_another_mesh_are_refused(world, truth, skin):
     with pytest.raises(PhysicError, match="have 5 vertices"):
-        Evaluator(world, world.masks, skin).person_records(replace(truth, vertices=truth.vertices[:, :5]))
+        Evaluator(world, world.masks, skin).person_records(
+            replace(truth, vertices=truth.vertices[:, :5])
+        )

@@ -1,8 +1,8 @@
 """Fit the 15 finger rotations of a body model to 21 hand landmarks.
 
-Bones of different hands differ in length, so their directions are matched, not their ends: the palm's attitude and the
-angles of a hand's own degrees of freedom (flexion, some spread, hardly any twist) are fitted by least squares within
-the range of human joints, from a start in closed form.
+Bones of different hands differ in length, so their directions are matched, not their ends: the
+palm's attitude and the angles of a hand's own degrees of freedom (flexion, some spread, hardly any
+twist) are fitted by least squares within the range of human joints, from a start in closed form.
 """
 
 from __future__ import annotations
@@ -18,10 +18,14 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (17, 18, 19, 20), (13, 14, 15, 16), (1, 2, 3, 4))
-"""Landmark indices of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's hand joints."""
+"""Landmark indices of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's
+hand joints.
+"""
 FINGER_BASES = [5, 9, 13, 17]
 
-FLEX, SPREAD, TWIST = 0, 1, 2
+FLEX = 0
+SPREAD = 1
+TWIST = 2
 _FINGER_LIMITS = (
     (0, FLEX, -30, 95, 15, 50),
     (0, SPREAD, -25, 25, 0, 10),
@@ -37,8 +41,10 @@ _THUMB_LIMITS = (
     (1, SPREAD, -12, 12, 0, 6),
     (2, FLEX, -25, 85, 5, 40),
 )
-"""Joint, axis, lowest, highest, usual angle and its spread (degrees) of each degree of freedom. The ranges are those of
-textbooks on the hand, rounded; the usual hand is half open."""
+"""Joint, axis, lowest, highest, usual angle and its spread (degrees) of each degree of freedom.
+
+The ranges are those of textbooks on the hand, rounded; the usual hand is half open.
+"""
 DIRECTION_SIGMA = 0.12
 """Standard deviation of the landmark network's bone directions, radians."""
 
@@ -50,7 +56,8 @@ class RestHand:
     Attributes:
         bones: (5, 3, 3) unit directions of each finger's three bones.
         palm: (4, 3) unit directions from the wrist to the bases of index, middle, ring and pinky.
-        axes: (5, 3, 3, 3) for each joint the unit axes of flexion towards the palm, of spread, of twist, in rows.
+        axes: (5, 3, 3, 3) for each joint the unit axes of flexion towards the palm, of spread, of
+            twist, in rows.
     """
 
     bones: Float
@@ -59,7 +66,9 @@ class RestHand:
 
     @classmethod
     def from_landmarks(cls, points: Float, palm_down: Float) -> RestHand:
-        """Compute the rest directions from (21, 3) landmarks of a body in rest pose and the normal of its palm."""
+        """Compute the rest directions from (21, 3) landmarks of a body in rest pose and the normal
+        of its palm.
+        """
         chains = points[np.array(FINGERS)]
         bones = _normalise(np.diff(chains, axis=1))
         inward = np.tile(palm_down, (5, 3, 1))
@@ -111,9 +120,15 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> FingerFit:
         return out
 
     def directions(x: Float) -> tuple[Float, Float]:
-        """Convert palm rotation and angles (P, 29) to bone directions (P, 5, 3, 3) and palm directions (P, 4, 3)."""
+        """Convert palm rotation and angles (P, 29) to bone directions (P, 5, 3, 3) and palm
+        directions (P, 4, 3).
+        """
         root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
-        turns = Rotation.from_rotvec(rotvecs(x[:, 3:]).reshape(-1, 3)).as_matrix().reshape(len(x), 5, 3, 3, 3)
+        turns = (
+            Rotation.from_rotvec(rotvecs(x[:, 3:]).reshape(-1, 3))
+            .as_matrix()
+            .reshape(len(x), 5, 3, 3, 3)
+        )
         first = root[:, None] @ turns[:, :, 0]
         second = first @ turns[:, :, 1]
         chain = np.stack([first, second, second @ turns[:, :, 2]], axis=2)
@@ -152,11 +167,15 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> FingerFit:
     ).x[None]
     cosine = (directions(found)[0][0] * bones).sum(-1)
     root = Rotation.from_rotvec(found[0, :3]).as_matrix() @ start
-    return FingerFit(rotvecs(found[:, 3:])[0], root, float(np.arccos(np.clip(cosine, -1, 1)).mean()))
+    return FingerFit(
+        rotvecs(found[:, 3:])[0], root, float(np.arccos(np.clip(cosine, -1, 1)).mean())
+    )
 
 
 def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:
-    """Return index in (15 joints x 3 axes), lower and upper limit, mean and sigma (radians) of the 26 finger angles."""
+    """Return index in (15 joints x 3 axes), lower and upper limit, mean and sigma (radians) of the
+    26 finger angles.
+    """
     table = [
         ((3 * finger + joint) * 3 + axis, *np.radians(limits))
         for finger in range(5)
@@ -167,8 +186,12 @@ def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]
     return np.array(rows, np.intp), low, high, usual, spread
 
 
-def _initial_angles(bones: Float, palm: Float, root: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
-    """Return a closed-form estimate of the finger angles: the swing of each bone relative to its parent bone."""
+def _initial_angles(
+    bones: Float, palm: Float, root: Float, rest: RestHand, joints: NDArray[np.intp]
+) -> Float:
+    """Return a closed-form estimate of the finger angles: the swing of each bone relative to its
+    parent bone.
+    """
     from scipy.spatial.transform import Rotation
 
     turns = np.zeros((5, 3, 3))

@@ -1,7 +1,8 @@
 """Fit the body model to 2D keypoints and 3D landmarks, all people in one optimisation.
 
-Every unknown is divided by its standard deviation. On such whitened unknowns L-BFGS comes near a minimum in about 20
-iterations; on raw ones it stalls. Newton's method then converges to the minimum.
+Every unknown is divided by its standard deviation. On such whitened unknowns L-BFGS comes near a
+minimum in about 20 iterations; on raw ones it stalls. Newton's method then converges to the
+minimum.
 """
 
 from __future__ import annotations
@@ -24,7 +25,12 @@ if TYPE_CHECKING:
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.outline_pairs import OutlinePairs
-    from physic_embedded.body_fit.problem import FitProblem, FitSettings, FloorConstraint, InitialPose
+    from physic_embedded.body_fit.problem import (
+        FitProblem,
+        FitSettings,
+        FloorConstraint,
+        InitialPose,
+    )
 
     FloatArray = NDArray[np.floating]
 
@@ -38,7 +44,8 @@ class FittedBodies:
         betas: (N, K).
         transl: (N, 3).
         joints: (N, 55, 3).
-        loss: (N,) final loss without the terms of floor and outlines, so that fits with and without them compare.
+        loss: (N,) final loss without the terms of floor and outlines, so that fits with and without
+            them compare.
         reprojection: (N,) mean reprojection error of confident keypoints, in sizes of the person.
         lean: (N,) rotation of the landmarks about the view's x axis, radians.
         landmark_size: (N,) size of the body over that of its landmarks.
@@ -69,7 +76,8 @@ def fit_bodies(
     floor: FloorConstraint | None = None,
     starts: int = 1,
 ) -> FittedBodies:
-    """Fit the body model to the keypoints and landmarks of N people, and return the best fit of each person.
+    """Fit the body model to the keypoints and landmarks of N people, and return the best fit of
+    each person.
 
     Args:
         model: body model, float64.
@@ -79,8 +87,8 @@ def fit_bodies(
         start: initial poses.
         settings: weights and standard deviations.
         floor: constraint of the floor; None without a floor.
-        starts: initial poses of each person. N is the number of people times this, one start of all people after the
-            other.
+        starts: initial poses of each person. N is the number of people times this, one start of all
+            people after the other.
     """
     problem = fit_problem(model, observations, camera, skeleton, start, settings, floor)
     unknowns = torch.zeros(len(observations.points), problem.num_unknowns, dtype=model.dtype)
@@ -95,8 +103,8 @@ def fit_bodies(
 def fit_outlines(model: BodyModel, fit: FittedBodies, pairs: OutlinePairs) -> FittedBodies:
     """Continue a fit of N people with pairs of points on the outlines of bodies and masks.
 
-    The fit is a minimum without the pairs, so near to the one with them that Newton's method starts there.
-    People without a pair stay as they are.
+    The fit is a minimum without the pairs, so near to the one with them that Newton's method starts
+    there. People without a pair stay as they are.
     """
     rows = torch.as_tensor(pairs.weight.any(1)).nonzero()[:, 0]
     if not len(rows):
@@ -112,7 +120,9 @@ def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> T
     """Return the unknowns (N, W) after L-BFGS on the sum of the losses of all people."""
 
     def loss_and_gradient(values: FloatArray) -> tuple[float, FloatArray]:
-        at = torch.from_numpy(values.reshape(unknowns.shape)).to(unknowns.dtype).requires_grad_(True)
+        at = (
+            torch.from_numpy(values.reshape(unknowns.shape)).to(unknowns.dtype).requires_grad_(True)
+        )
         total = problem.loss(at).sum()
         (gradient,) = torch.autograd.grad(total, at)
         return float(total.detach()), gradient.double().numpy().ravel()

@@ -1,7 +1,8 @@
 """Measure how far a body leans towards the camera.
 
-3D landmarks of single-person networks lean towards the camera by 10 degrees and more. The image cannot show it, because
-the joints project to the same pixels. The floor can: people who stand on straight legs have the neck above the ankles.
+3D landmarks of single-person networks lean towards the camera by 10 degrees and more. The image
+cannot show it, because the joints project to the same pixels. The floor can: people who stand on
+straight legs have the neck above the ankles.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ if TYPE_CHECKING:
 
 
 def lean_towards_camera(joints: FloatArray, turn: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the signed angle from the vertical to the line from ankles to neck, in the side view of each person.
+    """Return the signed angle from the vertical to the line from ankles to neck, in the side view
+    of each person.
 
     Args:
         joints: (N, 55, 3) camera frame.
-        turn: (N, 3, 3) from the axes of a camera that looks straight at the person to this camera's.
+        turn: (N, 3, 3) from the axes of a camera that looks straight at the person to this
+            camera's.
         up: (3,) camera frame.
 
     Returns:

@@ -12,13 +12,16 @@ if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton
 
 _NEEDED = tuple(
-    f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in ("left", "right")
+    f"{side}_{joint}"
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in ("left", "right")
 )
 _MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
 def limb_keypoints(keypoints: Keypoints) -> Keypoints:
-    """Select the keypoints that the body fit uses: for a whole-body skeleton, those of COCO-17 and the feet.
+    """Select the keypoints that the body fit uses: for a whole-body skeleton, those of COCO-17 and
+    the feet.
 
     For other skeletons, these are all keypoints that the body model has.
 
@@ -31,8 +34,10 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
         raise BackendError(str(error)) from error
     if missing := [name for name in _NEEDED if name not in skeleton.names]:
         raise BackendError(
-            f"the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton "
-            f"{skeleton.name!r} has no {', '.join(missing)}: choose a keypoint detector that detects them"
+            f"the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, "
+            f"and the skeleton "
+            f"{skeleton.name!r} has no {', '.join(missing)}: choose a keypoint detector that "
+            f"detects them"
         )
     columns = list(skeleton.fitted)
     if sum(is_finger(skeleton.names[i]) for i in columns) > _MOST_FINGERS:

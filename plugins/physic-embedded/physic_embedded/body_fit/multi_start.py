@@ -26,14 +26,21 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-_YAWS = (0.0, 1.57, 3.14, -1.57)  # radians that the starts without landmarks are turned away from facing the camera
+# radians that the starts without landmarks are turned away from facing the camera
+_YAWS = (0.0, 1.57, 3.14, -1.57)
 _SIT = {"hip": -1.4, "knee": 1.4}
 
 
 def fit_without_world_landmarks(
-    model: BodyModel, observations: BodyObservations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+    model: BodyModel,
+    observations: BodyObservations,
+    camera: FloatArray,
+    skeleton: Skeleton,
+    settings: FitSettings,
 ) -> FittedBodies:
-    """Fit each person from eight initial poses in one optimisation, and return each person's best fit."""
+    """Fit each person from eight initial poses in one optimisation, and return each person's best
+    fit.
+    """
     mean = pose_prior().mean
     sitting = mean.copy()
     for joint, angle in _SIT.items():
@@ -42,7 +49,9 @@ def fit_without_world_landmarks(
     starts = [(yaw, pose) for pose in (mean, sitting) for yaw in _YAWS]
     count = len(observations.points)
     facing = np.diag([1.0, -1.0, -1.0])  # y up and facing +z, seen by a camera whose y points down
-    roots, poses, places = [], [], []
+    roots = []
+    poses = []
+    places = []
     with torch.no_grad():
         for yaw, pose in starts:
             root = observations.turn @ facing @ Rotation.from_euler("y", yaw).as_matrix()
@@ -50,10 +59,18 @@ def fit_without_world_landmarks(
             rotvecs = np.concatenate([np.zeros((1, 3)), pose])
             rotations[:, :22] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
             rotations[:, 0] = torch.from_numpy(root)
-            points = model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton].double().numpy()
+            points = (
+                model.landmarks_only([skeleton])(rotations, betas, transl)[skeleton]
+                .double()
+                .numpy()
+            )
             roots.append(root)
             poses.append(np.broadcast_to(pose, (count, 21, 3)))
-            places.append(np.stack([initial_translation(points[i], observations, i, camera) for i in range(count)]))
+            places.append(
+                np.stack(
+                    [initial_translation(points[i], observations, i, camera) for i in range(count)]
+                )
+            )
     tiled = replace(
         observations,
         **{

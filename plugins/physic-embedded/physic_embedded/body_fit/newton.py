@@ -1,7 +1,7 @@
 """Refine body fits near a minimum with Newton's method, in about eight steps.
 
-L-BFGS ends some centimetres short, at a place that rounding errors decide: it multiplies them by a million on the way.
-At a minimum an error of the input moves the body by about as much.
+L-BFGS ends some centimetres short, at a place that rounding errors decide: it multiplies them by a
+million on the way. At a minimum an error of the input moves the body by about as much.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from physic_embedded.body_fit.problem import FitProblem
 
-_STEP_SIZE = 1e-5  # of an unknown, between the two gradients whose difference is a row of the Hessian
+# of an unknown, between the two gradients whose difference is a row of the Hessian
+_STEP_SIZE = 1e-5
 _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100
 _KEEP_HESSIAN = 0.3  # a Hessian is reused while each step is at most this share of the previous one
@@ -28,31 +29,45 @@ _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
 
 
 def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
-    """Minimise the loss of each person by Newton's method, from unknowns (N, W) near a minimum; no loss increases.
+    """Minimise the loss of each person by Newton's method, from unknowns (N, W) near a minimum; no
+    loss increases.
 
-    The Hessian is the difference of gradients, those of all unknowns in one batch. It costs as much as about ten steps
-    and is computed again only where the steps no longer shrink by it (Shamanskii 1967). Where it is not positive, the
-    absolute values of its eigenvalues take its place (Dauphin et al. 2014, saddle-free Newton), damped as by Levenberg
-    and Marquardt while a step does not lower the loss. People are independent and stop one by one.
+    The Hessian is the difference of gradients, those of all unknowns in one batch. It costs as much
+    as about ten steps and is computed again only where the steps no longer shrink by it (Shamanskii
+    1967). Where it is not positive, the absolute values of its eigenvalues take its place (Dauphin
+    et al. 2014, saddle-free Newton), damped as by Levenberg and Marquardt while a step does not
+    lower the loss. People are independent and stop one by one.
     """
     found, (count, width) = unknowns.clone(), unknowns.shape
-    loss, gradient = found.new_zeros(count), torch.zeros_like(found)
-    curvatures, axes = torch.zeros_like(found), found.new_zeros(count, width, width)
+    loss = found.new_zeros(count)
+    gradient = torch.zeros_like(found)
+    curvatures = torch.zeros_like(found)
+    axes = found.new_zeros(count, width, width)
     damping = found.new_zeros(count)
     active = outdated = torch.arange(count)
     for _ in range(_MAX_STEPS):
         if len(outdated):
-            loss[outdated], gradient[outdated], hessian = _derivatives(problem.select(outdated), found[outdated])
+            loss[outdated], gradient[outdated], hessian = _derivatives(
+                problem.select(outdated), found[outdated]
+            )
             curvatures[outdated], axes[outdated] = torch.linalg.eigh(hessian)
         step = -_newton_step(gradient[active], curvatures[active], axes[active], damping[active])
         there = found[active] + step
         loss_there, gradient_there = _loss_and_gradient(problem.select(active), there)
         lower = loss_there <= loss[active] + _ROUNDING * loss[active].abs()
         moved = active[lower]
-        found[moved], loss[moved], gradient[moved] = there[lower], loss_there[lower], gradient_there[lower]
+        found[moved], loss[moved], gradient[moved] = (
+            there[lower],
+            loss_there[lower],
+            gradient_there[lower],
+        )
         less = torch.where(damping * _DAMPING_DOWN < _MIN_DAMPING, 0.0, damping * _DAMPING_DOWN)
-        damping[active] = torch.where(lower, less[active], (damping[active] * _DAMPING_UP).clamp(min=1.0))
-        following = _newton_step(gradient[active], curvatures[active], axes[active], damping[active])
+        damping[active] = torch.where(
+            lower, less[active], (damping[active] * _DAMPING_UP).clamp(min=1.0)
+        )
+        following = _newton_step(
+            gradient[active], curvatures[active], axes[active], damping[active]
+        )
         length = step.abs().amax(1)
         moving = length > _MIN_STEP
         slow = following.abs().amax(1) > _KEEP_HESSIAN * length
@@ -63,10 +78,11 @@ def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
 
 
 def covariance(problem: FitProblem, unknowns: Tensor) -> Tensor:
-    """Return the covariance (N, W, W) of the unknowns at a minimum (N, W), where the loss is -2 log of the probability.
+    """Return the covariance (N, W, W) of the unknowns at a minimum (N, W), where the loss is -2 log
+    of the probability.
 
-    It is twice the inverse of the Hessian (Laplace's approximation), whose eigenvalues are taken as in
-    :func:`minimize_newton`.
+    It is twice the inverse of the Hessian (Laplace's approximation), whose eigenvalues are taken as
+    in :func:`minimize_newton`.
     """
     curvatures, axes = torch.linalg.eigh(_derivatives(problem, unknowns)[2])
     found: Tensor = 2 * (axes / curvatures.abs()[:, None]) @ axes.mT
@@ -74,7 +90,9 @@ def covariance(problem: FitProblem, unknowns: Tensor) -> Tensor:
 
 
 def _newton_step(gradient: Tensor, curvatures: Tensor, axes: Tensor, damping: Tensor) -> Tensor:
-    """Return the gradient (N, W) times the inverse of the damped Hessian, given by its eigenvalues and eigenvectors."""
+    """Return the gradient (N, W) times the inverse of the damped Hessian, given by its eigenvalues
+    and eigenvectors.
+    """
     along = (axes.mT @ gradient[..., None])[..., 0] / (curvatures.abs() + damping[:, None])
     step: Tensor = (axes @ along[..., None])[..., 0]
     return step
@@ -91,9 +109,12 @@ def _loss_and_gradient(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, T
 def _derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Return loss (N,), gradient (N, W) and Hessian (N, W, W)."""
     count, width = unknowns.shape
-    moved = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)  # the first row is zero
+    # the first row is zero
+    moved = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
     at = (unknowns[:, None] + moved).flatten(0, 1)
-    losses, gradients = _loss_and_gradient(problem.select(torch.arange(count).repeat_interleave(width + 1)), at)
+    losses, gradients = _loss_and_gradient(
+        problem.select(torch.arange(count).repeat_interleave(width + 1)), at
+    )
     gradients = gradients.view(count, width + 1, width)
     hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
     return losses.view(count, -1)[:, 0], gradients[:, 0], (hessian + hessian.mT) / 2

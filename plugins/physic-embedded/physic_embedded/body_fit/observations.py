@@ -1,8 +1,9 @@
-"""Compute the inputs of the body fit for each person: viewing ray, size in px, keypoints and 3D landmarks.
+"""Compute the inputs of the body fit for each person: viewing ray, size in px, keypoints and 3D
+landmarks.
 
-The landmarks are in the camera frame. A single-person pose network sees a crop and answers as if its camera looked
-straight at the person; the photo's camera does not, so its landmarks belong to the person's ray and not to the optical
-axis.
+The landmarks are in the camera frame. A single-person pose network sees a crop and answers as if
+its camera looked straight at the person; the photo's camera does not, so its landmarks belong to
+the person's ray and not to the optical axis.
 """
 
 from __future__ import annotations
@@ -27,16 +28,22 @@ SIZE_STATURE_M = 1.72
 
 
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
-_UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
+# a keypoint of less confidence keeps this share of its 2D weight
+_UNSEEN = 0.3
+_UNSEEN_WEIGHT = 0.1
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 _LEAST_WORLD_WEIGHT = 0.15
 _GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is a guess
 _LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
-_HANGING = {"knee": (0.0, 0.4), "ankle": (0.0, 0.8)}  # metres before and under the hip, of legs that are not seen
+# metres before and under the hip, of legs that are not seen
+_HANGING = {"knee": (0.0, 0.4), "ankle": (0.0, 0.8)}
 _SEATED = {"knee": (0.4, 0.05), "ankle": (0.4, 0.45)}  # the same for people on a seat
 _SEATS = ("seat", "bed")
-_MIN_SEAT_SHARE = 0.03  # of the labels beside the lower body; people hide most of the seat below them
-_BESIDE_SHARE, _ABOVE_HIPS_SHARE = 0.5, 0.15  # widths and heights of the mask in which a seat is looked for
+# of the labels beside the lower body; people hide most of the seat below them
+_MIN_SEAT_SHARE = 0.03
+# widths and heights of the mask in which a seat is looked for
+_BESIDE_SHARE = 0.5
+_ABOVE_HIPS_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -48,8 +55,10 @@ class BodyObservations:
         weight: (N, J) of the 2D points.
         confidence: (N, J), low outside the picture.
         size: (N,) px that a standing person of :data:`SIZE_STATURE_M` would span at this distance.
-        turn: (N, 3, 3) rotation from the axes of a camera that looks straight at the person to this camera's.
-        world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None without 3D landmarks.
+        turn: (N, 3, 3) rotation from the axes of a camera that looks straight at the person to this
+            camera's.
+        world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None
+            without 3D landmarks.
         world_weight: (N, J) of the 3D points.
         sigma: (N, J) px of the 2D points, as the detector states it; None if it states none.
         depth_sigma: (N, J) metres of the depth of the 3D points, the same.
@@ -75,10 +84,13 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1 + z[2]))
 
 
-def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> BodyObservations:
+def observe_people(
+    keypoints: Keypoints, people: People, intrinsics: Intrinsics
+) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
-    Legs that are not visible are set to hang straight down, or as people sit if a seat is seen beside the hips.
+    Legs that are not visible are set to hang straight down, or as people sit if a seat is seen
+    beside the hips.
 
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.
@@ -91,10 +103,14 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     points = np.asarray(keypoints.points, np.float64)
     limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
     inside = ((points > -0.5) & (points < limits)).all(-1)
-    confidence = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1) * np.where(inside, 1, _OUTSIDE)
+    confidence = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1) * np.where(
+        inside, 1, _OUTSIDE
+    )
     weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
     weight[:, hips] *= _HIP_WEIGHT
-    world: FloatArray | None = None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
+    world: FloatArray | None = (
+        None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
+    )
     middle = points[:, hips].mean(1)
     rays = np.stack(
         [
@@ -119,7 +135,12 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     made_up = ~inside | (confidence < _GUESSED)
     bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
     unseen = made_up[:, bends].all(1)
-    legs = [joint for side in ("left", "right") for name in _LEG if (joint := row.get(f"{side}_{name}")) is not None]
+    legs = [
+        joint
+        for side in ("left", "right")
+        for name in _LEG
+        if (joint := row.get(f"{side}_{name}")) is not None
+    ]
     for joint in legs:
         weight[unseen, joint] = world_weight[unseen, joint] = 0
     if world is not None:
@@ -129,14 +150,27 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
                 world[i, joint] = place
                 world_weight[i, joint] = _LEAST_WORLD_WEIGHT
     return BodyObservations(
-        points, weight, confidence, size, turn, world, world_weight, keypoints.sigma, keypoints.depth_sigma
+        points,
+        weight,
+        confidence,
+        size,
+        turn,
+        world,
+        world_weight,
+        keypoints.sigma,
+        keypoints.depth_sigma,
     )
 
 
 def _without_lost(
-    world: FloatArray, lost: BoolArray, points: FloatArray, middle: FloatArray, confidence: FloatArray
+    world: FloatArray,
+    lost: BoolArray,
+    points: FloatArray,
+    middle: FloatArray,
+    confidence: FloatArray,
 ) -> FloatArray:
-    """Fill the 3D landmarks (N, J, 3) that are lost (N, J) by the picture, at the depth of the nearest known one.
+    """Fill the 3D landmarks (N, J, 3) that are lost (N, J) by the picture, at the depth of the
+    nearest known one.
 
     They only start the fit.
     """
@@ -149,8 +183,12 @@ def _without_lost(
     return world
 
 
-def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool) -> dict[int, FloatArray]:
-    """Return places (3,) of knees and ankles of one person with 3D landmarks (J, 3), by row of the landmark."""
+def _guessed_legs(
+    world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool
+) -> dict[int, FloatArray]:
+    """Return places (3,) of knees and ankles of one person with 3D landmarks (J, 3), by row of the
+    landmark.
+    """
     down = turn[1]  # the camera's y axis in the axes of the view
     ahead = np.cross(down, world[row["left_hip"]] - world[row["right_hip"]])
     ahead /= np.linalg.norm(ahead) + 1e-9
@@ -162,16 +200,20 @@ def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seat
 
 
 def _beside_seat(people: People, person: int, hips_y: float) -> bool:
-    """Return whether the labels of surfaces show a seat beside the lower body of a person whose hips are at ``hips_y``
-    px.
+    """Return whether the labels of surfaces show a seat beside the lower body of a person whose
+    hips are at ``hips_y`` px.
     """
     mask = people.masks[person]
     if people.surfaces is None or not mask.any():
         return False
-    rows, columns = mask.any(1).nonzero()[0], mask.any(0).nonzero()[0]
+    rows = mask.any(1).nonzero()[0]
+    columns = mask.any(0).nonzero()[0]
     beside = _BESIDE_SHARE * len(columns)
     top = max(0, round(hips_y - _ABOVE_HIPS_SHARE * len(rows)))
-    place = slice(top, rows[-1] + 1), slice(max(0, round(columns[0] - beside)), round(columns[-1] + beside) + 1)
+    place = (
+        slice(top, rows[-1] + 1),
+        slice(max(0, round(columns[0] - beside)), round(columns[-1] + beside) + 1),
+    )
     background = ~np.logical_or.reduce(people.masks)[place]
     seats = people.surfaces.mask(*_SEATS)[place]
     return bool(background.any() and seats[background].mean() > _MIN_SEAT_SHARE)
@@ -191,15 +233,20 @@ def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray)
 
 
 def _size_without_landmarks(points: FloatArray, row: dict[str, int], people: People) -> FloatArray:
-    """Estimate the size in pixels from box, trunk and shoulders. The largest is taken, because each can only look too
-    short.
+    """Estimate the size in pixels from box, trunk and shoulders.
+
+    The largest is taken, because each can only look too short.
     """
 
     def middle(joint: str) -> FloatArray:
         return (points[:, row[f"left_{joint}"]] + points[:, row[f"right_{joint}"]]) / 2
 
     trunk = np.linalg.norm(middle("shoulder") - middle("hip"), axis=-1)
-    shoulders = np.linalg.norm(points[:, row["left_shoulder"]] - points[:, row["right_shoulder"]], axis=-1)
+    shoulders = np.linalg.norm(
+        points[:, row["left_shoulder"]] - points[:, row["right_shoulder"]], axis=-1
+    )
     boxes = np.asarray(people.boxes, np.float64)
     tallest = (boxes[:, 3] - boxes[:, 1]) if len(boxes) else np.zeros(0)
-    return np.asarray(np.maximum.reduce([3.3 * trunk, 4.4 * shoulders, tallest, np.ones(len(points))]))
+    return np.asarray(
+        np.maximum.reduce([3.3 * trunk, 4.4 * shoulders, tallest, np.ones(len(points))])
+    )

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class OutlinePairs:
     """Pairs of a body vertex and a line in the picture; N people, P pairs.
 
-    The residual of a pair is ``normal @ (pixel of the vertex) - offset``, in sizes of the person; only a positive one
-    counts.
+    The residual of a pair is ``normal @ (pixel of the vertex) - offset``, in sizes of the person;
+    only a positive one counts.
 
     Attributes:
         vertex_ids: (V,) of the body model.

@@ -1,7 +1,8 @@
-"""Prior of body poses: a Gaussian for each joint about a relaxed stance, and joints that bend in one direction.
+"""Prior of body poses: a Gaussian for each joint about a relaxed stance, and joints that bend in
+one direction.
 
-Rotation vectors are those of SMPL-X: zero is the T-pose, y up, facing +z, left on +x. A knee bends about +x, the left
-elbow about -y and the right one about +y.
+Rotation vectors are those of SMPL-X: zero is the T-pose, y up, facing +z, left on +x. A knee bends
+about +x, the left elbow about -y and the right one about +y.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 MAX_HINGE_ANGLE = 2.7
 """Largest bend of knees and elbows, radians."""
 
-# Standard deviations in radians about x, y, z of each joint's own T-pose axes; left and right alike.
+# Standard deviations in radians about x, y, z of each joint's own T-pose axes; left and right
+# alike.
 _SIGMA: dict[str, tuple[float, float, float]] = {
     "hip": (1.2, 0.5, 0.5),
     "knee": (2.0, 0.12, 0.12),
@@ -37,12 +39,17 @@ _SIGMA: dict[str, tuple[float, float, float]] = {
     "elbow": (0.3, 2.0, 0.15),
     "wrist": (0.35, 0.35, 0.35),
 }
-_ARM_DOWN, _KNEE_BENT, _ELBOW_BENT, _FINGER_CURL = 0.9, 0.2, 0.3, 0.25
+_ARM_DOWN = 0.9
+_KNEE_BENT = 0.2
+_ELBOW_BENT = 0.3
+_FINGER_CURL = 0.25
 
 
 @dataclass(frozen=True)
 class PosePrior:
-    """Mean and standard deviation, (21, 3) radians each, of the rotation vectors of joints 1 to 21."""
+    """Mean and standard deviation, (21, 3) radians each, of the rotation vectors of joints 1 to
+    21.
+    """
 
     mean: FloatArray
     sigma: FloatArray
@@ -68,7 +75,14 @@ def _side(name: str) -> float:
     return 1.0 if name.startswith("left_") else -1.0 if name.startswith("right_") else 0.0
 
 
-_TIGHTER: dict[str, float] = {"spine": 0.4, "neck": 0.6, "head": 0.6, "collar": 0.6, "knee": 0.5, "hip": 0.6}
+_TIGHTER: dict[str, float] = {
+    "spine": 0.4,
+    "neck": 0.6,
+    "head": 0.6,
+    "collar": 0.6,
+    "knee": 0.5,
+    "hip": 0.6,
+}
 
 
 def pose_prior(*, tight: bool = False) -> PosePrior:
@@ -77,8 +91,8 @@ def pose_prior(*, tight: bool = False) -> PosePrior:
     The standard deviations are large at hips, shoulders, knees and elbows.
 
     Args:
-        tight: for fits to 2D keypoints alone, in which a bend towards the camera or away from it only looks like a
-            shorter limb: narrower where trunk and legs would fold.
+        tight: for fits to 2D keypoints alone, in which a bend towards the camera or away from it
+            only looks like a shorter limb: narrower where trunk and legs would fold.
     """
     body = JOINT_NAMES[1:22]
     joints = [name.removeprefix("left_").removeprefix("right_") for name in body]
@@ -100,13 +114,17 @@ def pose_prior(*, tight: bool = False) -> PosePrior:
 def hinge_joints() -> tuple[HingeJoint, ...]:
     """Return the hinge joints: knees and elbows."""
     knees = [HingeJoint(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in ("left", "right")]
-    elbows = [HingeJoint(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in ("left", "right")]
+    elbows = [
+        HingeJoint(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_"))
+        for side in ("left", "right")
+    ]
     return (*knees, *elbows)
 
 
 def relaxed_finger_pose() -> FloatArray:
-    """Return rotation vectors (33, 3) of joints 22 to 54: jaw and eyes straight, fingers slightly curled, thumbs
-    flat."""
+    """Return rotation vectors (33, 3) of joints 22 to 54: jaw and eyes straight, fingers slightly
+    curled, thumbs flat.
+    """
     curl = np.zeros((33, 3))
     for row, name in enumerate(JOINT_NAMES[22:]):
         if any(finger in name for finger in ("index", "middle", "pinky", "ring")):

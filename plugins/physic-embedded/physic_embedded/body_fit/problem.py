@@ -1,4 +1,6 @@
-"""Loss of the body fit: keypoints, 3D landmarks, priors, a known floor, and the outlines of masks."""
+"""Loss of the body fit: keypoints, 3D landmarks, priors, a known floor, and the outlines of
+masks.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,12 @@ from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
-from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
+from physic_embedded.body_fit.pose_prior import (
+    MAX_HINGE_ANGLE,
+    hinge_joints,
+    pose_prior,
+    relaxed_finger_pose,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,28 +43,33 @@ class FitSettings:
 
     Attributes:
         iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
-        sigma_2d: of a keypoint, in sizes of the person; for detectors that state no error of their own.
+        sigma_2d: of a keypoint, in sizes of the person; for detectors that state no error of their
+            own.
         sigma_3d: of a 3D landmark in metres: right, down, and away from the camera; the same.
-        joint_sigma: metres between a joint of the body and the same joint as a detector or a data set defines it; added
-            to errors that a detector states.
-        shape_weight: on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
-            odd bodies.
-        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks are no
-            evidence: their bones are as long for short people as for tall ones.
+        joint_sigma: metres between a joint of the body and the same joint as a detector or a data
+            set defines it; added to errors that a detector states.
+        shape_weight: on the squared shape components about the shape of a mean adult; with 1,
+            landmark noise shows as odd bodies.
+        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show
+            it. Landmarks are no evidence: their bones are as long for short people as for tall
+            ones.
         size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
         lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
-        upright_sigma: radians between the line from ankles to neck and the vertical, seen from the side.
-        trunk_sigma: radians between the trunk and the vertical, seen from the side, where a floor is known; people who
-            bend are far outside and are not pulled.
-        trunk_lean_sigma: radians by which the landmarks above the hips lean more than those of the legs, where a floor
-            is known.
-        level_sigma: metres between the lowest points of two feet that are both seen, as far as the picture says that
-            both stand; a foot in the air is far outside and is not pulled.
-        knee_sigma: radians by which knees of people who stand may bend more or less than where the fit starts;
-            otherwise a body that is set upright bends them until it is as short as the leaning one looked.
-        outline_sigma: of the distance between the outlines of body and mask, in sizes of the person.
-        outline_limit: standard deviations at which a pair of outline points pulls most; beyond, it is likely to be
-            wrong.
+        upright_sigma: radians between the line from ankles to neck and the vertical, seen from the
+            side.
+        trunk_sigma: radians between the trunk and the vertical, seen from the side, where a floor
+            is known; people who bend are far outside and are not pulled.
+        trunk_lean_sigma: radians by which the landmarks above the hips lean more than those of the
+            legs, where a floor is known.
+        level_sigma: metres between the lowest points of two feet that are both seen, as far as the
+            picture says that both stand; a foot in the air is far outside and is not pulled.
+        knee_sigma: radians by which knees of people who stand may bend more or less than where the
+            fit starts; otherwise a body that is set upright bends them until it is as short as the
+            leaning one looked.
+        outline_sigma: of the distance between the outlines of body and mask, in sizes of the
+            person.
+        outline_limit: standard deviations at which a pair of outline points pulls most; beyond, it
+            is likely to be wrong.
     """
 
     iterations: int = 20
@@ -110,12 +122,16 @@ class FloorConstraint:
 
 
 # Steps of one unit of the whitened unknowns.
-_ROOT_STEP, _LOG_Z_STEP, _SIDE_STEP = 0.2, 0.05, 0.01
+_ROOT_STEP = 0.2
+_LOG_Z_STEP = 0.05
+_SIDE_STEP = 0.01
 _HINGE_WEIGHT = 12.0
 _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
 _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
-_SHOULDERS, _HIPS = ([JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip"))
+_SHOULDERS, _HIPS = (
+    [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip")
+)
 _LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
 _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
@@ -185,7 +201,9 @@ class FitProblem:
 
     @property
     def num_unknowns(self) -> int:
-        """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale and leans."""
+        """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale
+        and leans.
+        """
         return 3 + 63 + len(self.stature) + 3 + 3
 
     def select(self, rows: Tensor) -> FitProblem:
@@ -201,7 +219,8 @@ class FitProblem:
         rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
         local = rotvec_to_rotmat(torch.cat([_ROOT_STEP * root[:, None], rotvecs], 1))
         rotations = torch.cat(
-            [local[:, :1] @ self.root[:, None], local[:, 1:], self.fingers.expand(count, -1, 3, 3)], 1
+            [local[:, :1] @ self.root[:, None], local[:, 1:], self.fingers.expand(count, -1, 3, 3)],
+            1,
         )
         z = torch.exp(self.log_z + _LOG_Z_STEP * transl[:, 2:])
         transl = torch.cat([(self.side + _SIDE_STEP * transl[:, :2]) * z, z], 1)
@@ -232,13 +251,14 @@ class FitProblem:
         return data + floor
 
     def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the losses (N,) of data and priors, the losses (N,) of the floor, and the projected keypoints (N, J,
-        2).
+        """Return the losses (N,) of data and priors, the losses (N,) of the floor, and the
+        projected keypoints (N, J, 2).
         """
         s = self.settings
         body = self.decode(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
-        joints, points = posed["joints"], posed[self.skeleton].index_select(1, self.rows)
+        joints = posed["joints"]
+        points = posed[self.skeleton].index_select(1, self.rows)
 
         homogeneous = points @ self.camera.T
         projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
@@ -249,7 +269,8 @@ class FitProblem:
             hips = points[:, self.hips].mean(1, keepdim=True)
             seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
             lean = body.lean[:, None] + body.trunk_lean[:, None] * self.upper
-            cos, sin = torch.cos(lean), torch.sin(lean)
+            cos = torch.cos(lean)
+            sin = torch.sin(lean)
             x, y, z = (self.world * body.landmark_size[:, None, None]).unbind(-1)
             turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
             rest = ((seen - turned) / self.world_sigma).square().sum(-1)
@@ -275,18 +296,24 @@ class FitProblem:
         level = self.feet * 8 * torch.log1p(((left - right) / s.level_sigma).square() / 8)
         knees = ((body.pose - self.pose)[:, self.knees, 0] / s.knee_sigma).square().sum(1)
         vertical = self.upright * ((angle / s.upright_sigma).square() + knees)
-        spine = ((joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))[:, None] @ self.turn)[:, 0]
+        spine = ((joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))[:, None] @ self.turn)[
+            :, 0
+        ]
         tilt = torch.atan2(spine[:, 2], -spine[:, 1]) - self.up_angle
         tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
-        # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled at all.
-        trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (1 - torch.exp(-(tilt / _TRUNK_LIMIT).square()))
+        # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled
+        # at all.
+        trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (
+            1 - torch.exp(-(tilt / _TRUNK_LIMIT).square())
+        )
         constraints = vertical + self.trunk * trunk + level
         if self.outlines is not None:
             constraints = constraints + self._outline_loss(self.outlines, outline)
         return loss, constraints, projected
 
     def _outline_loss(self, pairs: _Outlines, vertices: Tensor) -> Tensor:
-        """Return the loss (N,) of bodies that reach outside their masks, and masks outside their bodies.
+        """Return the loss (N,) of bodies that reach outside their masks, and masks outside their
+        bodies.
 
         Each pair has the loss of Geman and McClure (1987), which tends to a constant.
         """
@@ -308,7 +335,9 @@ def fit_problem(
     settings: FitSettings,
     floor: FloorConstraint | None,
 ) -> FitProblem:
-    """Build the least-squares problem of N people; arguments as in :func:`physic_embedded.body_fit.fit.fit_bodies`."""
+    """Build the least-squares problem of N people; arguments as in
+    :func:`physic_embedded.body_fit.fit.fit_bodies`.
+    """
 
     def tensor(array: object) -> Tensor:
         # A copy: torch takes neither read-only arrays nor negative strides.
@@ -319,17 +348,22 @@ def fit_problem(
     used = [name for name in index if not any(twin in name for twin in _DUPLICATE_POINTS)]
     rows = [index[name] for name in used]
     prior = pose_prior(tight=observations.world is None)
-    up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
+    up = np.zeros(3)
+    up_angle = np.zeros(count)
+    feet = np.zeros(count)
     upright: BoolArray | FloatArray = np.zeros(count)
     lean: FloatArray = np.zeros(count)
     trunk: BoolArray | FloatArray = np.zeros(count)
     if floor is not None:
         trunk = floor.trunk
-        up, upright, lean = np.asarray(floor.up, np.float64), floor.upright, floor.lean
+        up = np.asarray(floor.up, np.float64)
+        upright = floor.upright
+        lean = floor.lean
         seen_up = np.einsum("nij,i->nj", observations.turn, up)
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
-        # The picture decides whether both feet stand: a raised foot looks like one that is farther away.
+        # The picture decides whether both feet stand: a raised foot looks like one that is farther
+        # away.
         touches = touch_in_picture(observations.points, list(index))
         feet = (ankles > _SEEN) * touches.prod(1)
     shape = observations.weight.shape
@@ -383,7 +417,9 @@ def fit_problem(
 
 
 def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
-    """Return a problem of N people to which pairs of points on the outlines of bodies and masks are added."""
+    """Return a problem of N people to which pairs of points on the outlines of bodies and masks are
+    added.
+    """
     model = problem.landmarks.body
     return replace(
         problem,
@@ -392,7 +428,10 @@ def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
         ),
         outlines=_Outlines(
             torch.as_tensor(pairs.vertex),
-            *(torch.as_tensor(values, dtype=model.dtype) for values in (pairs.normal, pairs.offset, pairs.weight)),
+            *(
+                torch.as_tensor(values, dtype=model.dtype)
+                for values in (pairs.normal, pairs.offset, pairs.weight)
+            ),
         ),
     )
 

@@ -1,8 +1,10 @@
-"""Compare the outlines of fitted bodies with people's masks: pairs of points that the next fit draws together.
+"""Compare the outlines of fitted bodies with people's masks: pairs of points that the next fit
+draws together.
 
-Clothes and hair make masks wider than bodies, and other people, furniture and the border of the photo make them
-smaller. Pairs therefore have a side: a body that reaches outside its mask is drawn in, where the depth of the photo
-shows nothing in front of the person, and a mask that reaches outside its body by more than clothes draws the body out.
+Clothes and hair make masks wider than bodies, and other people, furniture and the border of the
+photo make them smaller. Pairs therefore have a side: a body that reaches outside its mask is drawn
+in, where the depth of the photo shows nothing in front of the person, and a mask that reaches
+outside its body by more than clothes draws the body out.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ _RIM = 0.01  # sizes of the person by which masks are too small
 _REACH = 0.12  # sizes of the person; outlines farther apart belong to other objects
 _SAME_DIRECTION = 0.6  # least cosine between the outlines' normals
 _NEARER = 0.95  # of the person's depth; what is nearer hides the person
-_SEEN, _FEWEST_SEEN = 0.5, 0.7  # confidence of a keypoint, and share of these that a usable mask holds
+# confidence of a keypoint, and share of these that a usable mask holds
+_SEEN = 0.5
+_FEWEST_SEEN = 0.7
 _CLOSE = 0.03  # sizes of the person between a keypoint and the mask that holds it
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 
@@ -64,7 +68,9 @@ def outline_pairs(
     camera: FloatArray,
     photo: Pointmap | None,
 ) -> OutlinePairs:
-    """Pair the outlines of N fitted bodies with their masks. People with unusable masks get pairs of weight zero.
+    """Pair the outlines of N fitted bodies with their masks.
+
+    People with unusable masks get pairs of weight zero.
 
     Args:
         model: that was fitted.
@@ -72,7 +78,8 @@ def outline_pairs(
         observations: of the people.
         people: their masks.
         camera: (3, 3) px.
-        photo: shows what is in front of people; without it, bodies that reach outside are not drawn in.
+        photo: shows what is in front of people; without it, bodies that reach outside are not drawn
+            in.
     """
     with torch.no_grad():
         vertices = model(fit.rotations, fit.betas, fit.transl).vertices.numpy()
@@ -80,9 +87,12 @@ def outline_pairs(
     if photo is not None:
         depth = np.where(photo.valid, photo.points[..., 2], np.inf)
     masks = np.asarray(people.masks, bool)
-    coarse, nearest = model.coarse.ids.numpy(), model.coarse.of_vertex.numpy()
+    coarse = model.coarse.ids.numpy()
+    nearest = model.coarse.of_vertex.numpy()
     vertex = np.full((len(masks), 2 * _PAIRS), coarse[0], np.int64)
-    normal, offset, weight = np.zeros((*vertex.shape, 2)), np.zeros(vertex.shape), np.zeros(vertex.shape)
+    normal = np.zeros((*vertex.shape, 2))
+    offset = np.zeros(vertex.shape)
+    weight = np.zeros(vertex.shape)
     for i, mask in enumerate(masks):
         size = float(observations.size[i])
         if not _usable(mask, observations.points[i], observations.confidence[i], size):
@@ -111,8 +121,13 @@ def _usable(mask: BoolArray, points: FloatArray, confidence: FloatArray, size: f
 
 
 def _is_finger(model: BodyModel) -> BoolArray:
-    """Return which vertices (V,) belong to fingers. These do not pair, because the fit leaves fingers at rest."""
-    fingers = [row for row, name in enumerate(JOINT_NAMES) if any(part in name for part in _FINGERS)]
+    """Return which vertices (V,) belong to fingers.
+
+    These do not pair, because the fit leaves fingers at rest.
+    """
+    fingers = [
+        row for row, name in enumerate(JOINT_NAMES) if any(part in name for part in _FINGERS)
+    ]
     return np.asarray(np.isin(model.skin.weights.argmax(0).numpy(), fingers))
 
 
@@ -124,7 +139,8 @@ def _project(points: FloatArray, camera: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Crop:
-    """One person in a small picture (h, w) whose pixel ``p`` shows the photo's pixel ``p / scale + low``.
+    """One person in a small picture (h, w) whose pixel ``p`` shows the photo's pixel ``p / scale +
+    low``.
 
     Attributes:
         mask: of the person.
@@ -153,8 +169,8 @@ class _Crop:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Pairs of one person: points (P, 2) px of the body's outline, vertices (P,) near them, and lines as in
-    :class:`OutlinePairs`.
+    """Pairs of one person: points (P, 2) px of the body's outline, vertices (P,) near them, and
+    lines as in :class:`OutlinePairs`.
     """
 
     point: FloatArray
@@ -166,12 +182,16 @@ class _Lines:
 
 def _person_pairs(model: BodyModel, crop: _Crop) -> _Lines | None:
     """Return the pairs of one person, or None if mask or body is not in the crop."""
-    mask, body = _outline(crop.mask), _outline(crop.face >= 0)
+    mask = _outline(crop.mask)
+    body = _outline(crop.face >= 0)
     if mask is None or body is None:
         return None
     corner = model.faces.numpy()[:, 0]
-    drawn_out, drawn_in = _drawn_out(crop, mask.spaced(), body, corner), _drawn_in(crop, mask, body.spaced(), corner)
-    parts = [np.concatenate([getattr(d, f.name) for d in (drawn_out, drawn_in)]) for f in fields(_Lines)]
+    drawn_out = _drawn_out(crop, mask.spaced(), body, corner)
+    drawn_in = _drawn_in(crop, mask, body.spaced(), corner)
+    parts = [
+        np.concatenate([getattr(d, f.name) for d in (drawn_out, drawn_in)]) for f in fields(_Lines)
+    ]
     lines = _Lines(*parts)
     return replace(lines, weight=lines.weight * ~_is_finger(model)[lines.vertex])
 
@@ -196,7 +216,9 @@ def _crop(
     to_crop = np.array([[scale, 0, -scale * low[0]], [0, scale, -scale * low[1]]])
 
     def cut(picture: FloatArray, outside: float, how: int) -> FloatArray:
-        return np.asarray(cv2.warpAffine(picture, to_crop, (width, height), flags=how, borderValue=outside))
+        return np.asarray(
+            cv2.warpAffine(picture, to_crop, (width, height), flags=how, borderValue=outside)
+        )
 
     face = rasterize(
         torch.from_numpy((pixels - low) * scale)[None].float(),
@@ -218,7 +240,9 @@ def _crop(
 
 
 def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> _Lines:
-    """Pair points of the mask that lie outside the body with the nearest point of the body's outline."""
+    """Pair points of the mask that lie outside the body with the nearest point of the body's
+    outline.
+    """
     gap, near = cKDTree(body.points).query(mask.points)
     at = _at(mask.points)
     weight = (
@@ -239,7 +263,9 @@ def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) ->
 
 
 def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> _Lines:
-    """Pair points of the body that lie outside the mask, and that nothing hides, with the nearest point of the mask."""
+    """Pair points of the body that lie outside the mask, and that nothing hides, with the nearest
+    point of the mask.
+    """
     gap, near = cKDTree(mask.points).query(body.points)
     at = _at(body.points)
     weight = (
@@ -251,11 +277,19 @@ def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> 
     )
     normal = (body.points - mask.points[near]) / np.maximum(gap, 1e-6)[:, None]
     offset = (crop.in_photo(mask.points[near]) * normal).sum(-1) / crop.size + _RIM
-    return _Lines(crop.in_photo(body.points), corner[crop.face[at]], normal / crop.size, offset, weight.astype(float))
+    return _Lines(
+        crop.in_photo(body.points),
+        corner[crop.face[at]],
+        normal / crop.size,
+        offset,
+        weight.astype(float),
+    )
 
 
 def _hidden(crop: _Crop, points: FloatArray, person: FloatArray) -> BoolArray:
-    """Return whether the photo is nearer at points (n, 2) than at points of the person (n, 2); true if unknown."""
+    """Return whether the photo is nearer at points (n, 2) than at points of the person (n, 2); true
+    if unknown.
+    """
     if crop.depth is None:
         return np.ones(len(points), bool)
     limits = np.array(crop.mask.shape)[::-1] - 1
@@ -273,7 +307,9 @@ def _at(points: FloatArray) -> tuple[IntArray, IntArray]:
 
 def _near(mask: BoolArray, reach: int) -> BoolArray:
     """Return a mask grown by a number of px."""
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0)
+    return np.asarray(
+        cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0
+    )
 
 
 def _outline(mask: BoolArray) -> _Outline | None:

@@ -27,10 +27,11 @@ _SPINE_LIMIT = 1.2  # radians between hips and shoulders
 
 
 def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
-    """Convert landmarks (J, 3) in camera axes to a root rotation (3, 3) and rotation vectors (21, 3) of joints 1 to 21.
+    """Convert landmarks (J, 3) in camera axes to a root rotation (3, 3) and rotation vectors (21,
+    3) of joints 1 to 21.
 
-    Wrists, ankles, neck and collars stay at zero. A knee that would bend forward is a wrong depth: it keeps the side of
-    the pelvis.
+    Wrists, ankles, neck and collars stay at zero. A knee that would bend forward is a wrong depth:
+    it keeps the side of the pelvis.
     """
     row = keypoint_indices(skeleton)
 
@@ -40,7 +41,8 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
     def log(matrix: FloatArray) -> FloatArray:
         return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
-    hips, shoulders = at("left_hip") - at("right_hip"), at("left_shoulder") - at("right_shoulder")
+    hips = at("left_hip") - at("right_hip")
+    shoulders = at("left_shoulder") - at("right_shoulder")
     up = (at("left_shoulder") + at("right_shoulder") - at("left_hip") - at("right_hip")) / 2
     pelvis = _frame_from_x(hips + 0.3 * shoulders, up)
     chest = _frame_from_y(up, shoulders)
@@ -59,7 +61,9 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
         leg = _frame_from_y(-thigh, axis)
         pose[JOINT_INDEX[f"{side}_hip"] - 1] = log(pelvis.T @ leg)
         local = leg.T @ shank
-        pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = np.clip(np.arctan2(-local[2], -local[1]), 0.0, 2.6)
+        pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = np.clip(
+            np.arctan2(-local[2], -local[1]), 0.0, 2.6
+        )
 
         upper = _normalise(at(f"{side}_elbow") - at(f"{side}_shoulder"))
         fore = _normalise(at(f"{side}_wrist") - at(f"{side}_elbow"))
@@ -70,14 +74,17 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
         else:
             arm = _frame_from_x(sign * upper, -sign * axis)
         pose[JOINT_INDEX[f"{side}_shoulder"] - 1] = log(chest.T @ arm)
-        pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = -sign * np.arctan2(np.linalg.norm(axis), upper @ fore)
+        pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = -sign * np.arctan2(
+            np.linalg.norm(axis), upper @ fore
+        )
     return pelvis, pose
 
 
 def translation_from_points(
     landmarks: FloatArray, points: FloatArray, weight: FloatArray, camera: FloatArray
 ) -> FloatArray | None:
-    """Solve by linear least squares for the translation with which landmarks (J, 3) project onto points (J, 2) px.
+    """Solve by linear least squares for the translation with which landmarks (J, 3) project onto
+    points (J, 2) px.
 
     Args:
         landmarks: metres, camera axes.
@@ -95,16 +102,22 @@ def translation_from_points(
     design[0, :, 0] = design[1, :, 1] = 1
     design[..., 2] = -u.T
     right = u.T * landmarks[:, 2] - landmarks[:, :2].T
-    solution = np.linalg.lstsq((design * weight[:, None]).reshape(-1, 3), (right * weight).reshape(-1), rcond=None)[0]
+    solution = np.linalg.lstsq(
+        (design * weight[:, None]).reshape(-1, 3), (right * weight).reshape(-1), rcond=None
+    )[0]
     return np.asarray(solution) if solution[2] > 0.2 else None
 
 
 def initial_translation(
     landmarks: FloatArray, observations: BodyObservations, i: int, camera: FloatArray
 ) -> FloatArray:
-    """Return the translation for which the landmarks (J, 3) of person ``i`` project onto this person's keypoints."""
+    """Return the translation for which the landmarks (J, 3) of person ``i`` project onto this
+    person's keypoints.
+    """
 
-    found = translation_from_points(landmarks, observations.points[i], observations.confidence[i], camera)
+    found = translation_from_points(
+        landmarks, observations.points[i], observations.confidence[i], camera
+    )
     if found is not None:
         return found
     ray = observations.turn[i][:, 2]
@@ -117,7 +130,9 @@ def _normalise(vector: FloatArray) -> FloatArray:
 
 
 def _frame_from_x(x: FloatArray, near_y: FloatArray) -> FloatArray:
-    """Return the frame with this x axis and a y axis as close as possible to another direction; axes are columns."""
+    """Return the frame with this x axis and a y axis as close as possible to another direction;
+    axes are columns.
+    """
 
     x = _normalise(x)
     y = _normalise(near_y - near_y @ x * x)
@@ -125,7 +140,9 @@ def _frame_from_x(x: FloatArray, near_y: FloatArray) -> FloatArray:
 
 
 def _frame_from_y(y: FloatArray, near_x: FloatArray) -> FloatArray:
-    """Return the frame with this y axis and an x axis as close as possible to another direction; axes are columns."""
+    """Return the frame with this y axis and an x axis as close as possible to another direction;
+    axes are columns.
+    """
 
     y = _normalise(y)
     x = _normalise(near_x - near_x @ y * y)

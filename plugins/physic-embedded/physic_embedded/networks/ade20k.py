@@ -1,4 +1,6 @@
-"""Label surfaces with DeepLabv3 on MobileNetV2, trained on the 31 most frequent classes of ADE20K."""
+"""Label surfaces with DeepLabv3 on MobileNetV2, trained on the 31 most frequent classes of
+ADE20K.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
 
 INPUT_SIZE = 512
 STRIDE = 4
-"""Logit i lies at pixel ``STRIDE * i`` of the input, as the network's own resizing to 512 px has it."""
+"""Logit i lies at pixel ``STRIDE * i`` of the input, as the network's own resizing to 512 px has
+it.
+"""
 PADDING_VALUE = 127
 
 ADE20K_CLASSES = {
@@ -41,7 +45,10 @@ ADE20K_CLASSES = {
     "object": (17,),  # mountain
     "person": (13,),
 }
-"""Name in :data:`SURFACE_NAMES` -> classes of ADE20K, numbered from 1 as in its list of 150. Class 0 is not a class."""
+"""Name in :data:`SURFACE_NAMES` -> classes of ADE20K, numbered from 1 as in its list of 150.
+
+Class 0 is not a class.
+"""
 
 
 def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Float, Float]:
@@ -52,11 +59,13 @@ def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Fl
         image: (H, W, 3) uint8 RGB.
 
     Returns:
-        Probabilities (h, w, S) float32 in the order of :data:`SURFACE_NAMES`, where the longer of h and w is 128, and
-        the affine map (2, 3) from pixels of the image to cells of this grid.
+        Probabilities (h, w, S) float32 in the order of :data:`SURFACE_NAMES`, where the longer of h
+        and w is 128, and the affine map (2, 3) from pixels of the image to cells of this grid.
     """
     how: Resampling = "area" if max(image.shape[:2]) > INPUT_SIZE else "bilinear"
-    canvas, placement = letterbox(image, INPUT_SIZE, INPUT_SIZE, fill=PADDING_VALUE, where="top-left", how=how)
+    canvas, placement = letterbox(
+        image, INPUT_SIZE, INPUT_SIZE, fill=PADDING_VALUE, where="top-left", how=how
+    )
     (logits,) = session.run(["logits"], {"image": canvas[None].astype(np.float32)})
     rows, columns = (-(-side // STRIDE) for side in placement.inner)
     logits = logits[0, :rows, :columns, 1:]
@@ -68,11 +77,15 @@ def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Fl
 
 
 def label_surfaces(
-    session: OnnxSession, image: NDArray[np.uint8], people: NDArray[np.bool_], min_probability: float = 0.5
+    session: OnnxSession,
+    image: NDArray[np.uint8],
+    people: NDArray[np.bool_],
+    min_probability: float = 0.5,
 ) -> SurfaceLabels:
     """Label each pixel with its most probable surface.
 
-    The network sees people in plain grey: it extends those that it recognises over what they sit on.
+    The network sees people in plain grey: it extends those that it recognises over what they sit
+    on.
 
     Args:
         session: of ``deeplabv3_mnv2_ade20k``.

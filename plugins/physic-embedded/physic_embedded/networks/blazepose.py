@@ -17,13 +17,16 @@ _SHARES = (
     ("index1", "same wrist", 0.21),
     ("thumb2", "same wrist", 0.12),
 )
-"""Point, body point towards which the network draws it, and share of the way. Measured by fitting the embedded body to
-31 people in 16 photos with these shares free; shares from one half of the photos lower the reprojection error on the
-other half by a fifth. The knee's share is the distance of BlazePose's knees below true ones: .076 of the shank in 20
-views of one set with true joints, and .073 in 4 of another.
+"""Point, body point towards which the network draws it, and share of the way.
 
-Ankles, heels and foot tips have no share. BlazePose marks ankles where annotators of 2D data sets do, and masks of
-standing people end where the soles of bodies that are fitted without shares lie."""
+Measured by fitting the embedded body to 31 people in 16 photos with these shares free; shares from
+one half of the photos lower the reprojection error on the other half by a fifth. The knee's share
+is the distance of BlazePose's knees below true ones: .076 of the shank in 20 views of one set with
+true joints, and .073 in 4 of another.
+
+Ankles, heels and foot tips have no share. BlazePose marks ankles where annotators of 2D data sets
+do, and masks of standing people end where the soles of bodies that are fitted without shares lie.
+"""
 
 _HIP_WEIGHT = 0.5  # BlazePose marks hips on the skin, with a larger error than other joints
 

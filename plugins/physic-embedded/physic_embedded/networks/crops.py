@@ -1,7 +1,8 @@
-"""Crop rotated and letterboxed squares from a photo, and convert coordinates between crop and photo.
+"""Crop rotated and letterboxed squares from a photo, and convert coordinates between crop and
+photo.
 
-Photo coordinates are pixels with integer pixel centres. Crop coordinates are pixel edges: 0 is the left edge of the
-first pixel and ``size`` the right edge of the last, as the networks here use them.
+Photo coordinates are pixels with integer pixel centres. Crop coordinates are pixel edges: 0 is the
+left edge of the first pixel and ``size`` the right edge of the last, as the networks here use them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class RotatedSquare:
     Attributes:
         center: (2,) px.
         side: px.
-        angle: radians, positive turns the square's x axis towards the photo's y axis (clockwise on screen).
+        angle: radians, positive turns the square's x axis towards the photo's y axis (clockwise on
+            screen).
     """
 
     center: Float
@@ -38,7 +40,8 @@ class RotatedSquare:
     def rotation(self) -> Float:
         """Rotation (2, 2) from directions in the square to directions in the photo."""
 
-        c, s = np.cos(self.angle), np.sin(self.angle)
+        c = np.cos(self.angle)
+        s = np.sin(self.angle)
         return np.array([[c, -s], [s, c]])
 
     def to_photo(self, points: Float, size: int) -> Float:
@@ -57,20 +60,25 @@ class ImagePyramid:
     """Photo with half-size copies, so that crops of a large photo are not aliased.
 
     Attributes:
-        levels: uint8 RGB images, each about half the size of the one before; the first is the photo.
+        levels: uint8 RGB images, each about half the size of the one before; the first is the
+            photo.
     """
 
     levels: tuple[Image, ...]
 
     @classmethod
     def from_image(cls, image: Image, smallest: int = 128) -> ImagePyramid:
-        """Build a pyramid of an image (H, W, 3), halved until its long side would fall below ``smallest`` px."""
+        """Build a pyramid of an image (H, W, 3), halved until its long side would fall below
+        ``smallest`` px.
+        """
         import cv2
 
         levels = [image]
         while max(levels[-1].shape[:2]) >= 2 * smallest and min(levels[-1].shape[:2]) > 1:
             h, w = levels[-1].shape[:2]
-            levels.append(cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA))
+            levels.append(
+                cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA)
+            )
         return cls(tuple(levels))
 
     @property
@@ -96,12 +104,18 @@ class ImagePyramid:
         at = (square.to_photo(corner, size) + 0.5) * scale - 0.5
         matrix = np.stack([at[1] - at[0], at[2] - at[0], at[0]], axis=1)
         cut: Image = cv2.warpAffine(
-            level, matrix, (size, size), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT
+            level,
+            matrix,
+            (size, size),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_CONSTANT,
         )
         return cut
 
 
-def letterbox_square(image: Image, size: int, origin: tuple[int, int] = (0, 0)) -> tuple[Image, RotatedSquare]:
+def letterbox_square(
+    image: Image, size: int, origin: tuple[int, int] = (0, 0)
+) -> tuple[Image, RotatedSquare]:
     """Resize an image into the middle of a black square.
 
     Args:

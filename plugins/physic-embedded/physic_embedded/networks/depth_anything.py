@@ -16,19 +16,25 @@ if TYPE_CHECKING:
     from physic_core.adapters.pictures import Resampling
 
 _PATCH = 14  # px, side of the vision transformer's patches
-_OVERHANG = 0.1  # patches; a photo that is longer by less is shrunk instead of getting one more row or column of them
+# patches; a photo that is longer by less is shrunk instead of getting one more row or column of
+# them
+_OVERHANG = 0.1
 _FILL = tuple(round(255 * mean) for mean in IMAGENET_MEAN)
 
 
-def network_input_size(height: int, width: int, short_side: int = 518, max_tokens: int = 3600) -> tuple[int, int]:
+def network_input_size(
+    height: int, width: int, short_side: int = 518, max_tokens: int = 3600
+) -> tuple[int, int]:
     """Return height and width of the network input: the multiples of 14 in which the photo fits.
 
-    The short side is ``short_side`` px unless that gives more than about ``max_tokens`` patches, because long panoramas
-    cost quadratic time. With 518 and 406 px, no usual aspect ratio is near the limit of another number of patches, so
-    that a photo with a column less gets the same size.
+    The short side is ``short_side`` px unless that gives more than about ``max_tokens`` patches,
+    because long panoramas cost quadratic time. With 518 and 406 px, no usual aspect ratio is near
+    the limit of another number of patches, so that a photo with a column less gets the same size.
     """
     scale = min(short_side / min(height, width), _PATCH * (max_tokens / (height * width)) ** 0.5)
-    rows, columns = (max(1, math.ceil(side * scale / _PATCH - _OVERHANG)) * _PATCH for side in (height, width))
+    rows, columns = (
+        max(1, math.ceil(side * scale / _PATCH - _OVERHANG)) * _PATCH for side in (height, width)
+    )
     return rows, columns
 
 
@@ -46,7 +52,8 @@ def predict_disparity(
         max_tokens: cap on the number of patches.
 
     Returns:
-        (h, w) float32, at least 0, of the photo alone; at most of the size that :func:`network_input_size` gives.
+        (h, w) float32, at least 0, of the photo alone; at most of the size that
+        :func:`network_input_size` gives.
     """
     height, width = image.shape[:2]
     rows, columns = network_input_size(height, width, short_side, max_tokens)

@@ -1,7 +1,9 @@
-"""Detect a person's hands with the two MediaPipe hand networks: 21 landmarks in pixels and in metres.
+"""Detect a person's hands with the two MediaPipe hand networks: 21 landmarks in pixels and in
+metres.
 
-The palm detector needs a palm that fills a large part of its input, so it gets crops around the wrists of a known pose:
-upright, and rotated so that the forearm points up. The pose also gives the person and the side of the hand.
+The palm detector needs a palm that fills a large part of its input, so it gets crops around the
+wrists of a known pose: upright, and rotated so that the forearm points up. The pose also gives the
+person and the side of the hand.
 """
 
 from __future__ import annotations
@@ -22,10 +24,13 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-DETECTOR_SIZE, LANDMARK_SIZE = 192, 224
+DETECTOR_SIZE = 192
+LANDMARK_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 6))
 PALM = [0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18]
-"""Landmark indices of palm and first finger joints, whose box does not depend on the pose of the fingers."""
+"""Landmark indices of palm and first finger joints, whose box does not depend on the pose of the
+fingers.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,12 @@ class HandLandmarks:
 
     Attributes:
         points: (21, 2) photo px.
-        world: (21, 3) metres, x right, y down, z away from the camera, origin near the middle of the hand.
+        world: (21, 3) metres, x right, y down, z away from the camera, origin near the middle of
+            the hand.
         presence: in [0, 1], that there is a hand.
         right: in [0, 1], that it is a right hand.
-        mirror_gap: mean distance of the landmarks from those found in the mirror image, over the hand's size.
+        mirror_gap: mean distance of the landmarks from those found in the mirror image, over the
+            hand's size.
     """
 
     points: Float
@@ -65,7 +72,9 @@ def square_from_palm(box: Float, wrist: Float, middle: Float) -> RotatedSquare:
     d = middle - wrist
     side = float(max(box[2] - box[0], box[3] - box[1]))
     turned = RotatedSquare((box[:2] + box[2:]) / 2, 2.6 * side, float(np.arctan2(d[0], -d[1])))
-    return RotatedSquare(turned.center + turned.rotation @ np.array([0.0, -0.5 * side]), turned.side, turned.angle)
+    return RotatedSquare(
+        turned.center + turned.rotation @ np.array([0.0, -0.5 * side]), turned.side, turned.angle
+    )
 
 
 def square_from_landmarks(points: Float) -> RotatedSquare:
@@ -74,13 +83,16 @@ def square_from_landmarks(points: Float) -> RotatedSquare:
     d = middle - points[0]
     upright = RotatedSquare(np.zeros(2), 1.0, float(np.arctan2(d[0], -d[1])))
     turned = points[PALM] @ upright.rotation
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    low = turned.min(axis=0)
+    high = turned.max(axis=0)
     side = float((high - low).max())
     center = upright.rotation @ ((low + high) / 2 + np.array([0.0, -0.1 * (high - low)[1]]))
     return RotatedSquare(center, 2.0 * side, upright.angle)
 
 
-def predict_hand_landmarks(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare) -> HandLandmarks:
+def predict_hand_landmarks(
+    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
+) -> HandLandmarks:
     """Predict the landmarks of the hand in a square, averaged over the crop and its mirror image.
 
     Args:
@@ -104,18 +116,27 @@ def predict_hand_landmarks(session: OnnxSession, picture: ImagePyramid, square: 
 
 
 def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, float, float]:
-    """Run the landmark network on a crop: landmarks in crop coordinates, landmarks in metres, presence, right-hand
-    score.
+    """Run the landmark network on a crop: landmarks in crop coordinates, landmarks in metres,
+    presence, right-hand score.
     """
     raw, presence, right, world = session.run(
-        ["landmarks", "presence", "handedness", "world_landmarks"], {"image": cut[None].astype(np.float32) / 255.0}
+        ["landmarks", "presence", "handedness", "world_landmarks"],
+        {"image": cut[None].astype(np.float32) / 255.0},
     )
     points = raw[0].reshape(21, 3).astype(float)
-    return points[:, :2], world[0].reshape(21, 3).astype(float), float(presence[0, 0]), float(right[0, 0])
+    return (
+        points[:, :2],
+        world[0].reshape(21, 3).astype(float),
+        float(presence[0, 0]),
+        float(right[0, 0]),
+    )
 
 
-def hand_search_square(elbow: Float, wrist: Float, knuckles: Float, torso: float) -> tuple[RotatedSquare, float]:
-    """Return the upright square in which to detect a palm, and the angle, radians, that rotates the forearm upright.
+def hand_search_square(
+    elbow: Float, wrist: Float, knuckles: Float, torso: float
+) -> tuple[RotatedSquare, float]:
+    """Return the upright square in which to detect a palm, and the angle, radians, that rotates the
+    forearm upright.
 
     Args:
         elbow: (2,) px.
@@ -125,7 +146,9 @@ def hand_search_square(elbow: Float, wrist: Float, knuckles: Float, torso: float
     """
     hand = max(0.75 * float(np.linalg.norm(wrist - elbow)), 0.36 * torso)
     forearm = knuckles - elbow
-    return RotatedSquare(wrist + 0.8 * (knuckles - wrist), 2.6 * hand, 0.0), float(np.arctan2(forearm[0], -forearm[1]))
+    return RotatedSquare(wrist + 0.8 * (knuckles - wrist), 2.6 * hand, 0.0), float(
+        np.arctan2(forearm[0], -forearm[1])
+    )
 
 
 def find_hand(
@@ -156,21 +179,31 @@ def find_hand(
     for angle in (0.0, arm_angle):
         view = RotatedSquare(around.center, around.side, angle)
         cut = picture.crop(view, DETECTOR_SIZE)
-        boxes, scores = detector.run(["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0})
-        for palm in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[:2]:
+        boxes, scores = detector.run(
+            ["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0}
+        )
+        for palm in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[
+            :2
+        ]:
             center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)
-            length = max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1]) * view.side / DETECTOR_SIZE
+            length = (
+                max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1])
+                * view.side
+                / DETECTOR_SIZE
+            )
             keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
             box = np.concatenate([center - length / 2, center + length / 2])
             starts.append(square_from_palm(box, keys[0], keys[2]))
     # No palm is visible: the pose gives the place of the hand.
     starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
-    best, most = None, 0.0
+    best = None
+    most = 0.0
     for start in starts:
         points, _, presence, right = _look(landmarker, picture.crop(start, LANDMARK_SIZE))
         points = start.to_photo(points, LANDMARK_SIZE)
         worth = presence * (0.2 + (right if side == "right" else 1.0 - right))
         near = np.linalg.norm(points[0] - wrist) < 0.25 * around.side
         if near and worth > most:
-            best, most = square_from_landmarks(points), worth
+            best = square_from_landmarks(points)
+            most = worth
     return None if best is None else predict_hand_landmarks(landmarker, picture, best)

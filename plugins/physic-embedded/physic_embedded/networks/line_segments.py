@@ -15,7 +15,10 @@ _SIDE = 512  # px of the network's square input; its output is a grid of half th
 
 
 def detect_line_segments(
-    session: OnnxSession, image: NDArray[np.uint8], threshold: float = 0.15, min_length: float = 0.015
+    session: OnnxSession,
+    image: NDArray[np.uint8],
+    threshold: float = 0.15,
+    min_length: float = 0.015,
 ) -> NDArray[np.float64]:
     """Detect straight line segments in an image.
 
@@ -33,11 +36,14 @@ def detect_line_segments(
     height, width = image.shape[:2]
     fed = np.ones((1, _SIDE, _SIDE, 4), np.float32)  # the fourth channel is ones
     fed[0, ..., :3] = cv2.resize(image, (_SIDE, _SIDE), interpolation=cv2.INTER_AREA)
-    offsets, scores = session.run(["offsets", "scores"], {"input_image_with_alpha:0": fed}, keep=True)
+    offsets, scores = session.run(
+        ["offsets", "scores"], {"input_image_with_alpha:0": fed}, keep=True
+    )
     row, column = np.nonzero(scores[0, ..., 0] > threshold)
     shift = offsets[0, row, column].reshape(-1, 2, 2)
     cells = np.stack([column, row], -1)[:, None] + shift
-    # A cell of the answer is two pixels of the input: pixel centres move by half a pixel at each resampling.
+    # A cell of the answer is two pixels of the input: pixel centres move by half a pixel at each
+    # resampling.
     scale = np.array([width, height]) / _SIDE
     ends = (2 * cells + 1) * scale - 0.5
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
@@ -47,7 +53,9 @@ def detect_line_segments(
 def segments_outside_mask(
     segments: NDArray[np.float64], mask: NDArray[np.bool_], share: float = 0.3
 ) -> NDArray[np.float64]:
-    """Select the segments of which at most ``share`` lies in a mask (H, W), such as the inpainted region."""
+    """Select the segments of which at most ``share`` lies in a mask (H, W), such as the inpainted
+    region.
+    """
 
     height, width = mask.shape
     steps = np.linspace(0.0, 1.0, 9)[None, :, None]

@@ -37,7 +37,10 @@ class ImageEmbedding:
     scale: float
 
     def to_input_pixels(self, points: Float) -> Float:
-        """Convert photo pixels (..., 2) to pixels of the network input. Integers are pixel centres in both images."""
+        """Convert photo pixels (..., 2) to pixels of the network input.
+
+        Integers are pixel centres in both images.
+        """
         frame: Float = (points + 0.5) * self.scale - 0.5
         return frame
 
@@ -53,7 +56,9 @@ class ImageEmbedding:
         return FRAME_SIZE / MASK_SIZE / self.scale
 
     def grid_points(self) -> Float:
-        """Return the centres (rows, columns, 2) of the low-resolution mask's pixels, in photo px."""
+        """Return the centres (rows, columns, 2) of the low-resolution mask's pixels, in photo
+        px.
+        """
 
         rows, columns = self.grid_shape
         y, x = np.mgrid[:rows, :columns]
@@ -78,8 +83,8 @@ class MaskProposals:
     """Four mask proposals for one prompt.
 
     Attributes:
-        logits: (4, rows, columns), above 0 inside; the first is for prompts without ambiguity, the others are whole,
-            part and part of a part.
+        logits: (4, rows, columns), above 0 inside; the first is for prompts without ambiguity, the
+            others are whole, part and part of a part.
         iou: (4,) intersection over union of each mask with the object, as predicted.
         raw: (4, 256, 256), input of a further prediction.
     """
@@ -95,8 +100,11 @@ def embed_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbeddin
 
     h, w = image.shape[:2]
     scale = FRAME_SIZE / max(h, w)
-    nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
-    small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    nh = max(1, round(h * scale))
+    nw = max(1, round(w * scale))
+    small = cv2.resize(
+        image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    )
     inputs = {"image": small.transpose(2, 0, 1)[None].astype(np.float32)}
     (features,) = session.run(None, inputs, keep=True)
     return ImageEmbedding(features, h, w, scale)
@@ -110,7 +118,8 @@ def predict_masks(
     box: Float | None = None,
     mask: Float | None = None,
 ) -> MaskProposals:
-    """Predict masks of the object that contains the points ``inside`` and none of the points ``outside``.
+    """Predict masks of the object that contains the points ``inside`` and none of the points
+    ``outside``.
 
     Args:
         session: of ``mobilesam_decoder``.
@@ -120,7 +129,9 @@ def predict_masks(
         box: (4,) x0 y0 x1 y1 photo px around it.
         mask: (256, 256) logits, one of ``raw`` of an earlier prediction.
     """
-    points = [embedding.to_input_pixels(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)]
+    points = [
+        embedding.to_input_pixels(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)
+    ]
     labels = [np.ones(len(points[0])), np.zeros(len(points[1]))]
     if box is None:
         # The decoder wants a padding point where there is no box.
@@ -135,7 +146,9 @@ def predict_masks(
             "image_embeddings": embedding.features,
             "point_coords": np.concatenate(points)[None].astype(np.float32),
             "point_labels": np.concatenate(labels)[None].astype(np.float32),
-            "mask_input": np.zeros((1, 1, MASK_SIZE, MASK_SIZE), np.float32) if mask is None else mask[None, None],
+            "mask_input": np.zeros((1, 1, MASK_SIZE, MASK_SIZE), np.float32)
+            if mask is None
+            else mask[None, None],
             "has_mask_input": np.array([0 if mask is None else 1], np.float32),
         },
     )

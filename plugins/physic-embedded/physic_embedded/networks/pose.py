@@ -40,7 +40,8 @@ class Pose:
         score: in [0, 1], that there is a person at all.
         mask: (256, 256) logits of the person's pixels in ``square``.
         square: the part of the photo that the network saw.
-        mirror_gap: mean distance of the joints from those found in the mirror image, over the square's side.
+        mirror_gap: mean distance of the joints from those found in the mirror image, over the
+            square's side.
         mirror_mask_iou: overlap of the mask with the one found in the mirror image.
     """
 
@@ -80,17 +81,22 @@ class Pose:
 def person_square(hip: Float, end: Float) -> RotatedSquare:
     """Return the landmark network's input square, centred on the mid hip.
 
-    In the square, the direction from ``hip`` to ``end`` points up. Half its side is 1.25 times their distance.
+    In the square, the direction from ``hip`` to ``end`` points up. Half its side is 1.25 times
+    their distance.
     """
     d = np.asarray(end, float) - hip
-    return RotatedSquare(np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1])))
+    return RotatedSquare(
+        np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1]))
+    )
 
 
-def predict_pose(session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, passes: int = 2) -> Pose:
+def predict_pose(
+    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, passes: int = 2
+) -> Pose:
     """Predict the pose of the person in a square. Every pass but the last one refines the square.
 
-    The last pass is averaged with that of the mirror image, which is steadier. Their disagreement is large where there
-    is no person.
+    The last pass is averaged with that of the mirror image, which is steadier. Their disagreement
+    is large where there is no person.
 
     Args:
         session: of ``pose_landmark_heavy``.
@@ -115,11 +121,16 @@ def average_agreeing(pose: Pose, others: Sequence[Pose], near: float) -> Pose:
         others: poses from other squares; may contain ``pose`` itself.
         near: share of the side of the pose's square by which joints may differ.
     """
-    points, world, count = pose.points.copy(), pose.world.copy(), np.ones((len(pose.points), 1))
+    points = pose.points.copy()
+    world = pose.world.copy()
+    count = np.ones((len(pose.points), 1))
     for other in others:
         if other is pose:
             continue
-        agree = np.linalg.norm(other.points - pose.points, axis=1, keepdims=True) < near * pose.square.side
+        agree = (
+            np.linalg.norm(other.points - pose.points, axis=1, keepdims=True)
+            < near * pose.square.side
+        )
         points += np.where(agree, other.points, 0.0)
         world += np.where(agree, other.world, 0.0)
         count += agree
@@ -155,7 +166,8 @@ class _RawPose:
 def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> _RawPose:
     """Run the landmark network on a (256, 256, 3) crop."""
     raw, score, mask, world = session.run(
-        ["landmarks", "presence", "mask", "world_landmarks"], {"image": cut[None].astype(np.float32) / 255.0}
+        ["landmarks", "presence", "mask", "world_landmarks"],
+        {"image": cut[None].astype(np.float32) / 255.0},
     )
     rows = raw[0].reshape(39, 5).astype(float)
     return _RawPose(
@@ -169,8 +181,9 @@ def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> _RawPose:
 
 
 def _mean(a: _RawPose, b: _RawPose, near: float = 0.05 * LANDMARK_SIZE) -> _RawPose:
-    """Average two outputs. A joint that differs by more than ``near`` px is taken from the output with the higher
-    score.
+    """Average two outputs.
+
+    A joint that differs by more than ``near`` px is taken from the output with the higher score.
     """
     first, second = (a, b) if a.score >= b.score else (b, a)
     agree = np.linalg.norm(a.points - b.points, axis=1) < near
@@ -190,8 +203,9 @@ def _mean(a: _RawPose, b: _RawPose, near: float = 0.05 * LANDMARK_SIZE) -> _RawP
 
 
 def _gap(a: _RawPose, b: _RawPose) -> float:
-    """Return the mean distance between the joints of two outputs over the crop's side, weighted by common
-    confidence."""
+    """Return the mean distance between the joints of two outputs over the crop's side, weighted by
+    common confidence.
+    """
     weight = np.minimum(a.visibility * a.presence, b.visibility * b.presence)[:33]
     apart = np.linalg.norm(a.points - b.points, axis=1)[:33]
     return float((weight * apart).sum() / max(weight.sum(), 1e-6) / LANDMARK_SIZE)
@@ -199,7 +213,8 @@ def _gap(a: _RawPose, b: _RawPose) -> float:
 
 def _mask_iou(a: Float, b: Float) -> float:
     """Return the intersection over union of two masks given as logits."""
-    both, any_ = ((a > 0) & (b > 0)).sum(), ((a > 0) | (b > 0)).sum()
+    both = ((a > 0) & (b > 0)).sum()
+    any_ = ((a > 0) | (b > 0)).sum()
     return float(both / max(any_, 1))
 
 

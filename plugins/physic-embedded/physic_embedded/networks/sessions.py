@@ -24,7 +24,8 @@ _BROKEN = "Install physic-embedded again from its wheel."
 
 
 class PackagedBackend(NetworkBackend):
-    """Base class of a backend that runs packaged networks; in the list of base classes, it precedes the interface.
+    """Base class of a backend that runs packaged networks; in the list of base classes, it precedes
+    the interface.
 
     Its options have ``threads``, and ``products`` if the arithmetic can be chosen.
 
@@ -36,14 +37,24 @@ class PackagedBackend(NetworkBackend):
     weight_options = ()
 
     def build(self, device: str) -> dict[str, OnnxSession]:
-        """Open every network, and return the sessions by name; see :func:`open_packaged_session`."""
+        """Open every network, and return the sessions by name; see
+        :func:`open_packaged_session`.
+        """
         options: Any = self.options
-        graphs = {name: graph_name(name, getattr(options, "products", "auto"), device) for name in self.networks}
-        return {name: open_packaged_session(graph, options.threads, device) for name, graph in graphs.items()}
+        graphs = {
+            name: graph_name(name, getattr(options, "products", "auto"), device)
+            for name in self.networks
+        }
+        return {
+            name: open_packaged_session(graph, options.threads, device)
+            for name, graph in graphs.items()
+        }
 
 
 def graph_name(name: str, products: Products, device: str) -> str:
-    """Return the name of a network's graph with the wanted arithmetic; some networks have only float32."""
+    """Return the name of a network's graph with the wanted arithmetic; some networks have only
+    float32.
+    """
     in_int8 = products == "int8" or (products == "auto" and device == "cpu")
     return f"{name}_int8" if in_int8 and (WEIGHTS_FOLDER / f"{name}_int8.onnx").is_file() else name
 
@@ -73,17 +84,20 @@ def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> O
         device: "cpu", "cuda" or "cuda:N".
 
     Raises:
-        BackendError: the package does not contain this network, it has another SHA-256 than in ``MANIFEST.json``, or
-            onnxruntime cannot open it.
+        BackendError: the package does not contain this network, it has another SHA-256 than in
+            ``MANIFEST.json``, or onnxruntime cannot open it.
         DeviceError: the device does not exist, or the installed onnxruntime cannot use it.
     """
     path = weights_path(name)
-    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, published=_published(path))
+    return onnx_sessions.open_session(
+        path, threads, device, broken=_BROKEN, published=_published(path)
+    )
 
 
 @cache
 def _published(path: Path) -> dict[str, str]:
-    """Return the SHA-256 of the graph of a packaged network, and of its weights if they are in another file, by name.
+    """Return the SHA-256 of the graph of a packaged network, and of its weights if they are in
+    another file, by name.
 
     Raises:
         BackendError: ``MANIFEST.json`` is damaged.
@@ -93,6 +107,10 @@ def _published(path: Path) -> dict[str, str]:
         content = json.loads(manifest.read_bytes())
         files = {entry["file"]: entry for entry in (*content["models"], *content["weights"])}
         weights = files[path.name].get("weights")
-        return {name: str(files[name]["sha256"]) for name in (path.name, weights) if name is not None}
+        return {
+            name: str(files[name]["sha256"]) for name in (path.name, weights) if name is not None
+        }
     except (OSError, ValueError, LookupError, TypeError) as error:
-        raise BackendError(f"{manifest} is damaged: it has no SHA-256 of {path.name}. {_BROKEN}") from error
+        raise BackendError(
+            f"{manifest} is damaged: it has no SHA-256 of {path.name}. {_BROKEN}"
+        ) from error

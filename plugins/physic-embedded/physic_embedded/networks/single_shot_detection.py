@@ -1,4 +1,6 @@
-"""Decode MediaPipe's single-shot detectors: anchors, boxes with keypoints, merging of overlapping detections."""
+"""Decode MediaPipe's single-shot detectors: anchors, boxes with keypoints, merging of overlapping
+detections.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,8 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
 def decode_detections(
     raw: Float, logits: Float, anchors: Float, size: int, threshold: float, overlap: float = 0.3
 ) -> list[BoxDetection]:
-    """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best first.
+    """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best
+    first.
 
     Detections whose boxes overlap are averaged with their scores as weights, as in MediaPipe.
 
@@ -66,7 +69,8 @@ def decode_detections(
     kept = kept[np.argsort(-scores[kept], kind="stable")]
     anchor = anchors[kept] * size
     values = raw[kept].astype(float)
-    center, half = values[:, :2] + anchor, values[:, 2:4] / 2
+    center = values[:, :2] + anchor
+    half = values[:, 2:4] / 2
     boxes = np.concatenate([center - half, center + half], axis=1)
     points = values[:, 4:].reshape(len(kept), raw.shape[1] // 2 - 2, 2) + anchor[:, None]
     scores = scores[kept]
@@ -79,5 +83,9 @@ def decode_detections(
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()
-        found.append(BoxDetection(weight @ boxes[group], np.tensordot(weight, points[group], 1), float(scores[i])))
+        found.append(
+            BoxDetection(
+                weight @ boxes[group], np.tensordot(weight, points[group], 1), float(scores[i])
+            )
+        )
     return found

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 
-def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 160) -> Iterator[tuple[int, int, int]]:
+def tiles(
+    width: int, height: int, fractions: Sequence[float], smallest: int = 160
+) -> Iterator[tuple[int, int, int]]:
     """Yield overlapping squares (x, y, side) that cover an image, in px.
 
     Args:
@@ -18,7 +20,8 @@ def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 1
         smallest: sides below this, px, give no tile.
     """
     for fraction in fractions:
-        # Rounded down, a long side of 1279 px would need a fifth tile of .4 where 1280 px need four.
+        # Rounded down, a long side of 1279 px would need a fifth tile of .4 where 1280 px need
+        # four.
         side = math.ceil(fraction * max(width, height))
         if side < smallest or fraction >= 1.0:
             continue

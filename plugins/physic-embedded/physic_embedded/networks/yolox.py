@@ -1,4 +1,6 @@
-"""Detect people, animals and boards as boxes with YOLOX-nano, in the full image and in overlapping tiles."""
+"""Detect people, animals and boards as boxes with YOLOX-nano, in the full image and in overlapping
+tiles.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ CLASSES = {
     "skateboard": 36,
     "surfboard": 37,
 }
-"""Classes of COCO that are read, and their columns: people, and animals and boards that look like people."""
+"""Classes of COCO that are read, and their columns: people, and animals and boards that look like
+people.
+"""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
 
@@ -59,7 +63,8 @@ class Found(NamedTuple):
     names: tuple[str, ...]
 
     def other_at(self, box: Float, score: float, overlap: float) -> str | None:
-        """Return the class of an animal or a board with a higher score at a box (4,); None without one.
+        """Return the class of an animal or a board with a higher score at a box (4,); None without
+        one.
 
         Args:
             box: x0 y0 x1 y1 px.
@@ -81,7 +86,8 @@ def detect_boxes(
 ) -> Found:
     """Detect people, animals and boards in an image (H, W, 3).
 
-    A box that touches an edge of its tile inside the image is dropped: the rest of it is in another tile.
+    A box that touches an edge of its tile inside the image is dropped: the rest of it is in another
+    tile.
 
     Args:
         session: of ``yolox_nano``.
@@ -96,12 +102,18 @@ def detect_boxes(
         tile = image[y : y + side, x : x + side]
         boxes, scores = _detect(session, tile, min_tile_score)
         boxes = boxes + np.array([x, y, x, y], float)
-        keep = ~_touches_inner_edge(boxes, (x, y, x + tile.shape[1], y + tile.shape[0]), width, height)
+        keep = ~_touches_inner_edge(
+            boxes, (x, y, x + tile.shape[1], y + tile.shape[0]), width, height
+        )
         found.append((boxes[keep], scores[keep]))
     boxes = np.clip(np.concatenate([b for b, _ in found]), 0, [width, height, width, height])
     scores = np.concatenate([s for _, s in found])
     people = _best_of_class(boxes, scores[:, 0])
-    others = [(row, best) for row in range(1, len(CLASSES)) for best in _best_of_class(boxes, scores[:, row])]
+    others = [
+        (row, best)
+        for row in range(1, len(CLASSES))
+        for best in _best_of_class(boxes, scores[:, row])
+    ]
     others.sort(key=lambda pair: -scores[pair[1], pair[0]])
     rows, chosen = np.array(others, np.intp).reshape(-1, 2).T
     return Found(
@@ -112,13 +124,19 @@ def detect_boxes(
 
 
 def _best_of_class(boxes: Float, scores: Float) -> NDArray[np.intp]:
-    """Return the rows of the boxes (N, 4) of one class, best first; its scores (N,) are 0 where there is none."""
+    """Return the rows of the boxes (N, 4) of one class, best first; its scores (N,) are 0 where
+    there is none.
+    """
     rows = np.flatnonzero(scores > 0)
     return rows[nms(boxes[rows], scores[rows], MAX_IOU)]
 
 
-def _detect(session: OnnxSession, image: NDArray[np.uint8], min_score: float) -> tuple[Float, Float]:
-    """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N, C), 0 up to ``min_score``."""
+def _detect(
+    session: OnnxSession, image: NDArray[np.uint8], min_score: float
+) -> tuple[Float, Float]:
+    """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N, C), 0 up to
+    ``min_score``.
+    """
     canvas, placement = letterbox(
         image,
         INPUT_SIZE,
@@ -143,7 +161,8 @@ def _detect(session: OnnxSession, image: NDArray[np.uint8], min_score: float) ->
 @cache
 def _grid() -> tuple[Float, Float]:
     """Return the cells (A, 2) x y of all outputs, and their strides (A, 1) px."""
-    cells, strides = [], []
+    cells = []
+    strides = []
     for stride in STRIDES:
         count = INPUT_SIZE // stride
         y, x = np.mgrid[:count, :count]
@@ -155,7 +174,9 @@ def _grid() -> tuple[Float, Float]:
 def _touches_inner_edge(
     boxes: Float, tile: tuple[int, int, int, int], width: int, height: int, margin: float = 0.02
 ) -> NDArray[np.bool_]:
-    """Return (N,) whether a box touches an edge of its tile x0 y0 x1 y1 that is not an edge of the image."""
+    """Return (N,) whether a box touches an edge of its tile x0 y0 x1 y1 that is not an edge of the
+    image.
+    """
     near = max(4.0, margin * max(tile[2] - tile[0], tile[3] - tile[1]))
     x0, y0, x1, y1 = boxes.T
     touches: NDArray[np.bool_] = (

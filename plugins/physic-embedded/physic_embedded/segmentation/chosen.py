@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from physic_embedded.networks.pose import Pose
 
 MIN_BOX_IOU = 0.5
-"""A detected person whose box has less overlap with the user's box is another person, or only a part."""
+"""A detected person whose box has less overlap with the user's box is another person, or only a
+part.
+"""
 WHOLE = 1
 """Index of MobileSAM's proposal of the whole object."""
 
@@ -57,7 +59,8 @@ class Scenery:
 
 
 def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
-    """Return one person for each prompt: a detected one whom it hits, else the pose in the prompt's box.
+    """Return one person for each prompt: a detected one whom it hits, else the pose in the prompt's
+    box.
 
     Raises:
         NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
@@ -74,13 +77,15 @@ def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
         if person is None:
             height, width = scenery.image.shape[:2]
             raise NoPersonError(
-                f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at {width} x {height} px: "
+                f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at "
+                f"{width} x {height} px: "
                 "choose a place that shows head and torso, or a box around the person"
             )
         same = [k for k, other in enumerate(chosen) if other.pose is person.pose]
         if same:
             raise NoPersonError(
-                f"{prompt.describe(same[0])} and {prompt.describe(i)} hit the same person: give one prompt for each "
+                f"{prompt.describe(same[0])} and {prompt.describe(i)} hit the same person: give "
+                f"one prompt for each "
                 "person, or a box or mask where people overlap"
             )
         chosen.append(person)
@@ -88,7 +93,9 @@ def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
 
 
 def _at_point(scenery: Scenery, point: FloatArray) -> DetectedPose | None:
-    """Return the detected person whose mask, else whose box contains a pixel; else the one of the mask at the pixel."""
+    """Return the detected person whose mask, else whose box contains a pixel; else the one of the
+    mask at the pixel.
+    """
     x, y = np.rint(point).astype(int)
     on_mask = np.flatnonzero(scenery.masks[:, y, x])
     if len(on_mask):
@@ -101,7 +108,9 @@ def _at_point(scenery: Scenery, point: FloatArray) -> DetectedPose | None:
     mask = scenery.embedding.to_photo(answer.logits[WHOLE]) > 0
     person = _in_box(scenery, boxes_from_masks(mask[None])[0]) if mask.any() else None
     # The mask of a wall or a table has a box that contains other people.
-    return person if person is not None and person.pose.mask_at(point[None, None])[0, 0] > 0 else None
+    return (
+        person if person is not None and person.pose.mask_at(point[None, None])[0, 0] > 0 else None
+    )
 
 
 def _in_box(scenery: Scenery, box: FloatArray) -> DetectedPose | None:
@@ -119,7 +128,9 @@ def _in_mask(scenery: Scenery, mask: BoolArray) -> DetectedPose | None:
     """Return the detected or predicted pose whose own mask overlaps most with a mask (H, W)."""
     box = boxes_from_masks(mask[None])[0]
     neighbours = [
-        person.pose for person, own in zip(scenery.found, scenery.masks, strict=True) if not (own & mask).any()
+        person.pose
+        for person, own in zip(scenery.found, scenery.masks, strict=True)
+        if not (own & mask).any()
     ]
     poses = [person.pose for person in scenery.found] + _poses(scenery, box, neighbours)
 
@@ -136,7 +147,9 @@ def _in_mask(scenery: Scenery, mask: BoolArray) -> DetectedPose | None:
 
 
 def _poses(scenery: Scenery, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
-    """Return poses in a box (4,): with and without the other people, of a whole person and of an upper half."""
+    """Return poses in a box (4,): with and without the other people, of a whole person and of an
+    upper half.
+    """
     clear = ImagePyramid.from_image(scenery.image)
     grey = ImagePyramid.from_image(grey_out(scenery.image, others))
     return [

@@ -10,15 +10,19 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
-_HEAD, _SHOULDERS, _HIPS = slice(0, 11), slice(11, 13), slice(23, 25)  # of blazepose33
+# of blazepose33
+_HEAD = slice(0, 11)
+_SHOULDERS = slice(11, 13)
+_HIPS = slice(23, 25)
 
 
 def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     """Set the confidence of head and shoulders to 0 for people whose head is outside of the image.
 
-    BlazePose puts a head into each crop, with full confidence. If the head is outside, it lies on the chest, and the
-    trunk that is fitted to it bends forward. Such a head has two signs: it lies on the hips' side of the shoulders, and
-    the border of the image beyond the shoulders cuts the mask at least as wide as the shoulders are apart.
+    BlazePose puts a head into each crop, with full confidence. If the head is outside, it lies on
+    the chest, and the trunk that is fitted to it bends forward. Such a head has two signs: it lies
+    on the hips' side of the shoulders, and the border of the image beyond the shoulders cuts the
+    mask at least as wide as the shoulders are apart.
 
     Args:
         keypoints: joints of skeleton "blazepose33" of N people.
@@ -31,8 +35,11 @@ def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
 
 
 def _is_cut(points: FloatArray, mask: BoolArray) -> bool:
-    """Return whether the head of one person, joints (33, 2) px and mask (H, W), is outside of the image."""
-    shoulders, hips = points[_SHOULDERS].astype(float), points[_HIPS].astype(float)
+    """Return whether the head of one person, joints (33, 2) px and mask (H, W), is outside of the
+    image.
+    """
+    shoulders = points[_SHOULDERS].astype(float)
+    hips = points[_HIPS].astype(float)
     up = shoulders.mean(axis=0) - hips.mean(axis=0)
     on_chest = (points[_HEAD].mean(axis=0) - shoulders.mean(axis=0)) @ up < 0
     width_px = _border_beyond(up, mask).sum()
@@ -40,7 +47,9 @@ def _is_cut(points: FloatArray, mask: BoolArray) -> bool:
 
 
 def _border_beyond(up: FloatArray, mask: BoolArray) -> BoolArray:
-    """Return the row or column of a mask (H, W) at the border that the direction ``up`` (x, y) points to."""
+    """Return the row or column of a mask (H, W) at the border that the direction ``up`` (x, y)
+    points to.
+    """
     if abs(up[0]) > abs(up[1]):
         border: BoolArray = mask[:, -1] if up[0] > 0 else mask[:, 0]
     else:

@@ -29,13 +29,18 @@ _LEAST_LABELLED = 0.02  # of the picture; a smaller floor among the labels is ig
 
 
 def visible_feet(pose: Pose, width: int, height: int, clear: float = 0.5) -> list[Float]:
-    """Return the midpoint (2,) px of heel and toe of each foot whose ankle, heel and toe are visible."""
+    """Return the midpoint (2,) px of heel and toe of each foot whose ankle, heel and toe are
+    visible.
+    """
     confidence = pose.confidence(width, height)
-    return [pose.points[list(f[1:])].mean(axis=0) for f in FEET if confidence[list(f)].min() > clear]
+    return [
+        pose.points[list(f[1:])].mean(axis=0) for f in FEET if confidence[list(f)].min() > clear
+    ]
 
 
 def ground_points(poses: Sequence[Pose], people: Bool, reach: float = 0.45) -> Float:
-    """Return prompt points (P, 2) px beside and below the feet, outside all people and inside the photo.
+    """Return prompt points (P, 2) px beside and below the feet, outside all people and inside the
+    photo.
 
     Args:
         poses: of the people.
@@ -44,24 +49,34 @@ def ground_points(poses: Sequence[Pose], people: Bool, reach: float = 0.45) -> F
     """
     height, width = people.shape
     ways = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.35], [0.6, 0.35], [0.0, 0.45]])
-    points = [foot + ways * reach * pose.torso_length for pose in poses for foot in visible_feet(pose, width, height)]
+    points = [
+        foot + ways * reach * pose.torso_length
+        for pose in poses
+        for foot in visible_feet(pose, width, height)
+    ]
     if not points:
         return np.zeros((0, 2))
     at = np.concatenate(points)
     margin = max(1.0, 0.004 * max(width, height))
-    low, high = margin, np.array([width, height]) - 1 - margin
+    low = margin
+    high = np.array([width, height]) - 1 - margin
     at = at[((at >= low) & (at <= high)).all(axis=1)]
     x, y = np.rint(at).astype(int).T
     return np.asarray(at[~dilate(people, int(margin))[y, x]])
 
 
 def floor_mask(
-    decoder: OnnxSession, embedding: ImageEmbedding, poses: Sequence[Pose], people: Bool, most_points: int = 16
+    decoder: OnnxSession,
+    embedding: ImageEmbedding,
+    poses: Sequence[Pose],
+    people: Bool,
+    most_points: int = 16,
 ) -> Bool:
     """Segment the floor (H, W) beside people's feet; all False if no foot is visible.
 
-    Several masks are possible: a tile, the pavement, everything but the sky. The largest one is chosen that holds the
-    points beside the feet and no people, and hardly rises above the shoulders of standing people.
+    Several masks are possible: a tile, the pavement, everything but the sky. The largest one is
+    chosen that holds the points beside the feet and no people, and hardly rises above the shoulders
+    of standing people.
 
     Args:
         decoder: session of ``mobilesam_decoder``.
@@ -77,20 +92,24 @@ def floor_mask(
     points = points[np.linspace(0, len(points) - 1, min(len(points), most_points)).astype(int)]
     nobody = _person_points(poses, people)
     answer = predict_masks(decoder, embedding, points, nobody)
-    best, most = none, 0.0
+    best = none
+    most = 0.0
     for logits in answer.logits:
         mask = embedding.to_photo(logits) > 0
         value = _plausibility(mask, points, people, poses)
         if value > most:
-            best, most = mask, value
+            best = mask
+            most = value
     return best & ~people
 
 
 def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool) -> Bool:
-    """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of surfaces.
+    """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of
+    surfaces.
 
-    Without people, the labels are the floor. Otherwise they extend the mask where they are connected with it. Where
-    people have no visible feet, the labels are not used, since they may show a bench that people sit on.
+    Without people, the labels are the floor. Otherwise they extend the mask where they are
+    connected with it. Where people have no visible feet, the labels are not used, since they may
+    show a bench that people sit on.
 
     Args:
         beside_feet: (H, W) of :func:`floor_mask`.
@@ -116,7 +135,9 @@ def _parts_that_touch(mask: Bool, wanted: Bool) -> Bool:
 def _person_points(poses: Sequence[Pose], people: Bool) -> Float:
     """(Q, 2) photo px on the people: knees, hips and trunks, where a mask has them."""
     height, width = people.shape
-    points = np.concatenate([[*p.points[[25, 26]], p.points[[11, 12, 23, 24]].mean(axis=0)] for p in poses])
+    points = np.concatenate(
+        [[*p.points[[25, 26]], p.points[[11, 12, 23, 24]].mean(axis=0)] for p in poses]
+    )
     points = points[((points >= 0) & (points <= [width - 1, height - 1])).all(axis=1)]
     x, y = np.rint(points).astype(int).T
     return np.asarray(points[people[y, x]])

@@ -23,10 +23,14 @@ def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint
     grey = image.copy()
     height, width = image.shape[:2]
     for pose in poses:
-        corners = pose.square.to_photo(LANDMARK_SIZE * np.array([[0.0, 0.0], [1, 0], [0, 1], [1, 1]]), LANDMARK_SIZE)
+        corners = pose.square.to_photo(
+            LANDMARK_SIZE * np.array([[0.0, 0.0], [1, 0], [0, 1], [1, 1]]), LANDMARK_SIZE
+        )
         x0, y0 = np.maximum(np.floor(corners.min(axis=0)), 0).astype(int)
         x1, y1 = np.minimum(np.ceil(corners.max(axis=0)) + 1, [width, height]).astype(int)
         if x0 < x1 and y0 < y1:
-            grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).astype(float)
+            grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).astype(
+                float
+            )
             grey[y0:y1, x0:x1][pose.mask_at(grid) > 0] = GREY
     return grey

@@ -1,9 +1,9 @@
 """Detect the poses of all people in an image.
 
-YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. Unless all boxes and
-their poses are sure, BlazePose's own detector adds people that YOLOX misses, and a second start for the landmark
-network at boxes that are not sure. Both also detect animals and boards as people: boxes that YOLOX scores higher as one
-of these are left out.
+YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box.
+Unless all boxes and their poses are sure, BlazePose's own detector adds people that YOLOX misses,
+and a second start for the landmark network at boxes that are not sure. Both also detect animals and
+boards as people: boxes that YOLOX scores higher as one of these are left out.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ import numpy as np
 from physic_core.adapters.people import box_iou
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import average_agreeing, person_square, predict_pose
-from physic_embedded.networks.single_shot_detection import BoxDetection, anchor_centers, decode_detections
+from physic_embedded.networks.single_shot_detection import (
+    BoxDetection,
+    anchor_centers,
+    decode_detections,
+)
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out
@@ -39,23 +43,34 @@ TORSO = [11, 12, 23, 24]
 BOX_TILES = (0.5,)
 """Sides of the tiles for YOLOX, over the image's long side."""
 WEAK_MARGIN = 0.1
-"""Boxes with a score lower by up to this than ``box_score`` are tried, and kept if a pose fits them well."""
+"""Boxes with a score lower by up to this than ``box_score`` are tried, and kept if a pose fits them
+well.
+"""
 MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3
 """The same for a box with a weak score."""
 SAME_THING = 0.7
-"""Least intersection over union at which a box of a person and one of an animal or a board show the same object."""
+"""Least intersection over union at which a box of a person and one of an animal or a board show the
+same object.
+"""
 MIN_MASK_FIT = 0.45
 """Least intersection over union of a box and the mask of an upper half."""
 MAX_MIRROR_GAP = 0.025
-"""Largest difference of the poses of an upper half and of its mirror image, over the square's side."""
+"""Largest difference of the poses of an upper half and of its mirror image, over the square's
+side.
+"""
 MAX_SHARED_MASK = 0.5
-"""A pose whose mask shares more than this with another person's, over the smaller of both, is of that person."""
+"""A pose whose mask shares more than this with another person's, over the smaller of both, is of
+that person.
+"""
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
-SURE_FIT, SURE_MIRROR_GAP = 0.5, 0.02
-"""Least fit and largest mirror gap of a sure pose, which no other pose changes; if all are sure, that is the search."""
+SURE_FIT = 0.5
+SURE_MIRROR_GAP = 0.02
+"""Least fit and largest mirror gap of a sure pose, which no other pose changes; if all are sure,
+that is the search.
+"""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -68,7 +83,8 @@ class SearchSettings:
         box_score: lowest score of a YOLOX box in the full image.
         sure: BlazePose score from which a candidate is a person, see :func:`is_person`.
         weak: BlazePose score from which a candidate is tried; 0.2 more in a tile.
-        fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the full image only.
+        fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the
+            full image only.
         max_people: number of people that are kept.
     """
 
@@ -163,7 +179,8 @@ def detect_poses(
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
-        if is_person(pose, score, settings.sure) and not things.other_at(mask_box(pose), lowest, SAME_THING)
+        if is_person(pose, score, settings.sure)
+        and not things.other_at(mask_box(pose), lowest, SAME_THING)
     ]
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
@@ -179,21 +196,29 @@ def detect_poses(
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
-    """Return the boxes of people that no better box of an animal or a board covers, and the names at the others.
+    """Return the boxes of people that no better box of an animal or a board covers, and the names
+    at the others.
 
     Names at boxes of weak score are omitted, since these boxes might not have become people.
     """
     people = things.people
     others = [
-        things.other_at(box, float(score), SAME_THING) for box, score in zip(people.boxes, people.scores, strict=True)
+        things.other_at(box, float(score), SAME_THING)
+        for box, score in zip(people.boxes, people.scores, strict=True)
     ]
     sure = people.scores >= box_score
-    left_out = [name for name, one_is_sure in zip(others, sure, strict=True) if name and one_is_sure]
+    left_out = [
+        name for name, one_is_sure in zip(others, sure, strict=True) if name and one_is_sure
+    ]
     return people[[name is None for name in others]], left_out
 
 
 def _add_hidden_people(
-    landmarker: OnnxSession, image: NDArray[np.uint8], boxes: Detections, kept: list[DetectedPose], box_score: float
+    landmarker: OnnxSession,
+    image: NDArray[np.uint8],
+    boxes: Detections,
+    kept: list[DetectedPose],
+    box_score: float,
 ) -> list[UnposedBox]:
     """Add to ``kept`` the people of boxes that gave no pose of their own, with the others in grey.
 
@@ -211,7 +236,9 @@ def _add_hidden_people(
             greyed = len(kept)
         least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
-            person = DetectedPose(pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box)
+            person = DetectedPose(
+                pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box
+            )
             if all(_is_other_person(person, other) for other in kept):
                 kept.append(person)
                 break
@@ -224,16 +251,22 @@ def _add_hidden_people(
 def _poses_of_hidden_person(
     landmarker: OnnxSession, picture: ImagePyramid, box: Float, min_fit: float
 ) -> Iterator[Pose]:
-    """Yield poses that fit a box (4,), of a whole person or of a person of whom only the upper half is visible.
+    """Yield poses that fit a box (4,), of a whole person or of a person of whom only the upper half
+    is visible.
 
-    The squares are not refined: that would move them to a neighbour. The mask of the upper half fits the box, the
-    joints do not, and chairs look like one: its pose must be the same in the mirror image.
+    The squares are not refined: that would move them to a neighbour. The mask of the upper half
+    fits the box, the joints do not, and chairs look like one: its pose must be the same in the
+    mirror image.
     """
     whole = predict_pose(landmarker, picture, square_around(box), passes=1)
     if whole.score > 0.5 and box_fit(whole, box) > min_fit:
         yield whole
     upper = predict_pose(landmarker, picture, square_from_upper_half(box), passes=1)
-    if upper.score > 0.95 and upper.mirror_gap < MAX_MIRROR_GAP and _iou(mask_box(upper), box) > MIN_MASK_FIT:
+    if (
+        upper.score > 0.95
+        and upper.mirror_gap < MAX_MIRROR_GAP
+        and _iou(mask_box(upper), box) > MIN_MASK_FIT
+    ):
         yield upper
 
 
@@ -242,7 +275,9 @@ def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
 
 
 def _is_sure(box: Float, score: float, pose: Pose, settings: SearchSettings) -> bool:
-    """Return whether a box has a high score and a pose that fits it, the same in the mirror image."""
+    """Return whether a box has a high score and a pose that fits it, the same in the mirror
+    image.
+    """
     return (
         score >= settings.box_score
         and pose.score > 0.5
@@ -252,11 +287,16 @@ def _is_sure(box: Float, score: float, pose: Pose, settings: SearchSettings) -> 
 
 
 def _search_blazepose(
-    pose_detector: OnnxSession, landmarker: OnnxSession, picture: ImagePyramid, settings: SearchSettings
+    pose_detector: OnnxSession,
+    landmarker: OnnxSession,
+    picture: ImagePyramid,
+    settings: SearchSettings,
 ) -> list[tuple[Pose, float]]:
     """Return the poses of BlazePose's own detector, with its scores."""
     weak = min(settings.weak, settings.sure)
-    detections = detect_people(pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions)
+    detections = detect_people(
+        pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions
+    )
     return [
         (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
         for d in detections[: 2 * settings.max_people]
@@ -274,7 +314,9 @@ def _best_poses(
     for (box, score, own), candidates in zip(posed, others, strict=True):
         poses = [own, *(pose for pose in candidates if _iou(joints_box(pose), box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
-        similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
+        similar = [
+            pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()
+        ]
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
         best = average_agreeing(best, similar, SAME_PLACE)
         least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
@@ -290,13 +332,16 @@ def square_around(box: Float) -> RotatedSquare:
 
 
 def square_from_upper_half(box: Float) -> RotatedSquare:
-    """Return the upright square that the landmark network needs if a box (4,) is around the upper half of a person."""
+    """Return the upright square that the landmark network needs if a box (4,) is around the upper
+    half of a person.
+    """
     center = np.array([(box[0] + box[2] - 1) / 2, box[3]])
     return RotatedSquare(center, 2.5 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
 
 
 def box_fit(pose: Pose, box: Float) -> float:
-    """Return how well a pose fits a box (4,): the product of two intersections over union, in [0, 1].
+    """Return how well a pose fits a box (4,): the product of two intersections over union, in [0,
+    1].
 
     They compare the box with the bounding box of the joints and with that of the pose's own mask.
     """
@@ -304,14 +349,18 @@ def box_fit(pose: Pose, box: Float) -> float:
 
 
 def joints_box(pose: Pose) -> Float:
-    """Return the bounding box (4,) of the joints inside the picture; of all joints if these are fewer than four."""
+    """Return the bounding box (4,) of the joints inside the picture; of all joints if these are
+    fewer than four.
+    """
     inside = pose.presence > 0.5
     points = pose.points[inside] if inside.sum() > 3 else pose.points
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
 def mask_box(pose: Pose) -> Float:
-    """Return the box (4,) that contains 99 % of the pose's own mask; of its joints if the mask is empty."""
+    """Return the box (4,) that contains 99 % of the pose's own mask; of its joints if the mask is
+    empty.
+    """
     y, x = np.nonzero(pose.mask > 0)
     if len(x) < 5:
         return np.concatenate([pose.points.min(axis=0), pose.points.max(axis=0)])
@@ -320,12 +369,16 @@ def mask_box(pose: Pose) -> Float:
 
 
 def mask_overlap(a: Pose, b: Pose, cells: int = 96) -> float:
-    """Return the intersection of the masks of two poses over the smaller of them, on a grid of ``cells`` a side."""
+    """Return the intersection of the masks of two poses over the smaller of them, on a grid of
+    ``cells`` a side.
+    """
     both = np.stack([mask_box(a), mask_box(b)])
-    low, high = both[:, :2].min(axis=0), both[:, 2:].max(axis=0)
+    low = both[:, :2].min(axis=0)
+    high = both[:, 2:].max(axis=0)
     step = max(float((high - low).max()) / cells, 1.0)
     grid = np.stack(np.meshgrid(*(np.arange(low[i], high[i], step) for i in (0, 1))), axis=-1)
-    first, second = a.mask_at(grid) > 0, b.mask_at(grid) > 0
+    first = a.mask_at(grid) > 0
+    second = b.mask_at(grid) > 0
     return float((first & second).sum() / max(min(first.sum(), second.sum()), 1))
 
 
@@ -334,19 +387,25 @@ def _iou(a: Float, b: Float) -> float:
 
 
 def detect_people(
-    session: OnnxSession, picture: ImagePyramid, threshold: float, tile_threshold: float, fractions: Sequence[float]
+    session: OnnxSession,
+    picture: ImagePyramid,
+    threshold: float,
+    tile_threshold: float,
+    fractions: Sequence[float],
 ) -> list[BoxDetection]:
-    """Detect candidate people in the full photo, its tiles and their mirror images: photo px, best score first.
+    """Detect candidate people in the full photo, its tiles and their mirror images: photo px, best
+    score first.
 
-    Overlapping detections are merged. Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that
-    the landmark network needs.
+    Overlapping detections are merged. Keypoint 0 of a candidate lies between the hips, keypoint 1
+    at the radius that the landmark network needs.
 
     Args:
         session: of ``pose_detection``.
         picture: the photo.
         threshold: lowest score in the whole photo.
         tile_threshold: lowest score in a tile.
-        fractions: tile sides over the photo's long side; the short side of a photo longer than all of them is added.
+        fractions: tile sides over the photo's long side; the short side of a photo longer than all
+            of them is added.
     """
     # People fill the height of a panorama, and the whole of it shows them too small.
     short = min(picture.width, picture.height) / max(picture.width, picture.height)
@@ -354,7 +413,11 @@ def detect_people(
         fractions = [*fractions, short]
     # The smallest copy of the photo whose tiles still fill the network's input.
     smallest = min([1.0, *fractions])
-    image = [v for v in picture.levels if max(v.shape[:2]) * smallest >= DETECTOR_SIZE or v is picture.levels[0]][-1]
+    image = [
+        v
+        for v in picture.levels
+        if max(v.shape[:2]) * smallest >= DETECTOR_SIZE or v is picture.levels[0]
+    ][-1]
     h, w = image.shape[:2]
     scale = np.array([picture.width / w, picture.height / h])
 
@@ -364,11 +427,16 @@ def detect_people(
 
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     found: list[BoxDetection] = []
-    for x, y, side, lowest in [(0, 0, max(h, w), threshold), *((*t, tile_threshold) for t in tiles(w, h, fractions))]:
+    for x, y, side, lowest in [
+        (0, 0, max(h, w), threshold),
+        *((*t, tile_threshold) for t in tiles(w, h, fractions)),
+    ]:
         shown, square = letterbox_square(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
         for mirrored in (False, True):
             pixels = shown[:, ::-1] if mirrored else shown
-            boxes, scores = session.run(["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0})
+            boxes, scores = session.run(
+                ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
+            )
             for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
                 points = np.concatenate([d.box.reshape(2, 2), d.keypoints])
                 if mirrored:
@@ -379,11 +447,13 @@ def detect_people(
     return merge_candidates(found)
 
 
-def merge_candidates(found: Sequence[BoxDetection], nearness: float = 0.35, overlap: float = 0.3) -> list[BoxDetection]:
+def merge_candidates(
+    found: Sequence[BoxDetection], nearness: float = 0.35, overlap: float = 0.3
+) -> list[BoxDetection]:
     """Merge detections of the same person and keep the best.
 
-    Two candidates are one person if their mid hips are nearer than ``nearness`` times the larger body radius, or if
-    their boxes overlap by more than ``overlap`` (intersection over union).
+    Two candidates are one person if their mid hips are nearer than ``nearness`` times the larger
+    body radius, or if their boxes overlap by more than ``overlap`` (intersection over union).
     """
 
     def radius(d: BoxDetection) -> float:
@@ -403,9 +473,9 @@ def merge_candidates(found: Sequence[BoxDetection], nearness: float = 0.35, over
 def is_person(pose: Pose, detected: float, sure: float) -> bool:
     """Return whether a candidate is a person.
 
-    From a detector score of ``sure`` on, the landmark network's score decides. By itself, that score also accepts
-    armchairs. A weaker candidate must therefore look the same in the mirror image, and have a trunk of plausible
-    length.
+    From a detector score of ``sure`` on, the landmark network's score decides. By itself, that
+    score also accepts armchairs. A weaker candidate must therefore look the same in the mirror
+    image, and have a trunk of plausible length.
 
     Args:
         pose: output of the landmark network for it.
@@ -421,9 +491,9 @@ def is_person(pose: Pose, detected: float, sure: float) -> bool:
 def is_same_person(a: DetectedPose, b: DetectedPose) -> bool:
     """Return whether two detected poses belong to the same person.
 
-    They do if the corners of their trunks are on average nearer than half a trunk. They also do if their masks overlap,
-    and their noses are together or one of them has no box: the hips of a person who is cut off by the photo's edge are
-    a guess, the head is not.
+    They do if the corners of their trunks are on average nearer than half a trunk. They also do if
+    their masks overlap, and their noses are together or one of them has no box: the hips of a
+    person who is cut off by the photo's edge are a guess, the head is not.
     """
     length = max(a.pose.torso_length, b.pose.torso_length, 1e-6)
     distances = np.linalg.norm(a.pose.points - b.pose.points, axis=1)

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 PROMPT_JOINTS = [0, 11, 12, 13, 14, 23, 24, 25, 26, 27, 28]
 """Landmark indices of joints well inside the body: nose, shoulders, elbows, hips, knees, ankles."""
 WRISTS = [15, 16]
-MIN_CONFIDENCE, MIN_WRIST_CONFIDENCE = 0.6, 0.9
+MIN_CONFIDENCE = 0.6
+MIN_WRIST_CONFIDENCE = 0.9
 """Confidence from which a joint, or a thin joint, is a prompt."""
 
 
@@ -44,12 +45,18 @@ class PersonMask:
 
 
 def person_mask(
-    decoder: OnnxSession, embedding: ImageEmbedding, pose: Pose, others: Sequence[Pose], most_others: int = 8
+    decoder: OnnxSession,
+    embedding: ImageEmbedding,
+    pose: Pose,
+    others: Sequence[Pose],
+    most_others: int = 8,
 ) -> PersonMask:
-    """Segment one person: select the mask proposal that agrees best with the pose network's mask and with the joints.
+    """Segment one person: select the mask proposal that agrees best with the pose network's mask
+    and with the joints.
 
-    Joints of the person are the points inside; noses and trunks of the nearest ``others`` the points outside. The
-    decoder runs with and without a box, and once more with the best mask as input.
+    Joints of the person are the points inside; noses and trunks of the nearest ``others`` the
+    points outside. The decoder runs with and without a box, and once more with the best mask as
+    input.
 
     Args:
         decoder: session of ``mobilesam_decoder``.
@@ -60,24 +67,36 @@ def person_mask(
     """
     cells = embedding.grid_points()
     soft = pose.mask_at(cells)
-    theirs = np.max([o.mask_at(cells) for o in others], axis=0) if others else np.full_like(soft, -np.inf)
+    theirs = (
+        np.max([o.mask_at(cells) for o in others], axis=0)
+        if others
+        else np.full_like(soft, -np.inf)
+    )
     rough = soft > 0
     # A joint hidden behind another person would prompt for that person.
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
         return PersonMask(soft, inside, 0.0)
     outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
-    near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[:most_others]
+    near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[
+        :most_others
+    ]
     outside = outside[near]
 
     joints = pose.points[pose.confidence(embedding.width, embedding.height) > MIN_CONFIDENCE]
     joints = _points_in_mask(joints, soft > theirs, embedding)
-    best, fit, start, used = soft, -np.inf, None, None
+    best = soft
+    fit = -np.inf
+    start = None
+    used = None
     for box in (None, _box(rough, embedding)):
         answer = predict_masks(decoder, embedding, inside, outside, box)
         k, value = _best(answer.logits, rough, joints, outside, embedding)
         if value > fit:
-            best, fit, start, used = answer.logits[k], value, answer.raw[k], box
+            best = answer.logits[k]
+            fit = value
+            start = answer.raw[k]
+            used = box
     answer = predict_masks(decoder, embedding, inside, outside, used, start)
     k, value = _best(answer.logits, rough, joints, outside, embedding)
     if value > fit:
@@ -85,11 +104,14 @@ def person_mask(
     return PersonMask(best, inside, float(_iou(best[None] > 0, rough)[0]))
 
 
-def resolve_overlaps(masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float = 0.1) -> Bool:
-    """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo size.
+def resolve_overlaps(
+    masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float = 0.1
+) -> Bool:
+    """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo
+    size.
 
-    A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times the whole mask
-    counts as part of another person.
+    A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times
+    the whole mask counts as part of another person.
     """
     owner = np.full((embedding.height, embedding.width), -1, np.int16)
     strongest = np.zeros((embedding.height, embedding.width), np.float32)
@@ -98,19 +120,33 @@ def resolve_overlaps(masks: Sequence[PersonMask], embedding: ImageEmbedding, spe
         wins = fine > strongest
         owner[wins] = i
         strongest = np.maximum(strongest, fine)
-    return np.stack([owner == i for i in range(len(masks))]) if masks else np.zeros((0, *owner.shape), bool)
+    return (
+        np.stack([owner == i for i in range(len(masks))])
+        if masks
+        else np.zeros((0, *owner.shape), bool)
+    )
 
 
-def _drop_stray_pieces(masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float) -> Float:
-    """Return the mask logits (N, rows, columns), negative on small pieces without a point of the person."""
+def _drop_stray_pieces(
+    masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float
+) -> Float:
+    """Return the mask logits (N, rows, columns), negative on small pieces without a point of the
+    person.
+    """
     import cv2
 
-    logits = np.stack([m.logits for m in masks]) if masks else np.zeros((0, *embedding.grid_shape), np.float32)
+    logits = (
+        np.stack([m.logits for m in masks])
+        if masks
+        else np.zeros((0, *embedding.grid_shape), np.float32)
+    )
     if not len(logits):
         return logits
     mine = (logits > 0) & (logits == logits.max(axis=0))
     for i, m in enumerate(masks):
-        count, pieces, stats, _ = cv2.connectedComponentsWithStats(mine[i].astype(np.uint8), connectivity=8)
+        count, pieces, stats, _ = cv2.connectedComponentsWithStats(
+            mine[i].astype(np.uint8), connectivity=8
+        )
         x, y = _cells(m.points, embedding)
         held = set(pieces[y, x])
         least = speck * mine[i].sum()
@@ -121,12 +157,15 @@ def _drop_stray_pieces(masks: Sequence[PersonMask], embedding: ImageEmbedding, s
 
 
 def _own_points(pose: Pose, embedding: ImageEmbedding) -> Float:
-    """Return prompt points (P, 2) px on the person: confident joints and three points down the trunk."""
+    """Return prompt points (P, 2) px on the person: confident joints and three points down the
+    trunk.
+    """
     confidence = pose.confidence(embedding.width, embedding.height)
     clear = [j for j in PROMPT_JOINTS if confidence[j] > MIN_CONFIDENCE] + [
         j for j in WRISTS if confidence[j] > MIN_WRIST_CONFIDENCE
     ]
-    shoulders, hips = pose.points[[11, 12]].mean(axis=0), pose.points[[23, 24]].mean(axis=0)
+    shoulders = pose.points[[11, 12]].mean(axis=0)
+    hips = pose.points[[23, 24]].mean(axis=0)
     return np.concatenate([pose.points[clear], [shoulders, (shoulders + hips) / 2, hips]])
 
 
@@ -151,7 +190,9 @@ def _points_in_mask(points: Float, mask: Bool, embedding: ImageEmbedding) -> Flo
 
 
 def _box(mask: Bool, embedding: ImageEmbedding, margin: float = 0.04) -> Float:
-    """Return the box of a grid mask in photo px, slightly larger than its 0.5th to 99.5th percentile."""
+    """Return the box of a grid mask in photo px, slightly larger than its 0.5th to 99.5th
+    percentile.
+    """
     y, x = np.nonzero(mask)
     low, high = (np.percentile(np.stack([x, y], axis=1), q, axis=0) for q in (0.5, 99.5))
     grow = margin * (high - low)
@@ -160,11 +201,13 @@ def _box(mask: Bool, embedding: ImageEmbedding, margin: float = 0.04) -> Float:
     return np.asarray(edges.ravel())
 
 
-def _best(logits: Float, rough: Bool, joints: Float, outside: Float, embedding: ImageEmbedding) -> tuple[int, float]:
+def _best(
+    logits: Float, rough: Bool, joints: Float, outside: Float, embedding: ImageEmbedding
+) -> tuple[int, float]:
     """Return index and fit of the best proposal.
 
-    The fit is the intersection over union with the rough mask, plus the share of clear joints inside, minus the share
-    of other people's points inside, both at 0.3.
+    The fit is the intersection over union with the rough mask, plus the share of clear joints
+    inside, minus the share of other people's points inside, both at 0.3.
     """
     inside = logits > 0
 
@@ -179,5 +222,7 @@ def _best(logits: Float, rough: Bool, joints: Float, outside: Float, embedding: 
 
 def _iou(masks: Bool, rough: Bool) -> Float:
     """Return the intersection over union (M,) of masks (M, rows, columns) with one mask."""
-    shared: Float = (masks & rough).sum(axis=(1, 2)) / np.maximum((masks | rough).sum(axis=(1, 2)), 1)
+    shared: Float = (masks & rough).sum(axis=(1, 2)) / np.maximum(
+        (masks | rough).sum(axis=(1, 2)), 1
+    )
     return shared

@@ -1,4 +1,6 @@
-"""Boxes of people without a pose: segment them, omit those of people who have one, and find masks of two people."""
+"""Boxes of people without a pose: segment them, omit those of people who have one, and find masks
+of two people.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,20 @@ SURE_SCORE = 0.65
 MIN_PERSON_SHARE = 0.1
 """Least share of the middle of such a box that is labelled as a person."""
 MIN_OWN_SHARE = 0.5
-"""A box is of a person with a pose unless this share of its mask lies outside the masks of posed people."""
+"""A box is of a person with a pose unless this share of its mask lies outside the masks of posed
+people.
+"""
 
 HEAD = slice(0, 11)
 """Landmarks of the head."""
 HEAD_SCORE = 0.5
 """A box of lower score does not show that there is a second person."""
-MIN_MASK_SHARE, MIN_TOP_SHARE, MAX_ABOVE_SHARE = 0.35, 0.3, 0.35
-"""Least share of such a box, and of its upper fifth, in the mask; largest share of the strip above it."""
+MIN_MASK_SHARE = 0.35
+MIN_TOP_SHARE = 0.3
+MAX_ABOVE_SHARE = 0.35
+"""Least share of such a box, and of its upper fifth, in the mask; largest share of the strip above
+it.
+"""
 
 
 def segment_unposed(
@@ -52,12 +60,17 @@ def segment_unposed(
         surfaces: semantic labels, or None to trust only the scores of the boxes.
 
     Returns:
-        The people of boxes with a mask that mostly covers no other person, each with the box of these pixels, and all
-        these pixels (H, W).
+        The people of boxes with a mask that mostly covers no other person, each with the box of
+        these pixels, and all these pixels (H, W).
     """
-    found, taken = [], np.zeros_like(people)
+    found = []
+    taken = np.zeros_like(people)
     for one in sorted(boxes, key=lambda one: -one.score):
-        if surfaces is not None and one.score < SURE_SCORE and _person_share(surfaces, one) < MIN_PERSON_SHARE:
+        if (
+            surfaces is not None
+            and one.score < SURE_SCORE
+            and _person_share(surfaces, one) < MIN_PERSON_SHARE
+        ):
             continue
         none = np.zeros((0, 2))
         answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
@@ -74,7 +87,8 @@ def segment_unposed(
 def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
     """Return the share of the middle two thirds of a box that is labelled as a person."""
     x0, y0, x1, y1 = np.rint(one.box).astype(int)
-    across, down = (x1 - x0) // 6, (y1 - y0) // 6
+    across = (x1 - x0) // 6
+    down = (y1 - y0) // 6
     middle = surfaces.mask("person")[
         y0 + down : max(y1 - down, y0 + down + 1), x0 + across : max(x1 - across, x0 + across + 1)
     ]
@@ -84,25 +98,36 @@ def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
 def count_heads(boxes: Sequence[UnposedBox], poses: Sequence[Pose], masks: BoolArray) -> IntArray:
     """Return the number of heads (N,) in each of the masks (N, H, W) of people with poses.
 
-    A box without a pose shows another head if the mask begins at its top, and no head of a pose is there. Boxes around
-    a part of a person begin within the mask, or at that person's head.
+    A box without a pose shows another head if the mask begins at its top, and no head of a pose is
+    there. Boxes around a part of a person begin within the mask, or at that person's head.
     """
     heads = np.ones(len(masks), int)
     height, width = masks.shape[1:]
     own = np.array([pose.points[HEAD].mean(0) for pose in poses]).reshape(-1, 2)
     for one in boxes if len(masks) else ():
-        x0, y0, x1, y1 = np.clip(np.rint(one.box), 0, [width, height, width, height]).astype(int).tolist()
-        w, h = x1 - x0, y1 - y0
+        x0, y0, x1, y1 = (
+            np.clip(np.rint(one.box), 0, [width, height, width, height]).astype(int).tolist()
+        )
+        w = x1 - x0
+        h = y1 - y0
         if one.score < HEAD_SCORE or not w or not h:
             continue
         inside = masks[:, y0:y1, x0:x1].mean((1, 2))
         person = int(inside.argmax())
         across = slice(x0 + w // 4, x1 - w // 4)
-        above, top = masks[person, max(y0 - h // 10, 0) : y0, across], masks[person, y0 : y0 + h // 5 + 1, across]
+        above = masks[person, max(y0 - h // 10, 0) : y0, across]
+        top = masks[person, y0 : y0 + h // 5 + 1, across]
         begins = not above.size or above.mean() <= MAX_ABOVE_SHARE
-        x, y = (own[:, 0] - x0) / w, (own[:, 1] - y0) / h
+        x = (own[:, 0] - x0) / w
+        y = (own[:, 1] - y0) / h
         beside = (x > -0.1) & (x < 1.1) & (y > -0.1)
         known = (beside & (y < 0.4)).any() or (beside[person] and y[person] < 1)
-        if begins and not known and inside[person] >= MIN_MASK_SHARE and top.size and top.mean() >= MIN_TOP_SHARE:
+        if (
+            begins
+            and not known
+            and inside[person] >= MIN_MASK_SHARE
+            and top.size
+            and top.mean() >= MIN_TOP_SHARE
+        ):
             heads[person] += 1
     return heads

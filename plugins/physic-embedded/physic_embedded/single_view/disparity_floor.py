@@ -1,8 +1,8 @@
 """Fit the floor as a plane in a disparity map of unknown focal length, scale and offset.
 
-A plane n . X = h gives 1 / z = (n . r) / h with the ray r = (x, y, 1), and a disparity is affine in 1 / z: so every
-plane of the scene is a plane over the pixels of the disparity map, for any camera and any unknown scale and offset of
-the map.
+A plane n . X = h gives 1 / z = (n . r) / h with the ray r = (x, y, 1), and a disparity is affine in
+1 / z: so every plane of the scene is a plane over the pixels of the disparity map, for any camera
+and any unknown scale and offset of the map.
 """
 
 from __future__ import annotations
@@ -47,13 +47,16 @@ class DisparityFloor:
     below_share: float
 
     def horizon(self, infinity: float) -> float:
-        """Return the image y of the floor's horizon at x = 0, from the principal point, in units of the long side."""
+        """Return the image y of the floor's horizon at x = 0, from the principal point, in units of
+        the long side.
+        """
         return (infinity - self.d0) / self.dv
 
     def normal(self, infinity: float, focal: float) -> FloatArray:
         """Return the downward unit normal (3,) of the floor, camera frame.
 
-        ``infinity`` is the disparity at infinity; ``focal`` is the focal length in units of the photo's long side.
+        ``infinity`` is the disparity at infinity; ``focal`` is the focal length in units of the
+        photo's long side.
         """
 
         down = np.array([self.du * focal, self.dv * focal, self.d0 - infinity])
@@ -63,13 +66,14 @@ class DisparityFloor:
 def fit_disparity_floor(
     disparity: FloatArray, made_up: BoolArray | None = None, labelled: BoolArray | None = None
 ) -> DisparityFloor | None:
-    """Fit the lowest large plane of a disparity map, as :func:`physic_core.geometry.floor.plane_of_pixels` does.
+    """Fit the lowest large plane of a disparity map, as
+    :func:`physic_core.geometry.floor.plane_of_pixels` does.
 
     Args:
         disparity: (H, W), larger is nearer.
         made_up: (H, W) bool, pixels that an inpainter invented.
-        labelled: (H, W) bool, pixels labelled as floor. They are the candidates, if they are enough and mostly lie on
-            one plane; else the lower part of the picture is.
+        labelled: (H, W) bool, pixels labelled as floor. They are the candidates, if they are enough
+            and mostly lie on one plane; else the lower part of the picture is.
 
     Returns:
         The floor, or None where no plane looks like one.
@@ -99,6 +103,7 @@ def fit_disparity_floor(
     if found is None:
         return None
     rest = view.error(found[0])[round((1 - LOWER_SHARE) * height) :]
-    on, behind = (rest.abs() < view.tolerance).double().mean(), (rest < -2 * view.tolerance).double().mean()
+    on = (rest.abs() < view.tolerance).double().mean()
+    behind = (rest < -2 * view.tolerance).double().mean()
     du, dv, d0 = (float(p) for p in found[0])
     return DisparityFloor(du, dv, d0, float(on), float(behind))

@@ -1,8 +1,9 @@
 """Estimate the disparity at infinity, the offset between a relative disparity and 1 / z.
 
-A plane stays a plane for any disparity at infinity, so flatness cannot decide. The horizon of the floor moves with it,
-so the cues are about the horizon: upright walls, standing people, and gravity from upright edges. The prior is whether
-the farthest pixels are practically at infinity, as outdoors.
+A plane stays a plane for any disparity at infinity, so flatness cannot decide. The horizon of the
+floor moves with it, so the cues are about the horizon: upright walls, standing people, and gravity
+from upright edges. The prior is whether the farthest pixels are practically at infinity, as
+outdoors.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-# Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the network puts the sky;
-# indoors below the farthest pixel: .17 to 1.9 in 18 pictures of four rooms with measured geometry.
+# Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the
+# network puts the sky; indoors below the farthest pixel: .17 to 1.9 in 18 pictures of four rooms
+# with measured geometry.
 _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.4, 1.0)
 _CANDIDATES = (0.003, 6.0, 120)
@@ -65,21 +67,27 @@ def disparity_at_infinity(
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
 ) -> InfinityEstimate:
-    """Estimate the disparity at infinity of a disparity map: the mean of its logarithm below the farthest pixels.
+    """Estimate the disparity at infinity of a disparity map: the mean of its logarithm below the
+    farthest pixels.
 
     Args:
         disparity: (H, W), larger is nearer; the network answers 0 for the sky.
         floor: of the same map, or None.
         focal_px: focal length at the resolution of ``disparity``, px.
         gravity: direction of gravity, or None.
-        walls: (M, 3) local planes of walls, see :func:`~physic_embedded.single_view.upright.wall_planes`.
-        bodies: (N, 3) planes of standing people, see :func:`~physic_embedded.single_view.upright.body_planes`.
+        walls: (M, 3) local planes of walls, see
+            :func:`~physic_embedded.single_view.upright.wall_planes`.
+        bodies: (N, 3) planes of standing people, see
+            :func:`~physic_embedded.single_view.upright.body_planes`.
     """
     focal = focal_px / max(disparity.shape)
     farthest, span = _farthest(disparity)
     share = floor.inlier_share if floor is not None else 0.0
-    # Outdoors the network saturates at 0, and the ground fills the lower part; both were read off 20 photos.
-    outdoors = _logistic((0.014 - farthest / span) / 0.004 + float(np.clip((share - 0.3) / 0.1, -2, 2)))
+    # Outdoors the network saturates at 0, and the ground fills the lower part; both were read off
+    # 20 photos.
+    outdoors = _logistic(
+        (0.014 - farthest / span) / 0.004 + float(np.clip((share - 0.3) / 0.1, -2, 2))
+    )
 
     gaps = np.geomspace(*_CANDIDATES)
     candidates = farthest - gaps * span
@@ -88,14 +96,22 @@ def disparity_at_infinity(
         return np.asarray(np.exp(-0.5 * (np.log(gaps / median) / sigma) ** 2))
 
     below_sky = _OUTDOORS[0] + max(farthest, 0.0) / span
-    cost = -2 * np.log(outdoors * prior(below_sky, _OUTDOORS[1]) + (1 - outdoors) * prior(*_INDOORS) + 1e-6)
+    cost = -2 * np.log(
+        outdoors * prior(below_sky, _OUTDOORS[1]) + (1 - outdoors) * prior(*_INDOORS) + 1e-6
+    )
     cues = []
     if floor is not None and share > _FLOOR_SHARE:
-        more, names = _floor_cues(floor, candidates, focal, gravity=gravity, walls=walls, bodies=bodies)
+        more, names = _floor_cues(
+            floor, candidates, focal, gravity=gravity, walls=walls, bodies=bodies
+        )
         cost = cost + more
         cues += names
     far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
-    rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
+    rule = (
+        f"{far}; also used: {', '.join(cues)}"
+        if cues
+        else f"{far}, since the photo has no other cue"
+    )
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
     infinity = farthest - gap * span
@@ -115,9 +131,12 @@ def _floor_cues(
     walls: FloatArray | None,
     bodies: FloatArray | None,
 ) -> tuple[FloatArray, list[str]]:
-    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity, and its cues."""
+    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity,
+    and its cues.
+    """
     down = np.array([floor.normal(c, focal) for c in candidates])
-    cost, cues = np.zeros(len(candidates)), []
+    cost = np.zeros(len(candidates))
+    cues = []
     if gravity is not None:
         pitch = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
         cost = cost + _robust((pitch - gravity.pitch_deg) / gravity.sigma_deg)

@@ -10,11 +10,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02) -> NDArray[np.bool_]:
+def flying_pixels(
+    inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02
+) -> NDArray[np.bool_]:
     """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.
 
-    The inverse depth of a plane is linear at any angle of view, and as steep as an edge near the horizon of a floor. An
-    edge is steep, and its inverse depth bends nearby.
+    The inverse depth of a plane is linear at any angle of view, and as steep as an edge near the
+    horizon of a floor. An edge is steep, and its inverse depth bends nearby.
 
     Args:
         inverse_depth: (H, W), positive, at the resolution of the network that made it.
@@ -32,7 +34,9 @@ def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend
     # Kernels of a constant second derivative: [1, -2, 1] along each axis.
     second = np.zeros_like(values)
     for kernel in (np.array([[1.0, -2.0, 1.0]]), np.array([[1.0], [-2.0], [1.0]])):
-        second = np.maximum(second, np.abs(cv2.filter2D(values, -1, kernel, borderType=cv2.BORDER_REPLICATE)))
+        second = np.maximum(
+            second, np.abs(cv2.filter2D(values, -1, kernel, borderType=cv2.BORDER_REPLICATE))
+        )
     for row in (0, -1):
         second[row] = 0  # the replicated border bends every slope
         second[:, row] = 0

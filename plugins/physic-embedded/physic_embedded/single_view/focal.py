@@ -1,8 +1,8 @@
 """Estimate the focal length from line segments.
 
-Three orthogonal directions with one focal length explain most straight edges of rooms and streets. The principal point
-is taken at the centre of the picture. All searches run over fixed grids that are their own mirror image, so that a
-mirrored picture has the mirrored answer.
+Three orthogonal directions with one focal length explain most straight edges of rooms and streets.
+The principal point is taken at the centre of the picture. All searches run over fixed grids that
+are their own mirror image, so that a mirrored picture has the mirrored answer.
 """
 
 from __future__ import annotations
@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 DEFAULT_FOCAL_SIGMA = 0.25
-"""Standard deviation of the logarithm of focal lengths: a phone has .7, a portrait lens 1.4 long sides."""
+"""Standard deviation of the logarithm of focal lengths: a phone has .7, a portrait lens 1.4 long
+sides.
+"""
 
-_GRID = np.geomspace(0.45, 2.2, 24)  # focal lengths searched, in long sides: 2.5 to 3.8 standard deviations from .85
+# focal lengths searched, in long sides: 2.5 to 3.8 standard deviations from .85
+_GRID = np.geomspace(0.45, 2.2, 24)
 _VANISHING_POINTS = 5  # from which frames are looked for
-_OFF_AXIS = np.radians(np.linspace(0, 90, 31))  # of the grid of vanishing points, from the optical axis
+# of the grid of vanishing points, from the optical axis
+_OFF_AXIS = np.radians(np.linspace(0, 90, 31))
 _AROUND = np.radians(np.arange(1.5, 360, 3))
 _TURNS = np.radians(np.arange(0.0, 90.0, 4.5))  # of frames about their first axis
 _STARTS = 3  # frames that are refined for each focal length
@@ -32,10 +36,15 @@ _MIN_SEGMENTS = 12
 _BEND = np.radians(1.0)  # standard deviation of edges from the three directions
 _END_SIGMA = 0.0016  # of a detected end point, long sides: 2 px of 1280
 _OUTLIERS = 0.4  # share of segments of any direction
-_ONE_LINE = (np.radians(2.0), 0.01)  # segments closer than this, in angle and long sides, lie on one line
-_BY_CHANCE = 3.5  # share of lines explained where few edges are orthogonal, times the root of their number: at most
-# 3.4 in 10 photos of a dome (panoptic) and their crops; another set of that dome (roundtable) reaches 4.6
-_TEMPER = 0.25  # independent observations a line: .5 scores worse on roundtable, and mirrored photos differ by twice as
+# segments closer than this, in angle and long sides, lie on one line
+_ONE_LINE = (np.radians(2.0), 0.01)
+# share of lines explained where few edges are orthogonal, times the root of their number: at most
+_BY_CHANCE = 3.5
+# 3.4 in 10 photos of a dome (panoptic) and their crops; another set of that dome (roundtable)
+# reaches 4.6
+# independent observations a line: .5 scores worse on roundtable, and mirrored photos differ by
+# twice as
+_TEMPER = 0.25
 # much; 30 random photos differ from their mirror images by .5 sigma (95 %)
 
 
@@ -60,13 +69,16 @@ def _normalised(segments: FloatArray, width: int, height: int) -> _Segments:
     """Convert segments from pixels to units of the long side."""
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
     ends = (segments - centre) / max(width, height)
-    middle, span = ends.mean(1), ends[:, 1] - ends[:, 0]
+    middle = ends.mean(1)
+    span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=-1)
     along = span / length[:, None]
     angle = np.abs(_cross(along[:, None], along))
     apart = np.abs(_cross(middle - middle[:, None], along[:, None]))
     same = (angle < np.sin(_ONE_LINE[0])) & (np.maximum(apart, apart.T) < _ONE_LINE[1])
-    return _Segments(middle, along, np.hypot(_BEND, np.sqrt(2) * _END_SIGMA / length), 1 / same.sum(1))
+    return _Segments(
+        middle, along, np.hypot(_BEND, np.sqrt(2) * _END_SIGMA / length), 1 / same.sum(1)
+    )
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -75,7 +87,8 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _misses(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the sine of the angle from each segment to each vanishing point, and the distance to it, (..., K, M).
+    """Return the sine of the angle from each segment to each vanishing point, and the distance to
+    it, (..., K, M).
 
     Args:
         lines: M segments.
@@ -89,24 +102,32 @@ def _misses(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[Floa
 
 
 def _ratios(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
-    """Return the odds (..., K, M) of a segment that runs along an axis against one of any direction, weighted."""
+    """Return the odds (..., K, M) of a segment that runs along an axis against one of any
+    direction, weighted.
+    """
     sines, _ = _misses(lines, axes, focal)
     density = np.exp(-((sines / lines.sigma) ** 2) / 2) / (np.sqrt(2 * np.pi) * lines.sigma)
     return np.asarray((1 - _OUTLIERS) / 3 * np.pi * density)
 
 
 def _nats(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
-    """Return the log likelihood ratio (...,) of frames (..., 3, 3) against segments of any direction."""
+    """Return the log likelihood ratio (...,) of frames (..., 3, 3) against segments of any
+    direction.
+    """
     return np.asarray(np.log(_OUTLIERS + _ratios(lines, axes, focal).sum(-2)) @ lines.weight)
 
 
 def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
-    """Return directions (N, 3) along which most segments run for a focal length, each without those before it."""
+    """Return directions (N, 3) along which most segments run for a focal length, each without those
+    before it.
+    """
     off, turn = np.meshgrid(_OFF_AXIS, _AROUND)
-    x, y = np.sin(off) * np.cos(turn), np.sin(off) * np.sin(turn)
+    x = np.sin(off) * np.cos(turn)
+    y = np.sin(off) * np.sin(turn)
     directions = np.stack([x, y, np.cos(off)], -1).reshape(-1, 3)
     odds = _ratios(lines, directions, np.asarray(focal))
-    found, explained = [], np.ones(odds.shape[1])
+    found = []
+    explained = np.ones(odds.shape[1])
     for _ in range(_VANISHING_POINTS):
         best = int((np.log1p(odds / explained) @ lines.weight).argmax())
         found.append(directions[best])
@@ -115,20 +136,25 @@ def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
 
 
 def _frames(lines: _Segments, focal: float) -> FloatArray:
-    """Return the best frames (F, S, 3, 3) of each focal length of the grid that have a vanishing point as an axis.
+    """Return the best frames (F, S, 3, 3) of each focal length of the grid that have a vanishing
+    point as an axis.
 
     Args:
         lines: of the picture.
         focal: for which directions are evenly spaced, in long sides.
     """
     seen = _vanishing_points(lines, focal)
-    first = seen * np.stack([focal / _GRID, focal / _GRID, np.ones_like(_GRID)], -1)[:, None]  # (F, N, 3)
+    # (F, N, 3)
+    first = seen * np.stack([focal / _GRID, focal / _GRID, np.ones_like(_GRID)], -1)[:, None]
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     helper = np.where(np.abs(first[..., 2:]) < 0.8, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
     second = np.cross(first, helper)
     second /= np.linalg.norm(second, axis=-1, keepdims=True)
     third = np.cross(first, second)
-    turned = second[..., None, :] * np.cos(_TURNS)[:, None] + third[..., None, :] * np.sin(_TURNS)[:, None]
+    turned = (
+        second[..., None, :] * np.cos(_TURNS)[:, None]
+        + third[..., None, :] * np.sin(_TURNS)[:, None]
+    )
     first = np.broadcast_to(first[..., None, :], turned.shape)
     axes = np.stack([first, turned, np.cross(first, turned)], -2).reshape(len(_GRID), -1, 3, 3)
     nats = np.array([_nats(lines, a, np.full(len(a), f)) for a, f in zip(axes, _GRID, strict=True)])
@@ -137,19 +163,27 @@ def _frames(lines: _Segments, focal: float) -> FloatArray:
 
 
 def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
-    """Turn frames (..., 3, 3) to the maximum of their likelihood, by Gauss and Newton with the odds as weights."""
+    """Turn frames (..., 3, 3) to the maximum of their likelihood, by Gauss and Newton with the odds
+    as weights.
+    """
     from scipy.spatial.transform import Rotation
 
-    plane = np.empty((*focal.shape, len(lines.middle), 3))  # of a segment and the camera: its normal
+    # of a segment and the camera: its normal
+    plane = np.empty((*focal.shape, len(lines.middle), 3))
     plane[..., 0], plane[..., 1] = -lines.direction[:, 1], lines.direction[:, 0]
     plane[..., 2] = _cross(lines.middle, lines.direction) / focal[..., None]
     for _ in range(_REFINEMENTS):
         sines, distance = _misses(lines, axes, focal)
         odds = _ratios(lines, axes, focal)
         weight = odds / (_OUTLIERS + odds.sum(-2, keepdims=True)) * lines.weight / lines.sigma**2
-        slope = np.cross(plane[..., None, :, :], axes[..., None, :]) * (focal[..., None, None] / distance)[..., None]
+        slope = (
+            np.cross(plane[..., None, :, :], axes[..., None, :])
+            * (focal[..., None, None] / distance)[..., None]
+        )
         matrix = np.einsum("...km,...kmi,...kmj->...ij", weight, slope, slope) + np.eye(3)
-        step = np.linalg.solve(matrix, -np.einsum("...km,...kmi,...km->...i", weight, slope, sines)[..., None])
+        step = np.linalg.solve(
+            matrix, -np.einsum("...km,...kmi,...km->...i", weight, slope, sines)[..., None]
+        )
         turn = Rotation.from_rotvec(step.reshape(-1, 3)).as_matrix().reshape(axes.shape)
         axes = axes @ turn.swapaxes(-1, -2)
     return axes
@@ -158,10 +192,12 @@ def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArra
 def focal_of_segments(
     segments: FloatArray, width: int, height: int, default_px: float, default_sigma: float
 ) -> tuple[float, float] | None:
-    """Estimate the focal length by a default and the segments that the best Manhattan frame of each length explains.
+    """Estimate the focal length by a default and the segments that the best Manhattan frame of each
+    length explains.
 
-    Each segment runs along one of three orthogonal axes, with an error, or anywhere. The likelihood of a focal length
-    is that of its best frame. It has less weight if the frame explains few lines more than frames do by chance.
+    Each segment runs along one of three orthogonal axes, with an error, or anywhere. The likelihood
+    of a focal length is that of its best frame. It has less weight if the frame explains few lines
+    more than frames do by chance.
 
     Args:
         segments: (M, 2, 2) px.
@@ -171,8 +207,8 @@ def focal_of_segments(
         default_sigma: standard deviation of its logarithm.
 
     Returns:
-        The focal length, px, a geometric mean, and the standard deviation of its logarithm; None when there are too few
-        segments or they are explained no better than by chance.
+        The focal length, px, a geometric mean, and the standard deviation of its logarithm; None
+        when there are too few segments or they are explained no better than by chance.
     """
     from scipy.interpolate import CubicSpline
 

@@ -48,9 +48,9 @@ def gravity_from_segments(
 ) -> Gravity | None:
     """Estimate gravity from the vanishing point of near-vertical segments.
 
-    Searches on parts of the segments must agree: their spread is part of the uncertainty, and so is the focal length,
-    because the tangent of the pitch is the focal length over the distance of that vanishing point. A mirrored picture
-    has the mirrored parts.
+    Searches on parts of the segments must agree: their spread is part of the uncertainty, and so is
+    the focal length, because the tangent of the pitch is the focal length over the distance of that
+    vanishing point. A mirrored picture has the mirrored parts.
 
     Args:
         segments: (M, 2, 2) px.
@@ -60,7 +60,8 @@ def gravity_from_segments(
         focal_sigma: standard deviation of the logarithm of the focal length.
 
     Returns:
-        Gravity, or None when there are too few upright segments or the searches disagree by more than 6 degrees.
+        Gravity, or None when there are too few upright segments or the searches disagree by more
+        than 6 degrees.
     """
 
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
@@ -68,7 +69,8 @@ def gravity_from_segments(
     span = rays[:, 1] - rays[:, 0]
     size = np.linalg.norm(span, axis=-1)
     upright = np.abs(span[:, 1]) > np.cos(np.radians(_MAX_TILT_DEG)) * size
-    rays, size = rays[upright], size[upright]
+    rays = rays[upright]
+    size = size[upright]
     if len(rays) < _MIN_SEGMENTS:
         return None
     rank = np.argsort(np.argsort(rays[..., 0].mean(1)))  # from left to right
@@ -80,19 +82,25 @@ def gravity_from_segments(
             return None
         found.append(down)
     pitches, _ = _pitch_roll(np.array(found))
-    spread = float(np.sort(np.abs(pitches - np.median(pitches)))[-2])  # one search of five may go astray
+    # one search of five may go astray
+    spread = float(np.sort(np.abs(pitches - np.median(pitches)))[-2])
     down = found[int(np.abs(pitches - np.median(pitches)).argmin())]
     pitch = float(np.median(pitches))
     if spread > 6.0:
         return None
-    return Gravity(down, pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch)), "upright edges")
+    return Gravity(
+        down, pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch)), "upright edges"
+    )
 
 
 def _vertical_direction(rays: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Estimate the direction along which the most segment length runs, on a grid and by a weighted refit."""
+    """Estimate the direction along which the most segment length runs, on a grid and by a weighted
+    refit.
+    """
 
     ends = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], -1)
-    planes = np.cross(ends[:, 0], ends[:, 1])  # of a segment and the camera; gravity lies in all of them
+    # of a segment and the camera; gravity lies in all of them
+    planes = np.cross(ends[:, 0], ends[:, 1])
     planes /= np.linalg.norm(planes, axis=-1, keepdims=True)
     middle = rays.mean(1)
     along = (rays[:, 1] - rays[:, 0]) / size[:, None]
@@ -105,7 +113,9 @@ def _vertical_direction(rays: FloatArray, size: FloatArray) -> FloatArray | None
         return np.asarray(size * np.clip(1 - miss / limit, 0, 1))
 
     pitch, roll = np.meshgrid(np.radians(_PITCHES_DEG), np.radians(_ROLLS_DEG))
-    down = np.stack([np.sin(roll), np.cos(roll) * np.cos(pitch), np.cos(roll) * np.sin(pitch)], -1).reshape(-1, 3)
+    down = np.stack(
+        [np.sin(roll), np.cos(roll) * np.cos(pitch), np.cos(roll) * np.sin(pitch)], -1
+    ).reshape(-1, 3)
     best = down[worth(down).sum(-1).argmax()]
     for _ in range(5):
         weight = worth(best[None])[0]

@@ -1,9 +1,9 @@
 """Upright walls and bodies as a cue for the disparity at infinity.
 
-A plane of the scene is a plane over the pixels of a disparity map, ``disparity = a x + b y + c`` with the ray
-(x, y, 1), and its normal is proportional to (a, b, c - infinity). So two planes that are known to be perpendicular,
-such as a wall and the floor, determine the disparity at infinity. A person who stands defines a vertical plane through
-the camera: gravity lies in it.
+A plane of the scene is a plane over the pixels of a disparity map, ``disparity = a x + b y + c``
+with the ray (x, y, 1), and its normal is proportional to (a, b, c - infinity). So two planes that
+are known to be perpendicular, such as a wall and the floor, determine the disparity at infinity. A
+person who stands defines a vertical plane through the camera: gravity lies in it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
 
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
-_MAX_BEND_DEG = 25.0  # of a body that stands, in the picture, where limbs that point towards the camera look straight
+# of a body that stands, in the picture, where limbs that point towards the camera look straight
+_MAX_BEND_DEG = 25.0
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
 _SIDE = 160  # px, long side of the grid on which walls are looked at
 _FEWEST = 100
@@ -51,7 +52,9 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     height, width = disparity.shape
     step = max(1, max(height, width) // _SIDE)
     window = np.ones((2 * step + 1, 2 * step + 1), np.uint8)
-    smooth = cv2.GaussianBlur(np.asarray(disparity, np.float32), (0, 0), step)[::step, ::step].astype(np.float64)
+    smooth = cv2.GaussianBlur(np.asarray(disparity, np.float32), (0, 0), step)[
+        ::step, ::step
+    ].astype(np.float64)
     inside = cv2.erode(walls.astype(np.uint8), window)[::step, ::step] > 0
     inside[:2] = inside[-2:] = False
     inside[:, :2] = inside[:, -2:] = False
@@ -61,15 +64,19 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     slope = np.hypot(down, right)
     inside &= slope <= np.percentile(slope[inside], _LARGEST_SLOPES)
     rows, columns = np.mgrid[0:height:step, 0:width:step]
-    a, b = right / step * focal_px, down / step * focal_px
+    a = right / step * focal_px
+    b = down / step * focal_px
     c = smooth - (a * (columns - (width - 1) / 2) + b * (rows - (height - 1) / 2)) / focal_px
     return np.asarray(np.stack([a, b, c], -1)[inside])
 
 
-def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray, most: int = 1500) -> FloatArray:
+def walls_cost(
+    planes: FloatArray, infinity: FloatArray, down: FloatArray, most: int = 1500
+) -> FloatArray:
     """Return how badly walls stand upright, -2 log likelihood up to a constant, (C,).
 
-    The spread of the walls about the vertical is estimated too, so that curved or wrongly labelled walls count less.
+    The spread of the walls about the vertical is estimated too, so that curved or wrongly labelled
+    walls count less.
 
     Args:
         planes: (M, 3) of :func:`wall_planes`.
@@ -83,11 +90,16 @@ def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray, most:
     along = down[:, :2] @ planes[:, :2].T + down[:, 2:] * (planes[:, 2] - infinity[:, None])
     length = np.sqrt((planes[:, :2] ** 2).sum(1) + (planes[:, 2] - infinity[:, None]) ** 2)
     tilt = np.degrees(np.arcsin(np.clip(np.abs(along) / (length + 1e-12), 0, 1)))
-    return np.asarray(_WALLS * np.log(np.minimum(tilt, _MAX_WALL_DEG) ** 2 + _WALL_SIGMA_DEG**2).mean(1))
+    return np.asarray(
+        _WALLS * np.log(np.minimum(tilt, _MAX_WALL_DEG) ** 2 + _WALL_SIGMA_DEG**2).mean(1)
+    )
 
 
-def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_px: float) -> FloatArray:
-    """Return the unit normals (N, 3) of the planes through the camera and the bodies of people who stand straight.
+def body_planes(
+    keypoints: Keypoints | None, center: tuple[float, float], focal_px: float
+) -> FloatArray:
+    """Return the unit normals (N, 3) of the planes through the camera and the bodies of people who
+    stand straight.
 
     A body counts if both legs are straight, and in line with the trunk.
 
@@ -104,18 +116,25 @@ def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_
     visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
     points = {name: keypoints.points[:, i] for name, i in row.items()}
     shoulders, hips, knees, ankles = (
-        np.stack([points[f"{side}_{joint}"] for side in SIDES], 1) for joint in ("shoulder", "hip", "knee", "ankle")
+        np.stack([points[f"{side}_{joint}"] for side in SIDES], 1)
+        for joint in ("shoulder", "hip", "knee", "ankle")
     )
-    shoulder, ankle = shoulders.mean(1), ankles.mean(1)
-    straight = visible & legs_in_line(hips, knees, ankles, neck=shoulder, max_deg=_MAX_BEND_DEG).all(1)
+    shoulder = shoulders.mean(1)
+    ankle = ankles.mean(1)
+    straight = visible & legs_in_line(
+        hips, knees, ankles, neck=shoulder, max_deg=_MAX_BEND_DEG
+    ).all(1)
     ones = np.ones((int(straight.sum()), 1))
-    high, low = (np.concatenate([(p[straight] - center) / focal_px, ones], 1) for p in (shoulder, ankle))
+    high, low = (
+        np.concatenate([(p[straight] - center) / focal_px, ones], 1) for p in (shoulder, ankle)
+    )
     normals = np.cross(high, low)
     return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12))
 
 
 def axes_cost(normals: FloatArray, down: FloatArray) -> FloatArray:
-    """Return how far gravity is from the bodies of standing people, -2 log likelihood up to a constant, (C,).
+    """Return how far gravity is from the bodies of standing people, -2 log likelihood up to a
+    constant, (C,).
 
     Args:
         normals: (N, 3) of :func:`body_planes`.

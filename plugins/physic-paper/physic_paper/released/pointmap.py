@@ -14,7 +14,8 @@ _LEAST_CROSS = 1e-6  # square metres; below, no normal
 
 
 def published_normals(points: Tensor, valid: Tensor) -> Tensor:
-    """Return normals towards the camera: means of the unit cross products of differences to adjacent neighbours.
+    """Return normals towards the camera: means of the unit cross products of differences to
+    adjacent neighbours.
 
     Args:
         points: (H, W, 3) metres.
@@ -24,11 +25,15 @@ def published_normals(points: Tensor, valid: Tensor) -> Tensor:
         (H, W, 3) unit, zero where unknown.
     """
     kind = points.dtype
-    # Nearly parallel differences leave few digits of float32, and which ones depends on the processor's kernels.
+    # Nearly parallel differences leave few digits of float32, and which ones depends on the
+    # processor's kernels.
     points = torch.where(valid[..., None], points, 0.0).double()
-    down, right = points.diff(dim=0), points.diff(dim=1)
-    above, below = F.pad(-down, (0, 0, 0, 0, 1, 0)), F.pad(down, (0, 0, 0, 0, 0, 1))
-    before, after = F.pad(-right, (0, 0, 1, 0)), F.pad(right, (0, 0, 0, 1))
+    down = points.diff(dim=0)
+    right = points.diff(dim=1)
+    above = F.pad(-down, (0, 0, 0, 0, 1, 0))
+    below = F.pad(down, (0, 0, 0, 0, 0, 1))
+    before = F.pad(-right, (0, 0, 1, 0))
+    after = F.pad(right, (0, 0, 0, 1))
     total = torch.zeros_like(points)
     for one, other in ((above, before), (before, below), (below, after), (after, above)):
         cross = torch.linalg.cross(one, other)
@@ -38,8 +43,11 @@ def published_normals(points: Tensor, valid: Tensor) -> Tensor:
     return (F.normalize(total, dim=-1) * valid[..., None]).to(kind)
 
 
-def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0) -> Tensor:
-    """Return points whose normal is zero or differs from the mean normal of their neighbours: (M,) bool.
+def published_normal_outliers(
+    points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0
+) -> Tensor:
+    """Return points whose normal is zero or differs from the mean normal of their neighbours: (M,)
+    bool.
 
     Args:
         points: (M, 3), finite.
@@ -58,7 +66,8 @@ def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int, m
 
 
 def published_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:
-    """Sample a grid on a floor plane, from the 2nd to the 98th percentile of the scene in x and z; z varies fastest.
+    """Sample a grid on a floor plane, from the 2nd to the 98th percentile of the scene in x and z;
+    z varies fastest.
 
     Args:
         normal: (3,) unit, not horizontal.

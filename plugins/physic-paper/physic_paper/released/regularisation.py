@@ -1,4 +1,6 @@
-"""Regularisation of the paper's released code: mesh without root rotation, root rotation, and translation."""
+"""Regularisation of the paper's released code: mesh without root rotation, root rotation, and
+translation.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,11 @@ from physic_paper.terms.printed_regularisation import (
 _ROOT_WEIGHT = 50.0
 
 
-def unrotated_vertices(pose: LandmarkModel, rotations: Tensor, betas: Tensor, expression: Tensor) -> Tensor:
-    """Return the subsampled vertices (B, n, 3), metres, with identity root rotation and without translation.
+def unrotated_vertices(
+    pose: LandmarkModel, rotations: Tensor, betas: Tensor, expression: Tensor
+) -> Tensor:
+    """Return the subsampled vertices (B, n, 3), metres, with identity root rotation and without
+    translation.
 
     Args:
         pose: poses the subsampled vertices.
@@ -28,34 +33,51 @@ def unrotated_vertices(pose: LandmarkModel, rotations: Tensor, betas: Tensor, ex
         betas: (B, K).
         expression: (B, E).
     """
-    root = torch.eye(3, dtype=rotations.dtype, device=rotations.device).expand(len(rotations), 1, 3, 3)
-    posed = pose(torch.cat([root, rotations[:, 1:]], 1), betas, betas.new_zeros(len(betas), 3), expression)
+    root = torch.eye(3, dtype=rotations.dtype, device=rotations.device).expand(
+        len(rotations), 1, 3, 3
+    )
+    posed = pose(
+        torch.cat([root, rotations[:, 1:]], 1), betas, betas.new_zeros(len(betas), 3), expression
+    )
     return posed["vertices"]
 
 
 class ReleasedRegularisationTerm(PrintedRegularisationTerm):
-    """Regularisation term of preset "release": ``lambda_reg (sum_v w_v |v - v0|^2 + 50 |r - r0|^2 + |t - t0|^2)``.
+    """Regularisation term of preset "release": ``lambda_reg (sum_v w_v |v - v0|^2 + 50 |r - r0|^2 +
+    |t - t0|^2)``.
 
-    v: vertices without root rotation. r: the first two columns of the root's rotation. t: translation. t0 is the
-    translation by the body estimator.
+    v: vertices without root rotation. r: the first two columns of the root's rotation. t:
+    translation. t0 is the translation by the body estimator.
     """
 
     def __init__(
-        self, settings: PrintedRegularisationSettings, context: JointContext, state: State, *, occlusion_aware: bool
+        self,
+        settings: PrintedRegularisationSettings,
+        context: JointContext,
+        state: State,
+        *,
+        occlusion_aware: bool,
     ) -> None:
         super().__init__(settings, context, occlusion_aware=occlusion_aware)
         problem = context.problem
-        self._translation = problem.transl0 if problem.estimated_transl is None else problem.estimated_transl
+        self._translation = (
+            problem.transl0 if problem.estimated_transl is None else problem.estimated_transl
+        )
         others = dict.fromkeys(("pose", "hands", "betas", "translation", "offset"), 0.0)
         self._parameter_weight = state.expand_to_parameters({"root": _ROOT_WEIGHT, **others})
         with torch.no_grad():
             start = state.unpack()
-            self._start = unrotated_vertices(context.pose, start.rotations, start.betas, problem.expression0)
+            self._start = unrotated_vertices(
+                context.pose, start.rotations, start.betas, problem.expression0
+            )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""
-        context, estimate = self._context, bodies.estimate
-        unrotated = unrotated_vertices(context.pose, estimate.rotations, estimate.betas, context.problem.expression0)
+        context = self._context
+        estimate = bodies.estimate
+        unrotated = unrotated_vertices(
+            context.pose, estimate.rotations, estimate.betas, context.problem.expression0
+        )
         mesh = mesh_energy(unrotated, self._start, self.weights["regularisation"])
         people = mesh + parameter_energy(bodies.deviation, self._parameter_weight)
         people = people + (estimate.transl - self._translation).square().sum(-1)

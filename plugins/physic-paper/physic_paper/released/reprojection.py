@@ -1,6 +1,8 @@
-"""Reprojection term of the paper's released code: weights of keypoints, and a mean over 133 keypoints.
+"""Reprojection term of the paper's released code: weights of keypoints, and a mean over 133
+keypoints.
 
-The sum is divided by 133 for every joint set, so that each keypoint has the same gradient as in the released code.
+The sum is divided by 133 for every joint set, so that each keypoint has the same gradient as in the
+released code.
 """
 
 from __future__ import annotations
@@ -24,24 +26,28 @@ _MASK_GROWTH_PX = 16  # four dilations by a square of 9 px
 _LONGEST_SIDE_PX = 1024  # of the images in the released code
 
 
-def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+def released_keypoint_weights(
+    skeleton: Skeleton, points: Tensor, confidence: Tensor, masks: Tensor
+) -> Tensor:
     """Compute the weight of each keypoint (B, J) from its confidence and from the masks of people.
 
-    Confidences below 0.5 count as 0; those of body and feet are multiplied by ten. Hands with a mean below 0.7 and
-    keypoints outside the masks have weight 0.
+    Confidences below 0.5 count as 0; those of body and feet are multiplied by ten. Hands with a
+    mean below 0.7 and keypoints outside the masks have weight 0.
 
     Args:
         skeleton: of the J keypoints.
         points: (B, J, 2) px.
         confidence: (B, J).
-        masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in large
-            images.
+        masks: (B, H, W) bool, visible pixels of each person; their union is grown by 16 px, more in
+            large images.
 
     Returns:
         (B, J); 0 for keypoints that are not finite.
     """
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
-    weight = torch.where(finite & (confidence >= _LEAST_CONFIDENCE), confidence, torch.zeros_like(confidence))
+    weight = torch.where(
+        finite & (confidence >= _LEAST_CONFIDENCE), confidence, torch.zeros_like(confidence)
+    )
     names = skeleton.names
     for side in SIDES:
         hand = [j for j, name in enumerate(names) if _is_of_hand(name, side)]
@@ -55,8 +61,11 @@ def released_keypoint_weights(skeleton: Skeleton, points: Tensor, confidence: Te
     return weight * torch.where(body, _BODY_WEIGHT, 1.0).to(weight) * seen
 
 
-def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, size: Tensor, people: int) -> Tensor:
-    """Return the weighted reprojection error relative to the image size, a mean over people, 133 keypoints and axes.
+def released_reprojection(
+    projected: Tensor, observed: Tensor, weight: Tensor, size: Tensor, people: int
+) -> Tensor:
+    """Return the weighted reprojection error relative to the image size, a mean over people, 133
+    keypoints and axes.
 
     Args:
         projected: (B, J, 2) px.
@@ -80,10 +89,13 @@ def released_keypoints(problem: JointProblem) -> WeightedKeypoints:
 
 
 class ReleasedReprojectionTerm(Term):
-    """Reprojection term of preset "release": mean absolute error of all keypoints, relative to the image size."""
+    """Reprojection term of preset "release": mean absolute error of all keypoints, relative to the
+    image size.
+    """
 
     def __init__(self, context: JointContext, weight: float) -> None:
-        self._context, self._weight = context, weight
+        self._context = context
+        self._weight = weight
         height, width = context.problem.masks.shape[-2:]
         self._size = context.person_px.new_tensor([width, height])
         self.weights = {"reprojection": context.keypoints.weight}
@@ -93,25 +105,32 @@ class ReleasedReprojectionTerm(Term):
         keypoints = self._context.keypoints
         projected = project(bodies.keypoints, self._context.problem.K)
         people = len(projected)
-        error = released_reprojection(projected, keypoints.points, keypoints.weight, self._size, people)
+        error = released_reprojection(
+            projected, keypoints.points, keypoints.weight, self._size, people
+        )
         return {"reprojection": self._weight * error} if self._weight else {}
 
 
 def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
-    """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (..., 2): (...) bool.
+    """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (...,
+    2): (...) bool.
 
     An integral image makes the time independent of ``reach``.
     """
     height, width = mask.shape
     sums = F.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
     u, v = uv.round().long().unbind(-1)
-    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
-    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
+    left = (u - reach).clamp(0, width)
+    right = (u + reach + 1).clamp(0, width)
+    top = (v - reach).clamp(0, height)
+    bottom = (v + reach + 1).clamp(0, height)
     return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def _is_body_or_foot(name: str) -> bool:
-    """Return whether a keypoint is on body or feet, not on hands, face or the surface of the body."""
+    """Return whether a keypoint is on body or feet, not on hands, face or the surface of the
+    body.
+    """
     fine = name.endswith(("_inner_surface", "_outer_surface", "mouth_corner_surface", "hand_root"))
     return not (fine or is_finger(name) or name.startswith("face_point"))
 

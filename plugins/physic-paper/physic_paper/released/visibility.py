@@ -1,7 +1,8 @@
-"""Visibility as in the paper's released code: inside the union of all masks, on limbs that ray casting finds visible.
+"""Visibility as in the paper's released code: inside the union of all masks, on limbs that ray
+casting finds visible.
 
-Vertices inside the masks and camera-facing vertices are found once, with bodies placed by the keypoints alone (Eq. 2).
-Hidden limbs are found at each refresh.
+Vertices inside the masks and camera-facing vertices are found once, with bodies placed by the
+keypoints alone (Eq. 2). Hidden limbs are found at each refresh.
 """
 
 from __future__ import annotations
@@ -16,13 +17,20 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.snapshot import HIDDEN_LIMB_SHARE, OcclusionTracker, Visibility, update_visibility
+from physic_core.engine.joint.snapshot import (
+    HIDDEN_LIMB_SHARE,
+    OcclusionTracker,
+    Visibility,
+    update_visibility,
+)
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.rays import RayCaster
 
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Return the unit normals of vertices (..., V, 3) as means of the unit normals of adjacent faces."""
+    """Return the unit normals of vertices (..., V, 3) as means of the unit normals of adjacent
+    faces.
+    """
     a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
     unit = torch.nn.functional.normalize(torch.linalg.cross(b - a, c - a), dim=-1)
     total = torch.zeros_like(vertices)
@@ -32,16 +40,21 @@ def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def is_opposite_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
-    """Return which normals (..., 3) are within an angle of (0, 0, -1), opposite to the optical axis: (...) bool."""
+    """Return which normals (..., 3) are within an angle of (0, 0, -1), opposite to the optical
+    axis: (...) bool.
+    """
     return -normals[..., 2] > math.cos(math.radians(max_angle_deg))
 
 
-def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int]) -> Tensor:
-    """Return the share of visible vertices per part, by casting a ray from the camera to each vertex.
+def visible_part_shares(
+    vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int]
+) -> Tensor:
+    """Return the share of visible vertices per part, by casting a ray from the camera to each
+    vertex.
 
-    A vertex is visible if its ray first hits its own part. Rays along the silhouette may miss the mesh; such vertices
-    count as hidden. A share changes by up to 0.05 when all
-    vertices move by a micrometre.
+    A vertex is visible if its ray first hits its own part. Rays along the silhouette may miss the
+    mesh; such vertices count as hidden. A share changes by up to 0.05 when all vertices move by a
+    micrometre.
 
     Args:
         vertices: (V, 3) metres, camera frame.
@@ -52,32 +65,45 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
     Returns:
         (P,) float64; 1 for a part without vertices.
     """
-    points, triangles, part = (t.detach().cpu().numpy() for t in (vertices.double(), faces, part_of_vertex))
-    # Scaled and normalised as trimesh does in the released code: which rays miss depends on the rounding.
-    low, size = points.min(0), np.linalg.norm(np.ptp(points, axis=0))
+    points, triangles, part = (
+        t.detach().cpu().numpy() for t in (vertices.double(), faces, part_of_vertex)
+    )
+    # Scaled and normalised as trimesh does in the released code: which rays miss depends on the
+    # rounding.
+    low = points.min(0)
+    size = np.linalg.norm(np.ptp(points, axis=0))
     rays = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     face = RayCaster(100 / size * (points - low), triangles).first_faces(-100 / size * low, rays)
     own = (face >= 0) & (part[triangles[face]] == part[:, None]).any(1)
-    return torch.tensor([own[part == p].mean() if (part == p).any() else 1.0 for p in parts], dtype=torch.float64)
+    return torch.tensor(
+        [own[part == p].mean() if (part == p).any() else 1.0 for p in parts], dtype=torch.float64
+    )
 
 
 def update_released_visibility(
-    context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
+    context: JointContext,
+    bodies: BodyOutput,
+    self_occlusion: OcclusionTracker,
+    last: Visibility | None,
 ) -> Visibility:
     """Compute the visibility of vertices as in the paper's released code.
 
     The first update (``last`` is None) uses the positions by the keypoints alone.
     """
-    problem, model, ids = context.problem, context.problem.model, context.ids
+    problem = context.problem
+    model = context.problem.model
+    ids = context.ids
     if last is None and problem.keypoint_transl is not None:
         shift = (problem.keypoint_transl - problem.transl0)[:, None]
         bodies = replace(bodies, vertices=bodies.vertices + shift, joints=bodies.joints + shift)
     now = update_visibility(context, bodies, self_occlusion)
     if last is None:
-        in_mask, normals = now.in_mask, mean_face_normals(bodies.vertices, model.faces)[:, ids]
+        in_mask = now.in_mask
+        normals = mean_face_normals(bodies.vertices, model.faces)[:, ids]
         facing = is_opposite_optical_axis(normals, context.visibility.facing_deg) & in_mask
     else:
-        in_mask, facing = last.in_mask, last.facing
+        in_mask = last.in_mask
+        facing = last.facing
     parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)
     hidden_limbs = torch.zeros_like(in_mask)
     for i, vertices in enumerate(bodies.vertices):
@@ -85,5 +111,9 @@ def update_released_visibility(
         hidden = parts[(shares < 1 - HIDDEN_LIMB_SHARE).to(parts.device)]
         hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
     return replace(
-        now, eligible=context.on_visible_part, in_mask=in_mask, hidden=~in_mask | hidden_limbs, facing=facing
+        now,
+        eligible=context.on_visible_part,
+        in_mask=in_mask,
+        hidden=~in_mask | hidden_limbs,
+        facing=facing,
     )

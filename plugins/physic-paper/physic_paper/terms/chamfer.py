@@ -1,4 +1,6 @@
-"""Depth term L_d as in the paper: Chamfer distance between visible vertices and human points (Eq. 4)."""
+"""Depth term L_d as in the paper: Chamfer distance between visible vertices and human points (Eq.
+4).
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,15 @@ class ChamferSettings:
 
 
 def chamfer_energy(
-    vertices: Tensor, points: Tensor, nearest_point: Tensor, nearest_vertex: Tensor, point_weight: float
+    vertices: Tensor,
+    points: Tensor,
+    nearest_point: Tensor,
+    nearest_vertex: Tensor,
+    point_weight: float,
 ) -> Tensor:
-    """Return L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, () square metres.
+    """Return L_d (Eq.
+
+    4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, () square metres.
 
     Args:
         vertices: (n, 3) camera-facing vertices, metres.
@@ -43,7 +51,9 @@ def chamfer_energy(
 
 
 def human_points_of(problem: JointProblem) -> tuple[Tensor, ...] | None:
-    """Return the human points of each person (m, 3), metres; unprojected from the depth map if there are none."""
+    """Return the human points of each person (m, 3), metres; unprojected from the depth map if
+    there are none.
+    """
     depth = problem.human_depth
     if problem.human_points is not None or depth is None:
         return problem.human_points
@@ -77,7 +87,8 @@ class HumanPoints(ShortRepr):
         known = human_points_of(problem)
         if known is None:
             raise PhysicError(
-                "the depth term compares point clouds, but there are neither human_points nor human_depth: give one,"
+                "the depth term compares point clouds, but there are neither human_points nor "
+                "human_depth: give one,"
                 " or set engine.joint.depth.weight = 0"
             )
         clouds = [c[torch.isfinite(c).all(-1)] for c in known]
@@ -87,7 +98,9 @@ class HumanPoints(ShortRepr):
         return cls(picked, share, tuple(cKDTree(p.cpu().double().numpy()) for p in picked))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
-        """Return Eq. 4 for each person. The points scale with the scene, without a gradient to its scale.
+        """Return Eq.
+
+        4 for each person. The points scale with the scene, without a gradient to its scale.
 
         Args:
             vertices: (B, n, 3) metres.
@@ -99,7 +112,10 @@ class HumanPoints(ShortRepr):
         """
         scale = float(log_scale.detach().exp())
         return torch.stack(
-            [self._person(i, v[f], scale) for i, (v, f) in enumerate(zip(vertices, facing, strict=True))]
+            [
+                self._person(i, v[f], scale)
+                for i, (v, f) in enumerate(zip(vertices, facing, strict=True))
+            ]
         )
 
     def _person(self, i: int, vertices: Tensor, scale: float) -> Tensor:
@@ -135,4 +151,7 @@ class ChamferDepthTerm(Term):
         """Return the energy "depth"."""
         if self._cloud is None:
             return {}
-        return {"depth": self._weight * self._cloud(bodies.vertices, self.weights["depth"], bodies.estimate.log_scale)}
+        return {
+            "depth": self._weight
+            * self._cloud(bodies.vertices, self.weights["depth"], bodies.estimate.log_scale)
+        }

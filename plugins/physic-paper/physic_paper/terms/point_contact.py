@@ -27,7 +27,8 @@ class PointContactSettings:
 
 
 class PointContactTerm(Term):
-    """Contact term: distance of contact vertices, visible or occluded, to their nearest scene points.
+    """Contact term: distance of contact vertices, visible or occluded, to their nearest scene
+    points.
 
     Args:
         weight: lambda_c.
@@ -36,7 +37,8 @@ class PointContactTerm(Term):
         per_axis: the robust loss is applied to each axis (released code).
         outside_only: only vertices outside the scene count (released code).
         mean: mean over the vertices near the scene, instead of their sum (PROX).
-        max_angle_deg: largest angle between the line of the vertex normal and that of the scene normal (PROX).
+        max_angle_deg: largest angle between the line of the vertex normal and that of the scene
+            normal (PROX).
     """
 
     def __init__(
@@ -51,8 +53,12 @@ class PointContactTerm(Term):
         mean: bool = False,
         max_angle_deg: float = 90.0,
     ) -> None:
-        self._weight, self._reach, self._rho = weight, max_distance_m, rho
-        self._per_axis, self._outside_only, self._mean = per_axis, outside_only, mean
+        self._weight = weight
+        self._reach = max_distance_m
+        self._rho = rho
+        self._per_axis = per_axis
+        self._outside_only = outside_only
+        self._mean = mean
         self._least_cosine = math.cos(math.radians(max_angle_deg)) if max_angle_deg < 90 else 0.0
         self._of_vertex = context.area * context.is_contact
         self._contacts: ContactState
@@ -73,12 +79,16 @@ class PointContactTerm(Term):
         """Return the energy "contact"."""
         if not self._weight:
             return {}
-        loss = offset_loss(squared_offsets(bodies, self._contacts), self._rho, per_axis=self._per_axis)
+        loss = offset_loss(
+            squared_offsets(bodies, self._contacts), self._rho, per_axis=self._per_axis
+        )
         return {"contact": self._weight * (self.weights["contact"] * loss).sum(-1)}
 
 
 def squared_offsets(bodies: PosedBodies, contacts: ContactState) -> Tensor:
-    """Return the squared offset of each vertex to its nearest scene point, per axis: (B, n, 3) m^2."""
+    """Return the squared offset of each vertex to its nearest scene point, per axis: (B, n, 3)
+    m^2.
+    """
     if contacts.points is None:
         return torch.zeros_like(bodies.vertices)
     return (bodies.vertices - contacts.points * bodies.estimate.log_scale.exp()).square()

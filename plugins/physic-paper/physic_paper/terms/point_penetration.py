@@ -27,7 +27,9 @@ class PointPenetrationSettings:
 
 
 def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:
-    """Return L_i (Eq. 7 of the paper): ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
+    """Return L_i (Eq.
+
+    7 of the paper): ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
 
     ``loss`` is ``rho(|v - p|^2)``, ``signed`` is ``n_p . (v - p)``.
     """
@@ -52,20 +54,28 @@ class PointPenetrationTerm(Term):
         *,
         per_axis: bool = False,
     ) -> None:
-        self._settings, self._context, self._rho = settings, context, rho
-        self._may_not_penetrate, self._per_axis = may_not_penetrate, per_axis
+        self._settings = settings
+        self._context = context
+        self._rho = rho
+        self._may_not_penetrate = may_not_penetrate
+        self._per_axis = per_axis
         self._contacts: ContactState
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near the scene."""
         self._contacts = contacts = snapshot.contacts
-        near = contacts.found & (contacts.distance < self._settings.max_depth_m) & self._may_not_penetrate(snapshot)
+        near = (
+            contacts.found
+            & (contacts.distance < self._settings.max_depth_m)
+            & self._may_not_penetrate(snapshot)
+        )
         area = self._context.area
         self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "penetration"."""
-        weight, contacts = self._settings.weight, self._contacts
+        weight = self._settings.weight
+        contacts = self._contacts
         if not weight:
             return {}
         signed = torch.zeros_like(self._context.area)
@@ -73,4 +83,7 @@ class PointPenetrationTerm(Term):
             along = (contacts.normals * bodies.vertices).sum(-1)
             signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance
         loss = offset_loss(squared_offsets(bodies, contacts), self._rho, per_axis=self._per_axis)
-        return {"penetration": weight * point_penetration_energy(loss, signed, self.weights["penetration"])}
+        return {
+            "penetration": weight
+            * point_penetration_energy(loss, signed, self.weights["penetration"])
+        }

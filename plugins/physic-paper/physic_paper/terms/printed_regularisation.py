@@ -1,4 +1,7 @@
-"""Regularisation L_reg of mesh and translation as in the paper (sec. 3.3), and parameter priors of PROX."""
+"""Regularisation L_reg of mesh and translation as in the paper (sec.
+
+3.3), and parameter priors of PROX.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ from physic_core.types.bounds import NotNegative
 
 @dataclass(frozen=True)
 class PrintedRegularisationSettings:
-    """Settings of the regularisation term: deviation of the root-relative mesh and of the translation."""
+    """Settings of the regularisation term: deviation of the root-relative mesh and of the
+    translation.
+    """
 
     weight: NotNegative = 45.0
     """Lambda_reg of Eq. 5; also of the scene's scale."""
@@ -38,32 +43,49 @@ def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
 
 
 class PrintedRegularisationTerm(Term):
-    """Regularisation term of the paper, root-relative vertices: ``lambda_reg (sum_v w_v |v - v0|^2 + |t - t0|^2)``."""
+    """Regularisation term of the paper, root-relative vertices: ``lambda_reg (sum_v w_v |v - v0|^2
+    + |t - t0|^2)``.
+    """
 
     def __init__(
-        self, settings: PrintedRegularisationSettings, context: JointContext, *, occlusion_aware: bool
+        self,
+        settings: PrintedRegularisationSettings,
+        context: JointContext,
+        *,
+        occlusion_aware: bool,
     ) -> None:
-        self._settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+        self._settings = settings
+        self._context = context
+        self._occlusion_aware = occlusion_aware
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
-        s, area = self._settings, self._context.area
+        s = self._settings
+        area = self._context.area
         weight = vertex_weights(
-            snapshot, s.visible_weight, s.occluded_weight, area, occlusion_aware=self._occlusion_aware
+            snapshot,
+            s.visible_weight,
+            s.occluded_weight,
+            area,
+            occlusion_aware=self._occlusion_aware,
         )
         self.weights = {"regularisation": weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""
         context = self._context
-        relative = root_relative(bodies.vertices, bodies.joints[:, 0], bodies.estimate.rotations[:, 0])
+        relative = root_relative(
+            bodies.vertices, bodies.joints[:, 0], bodies.estimate.rotations[:, 0]
+        )
         mesh = mesh_energy(relative, context.relative, self.weights["regularisation"])
         moved = (bodies.estimate.transl - context.problem.transl0).square().sum(-1)
         return {"regularisation": self._settings.weight * (mesh + moved)}
 
 
 class ParameterPriorTerm(Term):
-    """Parameter prior: ``sum_i w_i x_i^2`` of the deviations from the start, with a weight per group."""
+    """Parameter prior: ``sum_i w_i x_i^2`` of the deviations from the start, with a weight per
+    group.
+    """
 
     def __init__(self, state: State, weights: Mapping[str, float]) -> None:
         self._weight = state.expand_to_parameters(weights)

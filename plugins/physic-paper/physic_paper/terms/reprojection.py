@@ -12,7 +12,9 @@ from physic_core.engine.joint.terms.picture import finite_keypoints, weights_ins
 from physic_core.geometry.camera import project
 
 
-def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> WeightedKeypoints:
+def confident_keypoints(
+    problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0
+) -> WeightedKeypoints:
     """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
     points, confidence = finite_keypoints(problem)
     weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
@@ -20,12 +22,15 @@ def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, powe
 
 
 def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:
-    """Return the robust loss of offsets from squared components (..., D): of the length, or summed over the axes."""
+    """Return the robust loss of offsets from squared components (..., D): of the length, or summed
+    over the axes.
+    """
     return rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
 
 
 class ReprojectionByAxisTerm(Term):
-    """Reprojection term with a robust loss of each axis: ``sum_j w_j sum_a rho(((pi(J_j) - J^_j)_a / unit)^2)``.
+    """Reprojection term with a robust loss of each axis: ``sum_j w_j sum_a rho(((pi(J_j) - J^_j)_a
+    / unit)^2)``.
 
     Args:
         weight: of the term; 0 removes it.
@@ -34,7 +39,10 @@ class ReprojectionByAxisTerm(Term):
     """
 
     def __init__(self, context: JointContext, weight: float, unit: float, rho: RobustLoss) -> None:
-        self._context, self._weight, self._unit, self._rho = context, weight, unit, rho
+        self._context = context
+        self._weight = weight
+        self._unit = unit
+        self._rho = rho
         self.weights = {"reprojection": context.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:

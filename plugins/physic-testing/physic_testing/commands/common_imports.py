@@ -1,8 +1,11 @@
-"""Imports what most backends import; processes that are copied from one that has done so need not do it again."""
+"""Imports what most backends import; processes that are copied from one that has done so need not
+do it again.
+"""
 
 from contextlib import suppress
 
-with suppress(Exception):  # a package that cannot be imported is reported by the backends that need it
+# a package that cannot be imported is reported by the backends that need it
+with suppress(Exception):
     import torch  # noqa: F401
 
     import physic_testing.conformance  # noqa: F401

@@ -13,40 +13,65 @@ from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 from physic_core.cli.output import echo, echo_json, show_progress
 
 _DEVICE = click.option(
-    "--device", type=Device(), default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N."
+    "--device",
+    type=Device(),
+    default="cpu",
+    show_default=True,
+    metavar="NAME",
+    help="cpu, cuda or cuda:N.",
 )
 
 
 @click.command()
 @click.argument("name")
 @click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
-@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the backend, as in TOML.")
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the backend, as in TOML.",
+)
 @_DEVICE
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def check(
-    ctx: click.Context, name: str, interface: str | None, options: tuple[str, ...], device: str, as_json: bool
+    ctx: click.Context,
+    name: str,
+    interface: str | None,
+    options: tuple[str, ...],
+    device: str,
+    as_json: bool,
 ) -> None:
     """Check the backends called NAME on photos of synthetic worlds and print contract violations.
 
-    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
-    4 if the backend could not be tried because something is missing on this machine.
+    NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check
+    fails, and with 4 if the backend could not be tried because something is missing on this
+    machine.
     """
     from physic_core.discovery.backends import find_backend, find_by_name
     from physic_testing.conformance import check_backend, checks_for
 
     require_interface(interface)
-    name, given = with_current_folder(name), _values(options) or None
-    interfaces = [interface] if interface is not None else list(dict.fromkeys(o.interface for o in find_by_name(name)))
+    name = with_current_folder(name)
+    given = _values(options) or None
+    interfaces = (
+        [interface]
+        if interface is not None
+        else list(dict.fromkeys(o.interface for o in find_by_name(name)))
+    )
     for own in interfaces:
-        find_backend(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
+        # raises an error before the checks of the other interfaces start, which take minutes
+        find_backend(own, name)
     if not as_json:
         count = sum(len(checks_for(own)) for own in interfaces)
         echo(f"{count} checks of {', '.join(interfaces)}; a network takes about a minute", err=True)
     reports = []
     for own in interfaces:
         with show_progress(as_json or not sys.stderr.isatty()) as progress:
-            reports.append(check_backend(name, own, options=given, device=device, progress=progress))
+            reports.append(
+                check_backend(name, own, options=given, device=device, progress=progress)
+            )
         if not as_json:
             echo(reports[-1].text + "\n")
     if as_json:
@@ -59,10 +84,18 @@ def check(
 @click.command()
 @click.argument("interface")
 @click.argument("names", nargs=-1, required=True)
-@click.option("--world", "worlds", multiple=True, metavar="NAME[:SEED]", help="A world to show; repeat for more.")
+@click.option(
+    "--world",
+    "worlds",
+    multiple=True,
+    metavar="NAME[:SEED]",
+    help="A world to show; repeat for more.",
+)
 @_DEVICE
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
-def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool) -> None:
+def compare(
+    interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool
+) -> None:
     """Print the errors of several backends of INTERFACE on the same synthetic worlds, side by side.
 
     Each of NAMES may carry options as a TOML table: 'mock{noise=2}'.
@@ -77,7 +110,9 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
         known = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS)
         if name not in known:
             raise click.UsageError(f"no world named '{name}'; there are: {', '.join(known)}")
-    found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
+    found = compared(
+        interface, [_with_options(name) for name in names], worlds=chosen, device=device
+    )
     if as_json:
         echo_json(found.as_dict())
     else:
@@ -110,7 +145,9 @@ def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
     try:
         return with_current_folder(bare), tomllib.loads(f"options = {{{rest}")["options"]
     except tomllib.TOMLDecodeError as error:
-        raise click.UsageError(f"{name}: write NAME{{key=value, ...}} as in TOML ({error})") from error
+        raise click.UsageError(
+            f"{name}: write NAME{{key=value, ...}} as in TOML ({error})"
+        ) from error
 
 
 def _seed(world: str) -> int:

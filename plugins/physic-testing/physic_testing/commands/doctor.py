@@ -25,7 +25,12 @@ from physic_core.batch.workers import started_processes
 from physic_core.cli.arguments import Device, Number, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
-from physic_core.discovery.backends import find_by_name, list_backends, load_class, missing_requirements
+from physic_core.discovery.backends import (
+    find_by_name,
+    list_backends,
+    load_class,
+    missing_requirements,
+)
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.plugins import broken_plugins
@@ -37,7 +42,8 @@ if TYPE_CHECKING:
 _AT_ONCE = 2
 """Backends that are loaded at the same time; more could take more memory than the machine has."""
 
-_ANSWER, _OUTPUT = "answer.json", "output.txt"
+_ANSWER = "answer.json"
+_OUTPUT = "output.txt"
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,8 @@ class DoctorResult:
         interface: "metric_depth", ...; "-" for a broken plugin.
         backend: name of the backend; "-" for a broken plugin.
         owner: distribution and version.
-        state: "ok"; "missing" if the backend itself reports missing files; "broken" for all other errors.
+        state: "ok"; "missing" if the backend itself reports missing files; "broken" for all other
+            errors.
         message: what is missing or broken.
         seconds: time to import, construct, load and close the backend.
         traceback: traceback of the exception if ``PHYSIC_DEBUG`` is set; else "".
@@ -64,19 +71,32 @@ class DoctorResult:
 
     def __str__(self) -> str:
         end = f"{self.seconds:.1f} s" if self.state == "ok" else self.message
-        line = f"{self.state.upper() if self.state == 'broken' else self.state:<8} {self.title}: {end}"
+        line = (
+            f"{self.state.upper() if self.state == 'broken' else self.state:<8} {self.title}: {end}"
+        )
         return "\n".join(filter(None, (line, self.traceback.rstrip("\n"))))
 
     @property
     def title(self) -> str:
         """Interface, name and distribution of the backend, for messages."""
-        return self.owner if self.backend == "-" else f"{self.interface} '{self.backend}' ({self.owner})"
+        return (
+            self.owner
+            if self.backend == "-"
+            else f"{self.interface} '{self.backend}' ({self.owner})"
+        )
 
 
 @click.command()
 @click.argument("name", required=False)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
-@click.option("--device", type=Device(), default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+@click.option(
+    "--device",
+    type=Device(),
+    default="cpu",
+    show_default=True,
+    metavar="NAME",
+    help="cpu, cuda or cuda:N.",
+)
 @click.option(
     "--timeout",
     type=Number(1, 10_000_000),
@@ -88,17 +108,25 @@ class DoctorResult:
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.pass_context
 def doctor(
-    ctx: click.Context, name: str | None, interface: str | None, device: str, timeout: float, as_json: bool
+    ctx: click.Context,
+    name: str | None,
+    interface: str | None,
+    device: str,
+    timeout: float,
+    as_json: bool,
 ) -> None:
     """Load each installed backend, or those called NAME, and report errors.
 
-    "missing": the backend reports missing files or packages. "BROKEN": any other error; the exit code is then 5.
+    "missing": the backend reports missing files or packages. "BROKEN": any other error; the exit
+    code is then 5.
     """
     require_interface(interface)
     named = find_by_name(with_current_folder(name)) if name is not None else list_backends()
     offers = [offer for offer in named if interface in (None, offer.interface)]
     results = _with_bar(try_in_processes(offers, device, timeout), len(offers))
-    place = {(offer.interface, offer.name, offer.owner): index for index, offer in enumerate(offers)}
+    place = {
+        (offer.interface, offer.name, offer.owner): index for index, offer in enumerate(offers)
+    }
     found = sorted(results, key=lambda one: place[one.interface, one.backend, one.owner])
     for broken in broken_plugins() if name is None else ():
         trace = traceback_text(broken.error)
@@ -109,7 +137,9 @@ def doctor(
     else:
         for finding in found:
             echo(str(finding))
-        count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
+        count = {
+            state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")
+        }
         echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
     ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
 
@@ -117,7 +147,8 @@ def doctor(
 def try_backend(offer: Offer, device: str) -> DoctorResult:
     """Import, construct, load and close a backend with default options, and return the result."""
     start = time.perf_counter()
-    step, owner = "import", offer.target.partition(":")[0]
+    step = "import"
+    owner = offer.target.partition(":")[0]
     try:
         kind = load_class(offer)
         owner = kind.__module__
@@ -135,22 +166,28 @@ def try_backend(offer: Offer, device: str) -> DoctorResult:
             backend.close()
     except PhysicError as error:
         # A PhysicError of the backend itself is "missing"; a failed import or check is "broken".
-        state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
+        state: Literal["missing", "broken"] = (
+            "broken" if step in ("import", "missing()") else "missing"
+        )
         return _result(offer, state, str(error).removeprefix(str(offer)).lstrip(": "), error)
     except Exception as error:
         return _result(offer, "broken", f"{step} fails: {describe_error(error, owner)}", error)
     return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
-def try_in_processes(offers: Iterable[Offer], device: str, timeout: float) -> Iterator[DoctorResult]:
-    """Run :func:`try_backend` for each backend in a process of its own; yield the results in the order of their end.
+def try_in_processes(
+    offers: Iterable[Offer], device: str, timeout: float
+) -> Iterator[DoctorResult]:
+    """Run :func:`try_backend` for each backend in a process of its own; yield the results in the
+    order of their end.
 
     Args:
         offers: the backends.
         device: for ``load``. On a CPU, two backends are loaded at the same time.
         timeout: time limit of each, s.
     """
-    waiting, trials = deque(offers), list[_Trial]()
+    waiting = deque(offers)
+    trials = list[_Trial]()
     context = _context()
     at_once = _AT_ONCE if device == "cpu" else 1
     try:
@@ -171,12 +208,16 @@ def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]
     """Return the results; a terminal shows a bar meanwhile."""
     if not sys.stderr.isatty():
         return list(results)
-    with click.progressbar(results, length=count, label="backends", show_pos=True, file=sys.stderr) as bar:
+    with click.progressbar(
+        results, length=count, label="backends", show_pos=True, file=sys.stderr
+    ) as bar:
         return list(bar)
 
 
 def _context() -> Any:
-    """Return how processes start: on Linux, as copies of one that has imported torch, which alone takes a second."""
+    """Return how processes start: on Linux, as copies of one that has imported torch, which alone
+    takes a second.
+    """
     if sys.platform != "linux":
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -193,10 +234,14 @@ class _Trial:
     """
 
     def __init__(self, offer: Offer, device: str, timeout: float, context: Any) -> None:
-        self._offer, self._timeout = offer, timeout
-        # Files, not pipes: processes that the backend has started may keep a pipe open after the time limit.
+        self._offer = offer
+        self._timeout = timeout
+        # Files, not pipes: processes that the backend has started may keep a pipe open after the
+        # time limit.
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self._process = context.Process(target=_main, args=(offer, device, self._folder.name, dict(os.environ)))
+        self._process = context.Process(
+            target=_main, args=(offer, device, self._folder.name, dict(os.environ))
+        )
         with started_processes():
             self._process.start()
         self.sentinel = self._process.sentinel
@@ -207,7 +252,9 @@ class _Trial:
         return not self._process.is_alive() or time.monotonic() >= self.deadline
 
     def end(self) -> DoctorResult:
-        """Return what the process has found, and why it has not if there is nothing; it is ended."""
+        """Return what the process has found, and why it has not if there is nothing; it is
+        ended.
+        """
         is_late = self._process.is_alive()
         self._process.kill()
         self._process.join()
@@ -216,11 +263,15 @@ class _Trial:
                 return _result(self._offer, "broken", f"not finished after {self._timeout:g} s")
             with suppress(OSError, ValueError, TypeError, KeyError):
                 found = json.loads(Path(folder, _ANSWER).read_bytes())
-                values = {key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")}
+                values = {
+                    key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")
+                }
                 return replace(_result(self._offer, "ok"), **values)
             text = Path(folder, _OUTPUT).read_text(encoding="utf-8", errors="replace")
         last = (text.strip() or "no output").rpartition("\n")[2]
-        result = _result(self._offer, "broken", f"it ended Python with code {self._process.exitcode}: {last}")
+        result = _result(
+            self._offer, "broken", f"it ended Python with code {self._process.exitcode}: {last}"
+        )
         return replace(result, traceback=text) if is_debugging() else result
 
 
@@ -230,11 +281,15 @@ def _result(
     message: str = "",
     error: BaseException | None = None,
 ) -> DoctorResult:
-    return DoctorResult(offer.interface, offer.name, offer.owner, state, message, traceback=traceback_text(error))
+    return DoctorResult(
+        offer.interface, offer.name, offer.owner, state, message, traceback=traceback_text(error)
+    )
 
 
 def _main(offer: Offer, device: str, folder: str, environment: Mapping[str, str]) -> None:
-    """Write what :func:`try_backend` finds, and all that is printed, to files of a folder; runs in the process."""
+    """Write what :func:`try_backend` finds, and all that is printed, to files of a folder; runs in
+    the process.
+    """
     os.environ.clear()
     os.environ.update(environment)
     with Path(folder, _OUTPUT).open("wb") as output, open(os.devnull, "rb") as nothing:

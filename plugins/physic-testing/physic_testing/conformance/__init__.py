@@ -1,4 +1,5 @@
-"""Conformance kit: checks that a backend fulfils its interface, run on synthetic photos with ground truth.
+"""Conformance kit: checks that a backend fulfils its interface, run on synthetic photos with ground
+truth.
 
 From Python, in a test, and in a shell::
 
@@ -12,14 +13,16 @@ From Python, in a test, and in a shell::
     physic plugins check my-depth [--json]
     physic plugins compare metric_depth my-depth embedded
 
-A backend class may define two attributes that only this kit reads: ``capabilities``, a collection of keys of
-:data:`CAPABILITIES`, and ``conformance_options(world)``, a static method that returns the backend's options for the
-photo of a world. A backend that needs prompts, such as points on people, defines the second one.
+A backend class may define two attributes that only this kit reads: ``capabilities``, a collection
+of keys of :data:`CAPABILITIES`, and ``conformance_options(world)``, a static method that returns
+the backend's options for the photo of a world. A backend that needs prompts, such as points on
+people, defines the second one.
 
-The checks test the contract: shapes, dtypes, frames, units, rough agreement with the truth of simple synthetic photos,
-and bias: over six photos of people, no shift, scale, rotation, mirroring or other order may bring the output clearly
-closer to the truth. A mean error counts beyond three standard errors, so that large errors that point nowhere pass. The
-accuracy of a backend is reported; checks depend on it only with the capability "exact".
+The checks test the contract: shapes, dtypes, frames, units, rough agreement with the truth of
+simple synthetic photos, and bias: over six photos of people, no shift, scale, rotation, mirroring
+or other order may bring the output clearly closer to the truth. A mean error counts beyond three
+standard errors, so that large errors that point nowhere pass. The accuracy of a backend is
+reported; checks depend on it only with the capability "exact".
 """
 
 from __future__ import annotations

@@ -112,7 +112,8 @@ def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
 
 
 def main_error(interface: str, answer: Any, case: Case) -> float:
-    """Return the error :data:`MAIN_ERROR` of a result, turned such that lower is better; NaN if it was not measured.
+    """Return the error :data:`MAIN_ERROR` of a result, turned such that lower is better; NaN if it
+    was not measured.
 
     Raises:
         CheckSkipped: worlds have no ground truth for this interface.
@@ -124,12 +125,18 @@ def main_error(interface: str, answer: Any, case: Case) -> float:
 
 
 def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
-    """Average the errors of a backend over the photos of worlds that have a result; empty if there are none."""
+    """Average the errors of a backend over the photos of worlds that have a result; empty if there
+    are none.
+    """
     found: list[Mapping[str, float]] = []
-    shown = [name for name in ("one person", "several people", "close") if name in subject.case_runs]
+    shown = [
+        name for name in ("one person", "several people", "close") if name in subject.case_runs
+    ]
     for name in shown:
         try:
-            found.append(measure_errors(subject.interface, subject.result(name), subject.case(name)))
+            found.append(
+                measure_errors(subject.interface, subject.result(name), subject.case(name))
+            )
         except Exception:  # invalid output may not be measurable
             continue
     return mean_errors(found)
@@ -138,7 +145,10 @@ def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
 def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Average each error over its finite values."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    kept = {name: [row[name] for row in rows if name in row and np.isfinite(row[name])] for name in names}
+    kept = {
+        name: [row[name] for row in rows if name in row and np.isfinite(row[name])]
+        for name in names
+    }
     return {name: float(np.mean(values)) for name, values in kept.items() if values}
 
 
@@ -149,13 +159,17 @@ def _segmenter(answer: People, case: Case) -> dict[str, float]:
     found = {"IoU": float(best.mean()), "found": float((best > 0.5).mean())}
     if answer.floor is not None:
         floor = truth.empty_floor_mask & ~truth.masks.any(axis=0)
-        found["floor IoU"] = float((answer.floor & floor).sum() / max(int((answer.floor | floor).sum()), 1))
+        found["floor IoU"] = float(
+            (answer.floor & floor).sum() / max(int((answer.floor | floor).sum()), 1)
+        )
     return found
 
 
 def _inpainter(answer: UInt8Array, case: Case) -> dict[str, float]:
     error = (answer.astype(float) - case.empty)[case.hole]
-    return {"PSNR in the hole, dB": float(10 * np.log10(255**2 / max(float((error**2).mean()), 1e-2)))}
+    return {
+        "PSNR in the hole, dB": float(10 * np.log10(255**2 / max(float((error**2).mean()), 1e-2)))
+    }
 
 
 def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
@@ -174,12 +188,17 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
     truth = case.truth.empty_depth.astype(np.float64)
     both = answer.valid & _away_from_the_sky(truth)
-    ratio = scale_fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown) / truth[both]
+    ratio = (
+        scale_fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown)
+        / truth[both]
+    )
     return {"abs-rel, aligned": float(np.abs(ratio - 1).mean()), "delta1, aligned": _delta1(ratio)}
 
 
 def _away_from_the_sky(depth: FloatArray) -> BoolArray:
-    """Return where (H, W) a depth map has no sky within SKY_BORDER_PX, with which resampling would mix it."""
+    """Return where (H, W) a depth map has no sky within SKY_BORDER_PX, with which resampling would
+    mix it.
+    """
     import cv2
 
     brush = np.ones((2 * SKY_BORDER_PX + 1,) * 2, np.uint8)
@@ -195,22 +214,32 @@ def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
 
 
 def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
-    joints, true = embedded_surface(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
-    return {"MPJPE, mm": float(mpjpe_mm(joints, true).mean()), "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean())}
+    joints = embedded_surface(answer)[1][:, BODY_JOINTS]
+    true = case.truth.joints[:, BODY_JOINTS].astype(np.float64)
+    return {
+        "MPJPE, mm": float(mpjpe_mm(joints, true).mean()),
+        "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean()),
+    }
 
 
 def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
     shown = answer.confidence > 0
     found = {"hands found": float(shown.mean())}
     if shown.any():
-        found["degrees"] = float(rotation_errors_deg(answer.rotvecs, true_hands(case.truth))[shown].mean())
+        found["degrees"] = float(
+            rotation_errors_deg(answer.rotvecs, true_hands(case.truth))[shown].mean()
+        )
         if answer.wrists is not None:
-            found["wrist degrees"] = float(rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown].mean())
+            found["wrist degrees"] = float(
+                rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown].mean()
+            )
     return found
 
 
 def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
-    scores = contact_scores(contact_on_embedded(answer).probability > CONTACT_THRESHOLD, case.truth.contact)
+    scores = contact_scores(
+        contact_on_embedded(answer).probability > CONTACT_THRESHOLD, case.truth.contact
+    )
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
 
 
@@ -222,7 +251,8 @@ def _delta1(ratio: FloatArray) -> float:
 def scale_fitted(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:
     """Return the relative depth (M,) after a least-squares fit of the ambiguity."""
     if unknown == "inverse_scale_shift":
-        design, target = np.stack([truth / z, truth], axis=1), np.ones_like(truth)
+        design = np.stack([truth / z, truth], axis=1)
+        target = np.ones_like(truth)
         s, t = np.linalg.lstsq(design, target, rcond=None)[0]
         return np.asarray(1 / np.maximum(s / z + t, 1e-6))
     columns = [z / truth] if unknown == "scale" else [z / truth, 1 / truth]

@@ -25,7 +25,9 @@ def attribute_values(thing: object) -> dict[str, Any]:
 
 
 def replaced_attributes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
-    """Return the paths whose object is another one than before; numbers and texts are compared by value."""
+    """Return the paths whose object is another one than before; numbers and texts are compared by
+    value.
+    """
     return [path for path, value in before.items() if not _same(value, after.get(path))]
 
 
@@ -36,7 +38,9 @@ def _same(old: Any, new: Any) -> bool:
 
 
 def _walk(thing: object, path: str, depth: int, seen: set[int]) -> Iterator[tuple[str, Any]]:
-    if depth > _MAX_DEPTH or isinstance(thing, (*_PLAIN, type, ModuleType, FunctionType, MethodType)):
+    if depth > _MAX_DEPTH or isinstance(
+        thing, (*_PLAIN, type, ModuleType, FunctionType, MethodType)
+    ):
         return
     if id(thing) in seen:
         return
@@ -49,8 +53,15 @@ def _walk(thing: object, path: str, depth: int, seen: set[int]) -> Iterator[tupl
 def _parts(thing: object) -> Iterator[tuple[str, Any]]:
     if isinstance(thing, Mapping):
         # Keys of other types have no stable text.
-        yield from ((f"[{key!r}]" if isinstance(key, str) else f"[{i}]", v) for i, (key, v) in enumerate(thing.items()))
+        yield from (
+            (f"[{key!r}]" if isinstance(key, str) else f"[{i}]", v)
+            for i, (key, v) in enumerate(thing.items())
+        )
     elif isinstance(thing, list | tuple):
         yield from ((f"[{i}]", value) for i, value in enumerate(thing))
     else:
-        yield from ((f".{name}", value) for name, value in vars(thing).items()) if hasattr(thing, "__dict__") else ()
+        yield from (
+            ((f".{name}", value) for name, value in vars(thing).items())
+            if hasattr(thing, "__dict__")
+            else ()
+        )

@@ -1,4 +1,7 @@
-"""The backend under test: constructed and loaded, and called once for each photo. All results and errors are stored."""
+"""The backend under test: constructed and loaded, and called once for each photo.
+
+All results and errors are stored.
+"""
 
 from __future__ import annotations
 
@@ -35,19 +38,26 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
-    "stochastic": "output differs between calls on purpose: checks that compare two calls are skipped",
+    "stochastic": "output differs between calls on purpose: checks that compare two calls are "
+    "skipped",
     "needs_cuda": "requires a GPU: on other devices all calls are skipped",
     "returns_intrinsics": "always returns the camera intrinsics",
-    "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias are skipped",
-    "exact": "output is the truth in synthetic photos, as of a perfect network: errors have close limits",
+    "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias "
+    "are skipped",
+    "exact": "output is the truth in synthetic photos, as of a perfect network: errors have close "
+    "limits",
 }
 """Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
 
 FIRST_PHOTO = "odd size"
-"""Name of the photo on which every backend is called first, so that no earlier call can affect its result."""
+"""Name of the photo on which every backend is called first, so that no earlier call can affect its
+result.
+"""
 
 PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting, large")}
-"""Two different photos of one size, in the order in which a backend is called on them; for other interfaces below."""
+"""Two different photos of one size, in the order in which a backend is called on them; for other
+interfaces below.
+"""
 
 TWO_PHOTOS = ("one person", "leaning")
 
@@ -91,14 +101,16 @@ class BackendUnderTest:
         kind: backend class.
         interface: name of the interface that is checked.
         name: name in the report.
-        options: see :data:`OptionsFor`; by default the result of the class's ``conformance_options(world)``, or the
-            default options if the class has no such method.
+        options: see :data:`OptionsFor`; by default the result of the class's
+            ``conformance_options(world)``, or the default options if the class has no such method.
         capabilities: entries of CAPABILITIES; by default those of the class.
-        exact_limits: name of an error -> its limit for the capability "exact", in place of the common one.
+        exact_limits: name of an error -> its limit for the capability "exact", in place of the
+            common one.
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
-        of_photos: what is computed from the truth of the photos alone; backends of one interface may share it.
+        of_photos: what is computed from the truth of the photos alone; backends of one interface
+            may share it.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -119,10 +131,16 @@ class BackendUnderTest:
         size: tuple[int, int] = SIZE,
         of_photos: dict[Hashable, Any] | None = None,
     ) -> None:
-        self.kind, self.interface, self.name = kind, interface, name
-        self.claim, self.device, self.size = claim, device, size
+        self.kind = kind
+        self.interface = interface
+        self.name = name
+        self.claim = claim
+        self.device = device
+        self.size = size
         self.watch = Watch()
-        self.capabilities = frozenset(getattr(kind, "capabilities", ()) if capabilities is None else capabilities)
+        self.capabilities = frozenset(
+            getattr(kind, "capabilities", ()) if capabilities is None else capabilities
+        )
         self.exact_limits = dict(exact_limits or {})
         unknown = self.capabilities - CAPABILITIES.keys()
         if unknown:
@@ -139,7 +157,9 @@ class BackendUnderTest:
         self.of_photos: dict[Hashable, Any] = {} if of_photos is None else of_photos
 
     def case(self, name: str) -> Case:
-        """Return the photo and its ground truth for a name of :data:`physic_testing.conformance.cases.CASES`."""
+        """Return the photo and its ground truth for a name of
+        :data:`physic_testing.conformance.cases.CASES`.
+        """
         return build_case(name, self.size)
 
     def construct(self, case: Case | None = None) -> Backend:
@@ -157,13 +177,20 @@ class BackendUnderTest:
         try:
             return self.construct(case)
         except Exception as error:
-            raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+            raise CheckSkipped(
+                "it cannot be constructed: see 'constructs_with_its_defaults'"
+            ) from error
 
     def options(self, case: Case | None = None) -> BaseModel:
-        """Return the backend's options for a photo. A photo without ground truth uses the options for "one person"."""
+        """Return the backend's options for a photo.
+
+        A photo without ground truth uses the options for "one person".
+        """
         given = self._options
         if callable(given):
-            world = self.case("one person").truth if case is None or case.world is None else case.world
+            world = (
+                self.case("one person").truth if case is None or case.world is None else case.world
+            )
             given = given(world)
         return self.kind.Options.model_validate(dict(given))
 
@@ -182,7 +209,9 @@ class BackendUnderTest:
                 with no_network():
                     lacking = missing_requirements(backend)
             except PhysicError as error:
-                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
+                raise CheckSkipped(
+                    "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
+                ) from error
             if lacking:
                 raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
             try:
@@ -191,12 +220,16 @@ class BackendUnderTest:
             except PhysicError as error:
                 raise CheckSkipped(f"not ready: {error}") from error
             except Exception as error:
-                raise CheckSkipped("it cannot be loaded: see 'loads_or_reports_what_is_missing'") from error
+                raise CheckSkipped(
+                    "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
+                ) from error
             self._loaded[key] = backend
         return self._loaded[key]
 
     def infer(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
-        """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors propagate."""
+        """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors
+        propagate.
+        """
         given = infer_arguments(self.interface, case) if arguments is None else arguments
         request = INTERFACES[self.interface].Request(*given)
         require_image(request.image)
@@ -205,7 +238,13 @@ class BackendUnderTest:
         return results[0]
 
     def call(
-        self, wanted: str, case: Case, arguments: tuple[Any, ...], hint: str = "", *, may_refuse: bool = False
+        self,
+        wanted: str,
+        case: Case,
+        arguments: tuple[Any, ...],
+        hint: str = "",
+        *,
+        may_refuse: bool = False,
     ) -> Any:
         """Return a valid output for other arguments; None if the backend refuses them, and may.
 
@@ -226,8 +265,8 @@ class BackendUnderTest:
     def run_case(self, name: str) -> CaseRun:
         """Run the backend on a photo, or return the stored result.
 
-        FIRST_PHOTO is run first. The photos of one size are run one after the other, so that a result kept from the
-        last call shows.
+        FIRST_PHOTO is run first. The photos of one size are run one after the other, so that a
+        result kept from the last call shows.
 
         Raises:
             CheckSkipped: the backend cannot be constructed or loaded.
@@ -244,7 +283,9 @@ class BackendUnderTest:
 
     @property
     def photos_of_one_size(self) -> tuple[str, str]:
-        """Names of two different photos of one size, in the order in which the backend is called on them."""
+        """Names of two different photos of one size, in the order in which the backend is called on
+        them.
+        """
         return PHOTOS_OF_ONE_SIZE.get(self.interface, TWO_PHOTOS)
 
     @property
@@ -258,7 +299,9 @@ class BackendUnderTest:
         return PAIRED.get(self.interface, PAIRED[""])
 
     def answer_of(self, case: Case, before: Case) -> Any:
-        """Return the output for a changed photo; None of a backend that knows photos of worlds alone, or refuses it."""
+        """Return the output for a changed photo; None of a backend that knows photos of worlds
+        alone, or refuses it.
+        """
         if "exact" in self.capabilities or callable(self._options):
             return None
         try:
@@ -277,7 +320,9 @@ class BackendUnderTest:
         if isinstance(attempt.error, ConfigError):
             raise CheckSkipped(f"not ready: {attempt.error}")
         if attempt.error is not None:
-            raise CheckSkipped(f"infer failed for the photo '{name}': {describe_error(attempt.error, self.kind)}")
+            raise CheckSkipped(
+                f"infer failed for the photo '{name}': {describe_error(attempt.error, self.kind)}"
+            )
         if attempt.violations:
             raise CheckSkipped(f"its output for the photo '{name}' is invalid")
         return attempt.result
@@ -295,7 +340,10 @@ class BackendUnderTest:
             if attempt.error is None and not attempt.violations:
                 found.append((self.case(name), attempt.result))
         if len(found) < 3:
-            raise CheckSkipped(f"it has a valid output for {len(found)} of {len(self.evidence_names)} photos of people")
+            raise CheckSkipped(
+                f"it has a valid output for {len(found)} of {len(self.evidence_names)} photos of "
+                f"people"
+            )
         return found
 
     @property
@@ -304,7 +352,10 @@ class BackendUnderTest:
         return self._case_runs
 
     def close(self) -> None:
-        """Close all loaded backends. Errors are ignored, because the life cycle checks report them."""
+        """Close all loaded backends.
+
+        Errors are ignored, because the life cycle checks report them.
+        """
         for backend in self._loaded.values():
             with suppress(Exception):
                 backend.close()
@@ -321,7 +372,8 @@ class BackendUnderTest:
 
     def _try(self, backend: Backend, case: Case) -> CaseRun:
         """Call the backend on a case and record the result, the error and changed arguments."""
-        given, before = infer_arguments(self.interface, case), infer_arguments(self.interface, case)
+        given = infer_arguments(self.interface, case)
+        before = infer_arguments(self.interface, case)
         try:
             answer = self.infer(backend, case, given)
         except (Exception, SystemExit) as error:
@@ -332,14 +384,20 @@ class BackendUnderTest:
     def _changed(self, before: tuple[Any, ...], given: tuple[Any, ...]) -> tuple[str, ...]:
         """Return the paths of the arguments that changed, such as "image" or "people.masks"."""
         names = [field.name for field in fields(INTERFACES[self.interface].Request)]
-        return tuple(re.sub(r"^\[(\d+)\]", lambda m: names[int(m[1])], path) for path in changed_fields(before, given))
+        return tuple(
+            re.sub(r"^\[(\d+)\]", lambda m: names[int(m[1])], path)
+            for path in changed_fields(before, given)
+        )
 
 
-def find_backend(backend: str | type[Backend] | Backend, interface: str | None, **settings: Any) -> BackendUnderTest:
+def find_backend(
+    backend: str | type[Backend] | Backend, interface: str | None, **settings: Any
+) -> BackendUnderTest:
     """Return the BackendUnderTest for a backend's name, class or instance.
 
     Args:
-        backend: a name, "distribution:name", "package.module:Class", a class, or an instance, whose options are taken.
+        backend: a name, "distribution:name", "package.module:Class", a class, or an instance, whose
+            options are taken.
         interface: needed for a name that several interfaces have.
         settings: of :class:`BackendUnderTest`.
 
@@ -352,22 +410,32 @@ def find_backend(backend: str | type[Backend] | Backend, interface: str | None, 
     if isinstance(backend, type):
         own = interface or str(getattr(backend, "interface", ""))
         _require_interface(own)
-        return BackendUnderTest(backend, own, f"{backend.__module__}:{backend.__qualname__}", **settings)
+        return BackendUnderTest(
+            backend, own, f"{backend.__module__}:{backend.__qualname__}", **settings
+        )
     if interface is None:
         interface = _single_interface(backend)
     _require_interface(interface)
     claim = find_offer(interface, backend)
-    return BackendUnderTest(load_class(claim), interface, split_folder(backend)[1], claim=claim, **settings)
+    return BackendUnderTest(
+        load_class(claim), interface, split_folder(backend)[1], claim=claim, **settings
+    )
 
 
 def _single_interface(name: str) -> str:
     """Return the only interface that has a backend of this name, or raise BackendError."""
     distribution, _, bare = name.rpartition(":")
-    offers = [one for one in list_backends() if one.name == bare and distribution in ("", one.distribution)]
+    offers = [
+        one
+        for one in list_backends()
+        if one.name == bare and distribution in ("", one.distribution)
+    ]
     interfaces = list(dict.fromkeys(one.interface for one in offers))
     if len(interfaces) != 1:
         have = ", ".join(interfaces) or "none"
-        raise BackendError(f"give the interface of the backend '{name}'; interfaces with this name: {have}")
+        raise BackendError(
+            f"give the interface of the backend '{name}'; interfaces with this name: {have}"
+        )
     return interfaces[0]
 
 

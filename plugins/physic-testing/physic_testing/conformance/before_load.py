@@ -16,23 +16,36 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 MAX_SECONDS = 0.25
-"""Maximum CPU time of a call, s: every run calls ``missing`` and ``fingerprint`` of each selected backend."""
+"""Maximum CPU time of a call, s: every run calls ``missing`` and ``fingerprint`` of each selected
+backend.
+"""
 
 
 def check_missing_is_fast_and_repeatable(subject: BackendUnderTest) -> None:
     """`missing` is fast, reads no weights, and returns the same list in each call."""
     backend = subject.new_instance()
     first, again, seconds = _call_timed(subject, "missing()", lambda: missing_requirements(backend))
-    expect(first == again, "missing() to return the same list in both calls", f"{first!r}, then {again!r}")
+    expect(
+        first == again,
+        "missing() to return the same list in both calls",
+        f"{first!r}, then {again!r}",
+    )
     _expect_quick("missing()", seconds, "Test whether the files exist; open them in load().")
 
 
 def check_fingerprint_works_before_load(subject: BackendUnderTest) -> None:
-    """`fingerprint` returns, before `load` and offline, the same str for the same weights; it is fast."""
-    backend, other = subject.new_instance(), subject.new_instance()
+    """`fingerprint` returns, before `load` and offline, the same str for the same weights; it is
+    fast.
+    """
+    backend = subject.new_instance()
+    other = subject.new_instance()
     first, again, seconds = _call_timed(subject, "fingerprint()", backend.fingerprint)
     for returned in (first, again):
-        expect(isinstance(returned, str), "fingerprint() to return a str, empty without weights", repr(returned))
+        expect(
+            isinstance(returned, str),
+            "fingerprint() to return a str, empty without weights",
+            repr(returned),
+        )
     expect(
         first == again == (further := _call_timed(subject, "fingerprint()", other.fingerprint)[0]),
         "the same fingerprint() each time, as long as the weights are the same",
@@ -40,24 +53,35 @@ def check_fingerprint_works_before_load(subject: BackendUnderTest) -> None:
         "If the fingerprint changes between calls, cached results are never used.",
     )
     _expect_quick(
-        "fingerprint()", seconds, "Use `physic_core.weights.fingerprint`, which reads a file again only if it changes."
+        "fingerprint()",
+        seconds,
+        "Use `physic_core.weights.fingerprint`, which reads a file again only if it changes.",
     )
 
 
-def _call_timed(subject: BackendUnderTest, name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:
-    """Call a function two or three times; return the first two results and the shortest CPU time."""
-    answers, best = [], float("inf")
+def _call_timed(
+    subject: BackendUnderTest, name: str, ask: Callable[[], Any]
+) -> tuple[Any, Any, float]:
+    """Call a function two or three times; return the first two results and the shortest CPU
+    time.
+    """
+    answers = []
+    best = float("inf")
     with no_network() as places:
         for _ in range(3):  # the first call may import modules
             start = time.process_time()
             try:
                 answers.append(ask())
             except Exception as error:
-                raise CheckFailed(f"{name} to work before load()", describe_error(error, subject.kind)) from error
+                raise CheckFailed(
+                    f"{name} to work before load()", describe_error(error, subject.kind)
+                ) from error
             best = min(best, time.process_time() - start)
             if len(answers) > 1 and best < MAX_SECONDS:
                 break
-    expect(not places, f"{name} to use no network", f"it requests {', '.join(dict.fromkeys(places))}")
+    expect(
+        not places, f"{name} to use no network", f"it requests {', '.join(dict.fromkeys(places))}"
+    )
     return answers[0], answers[1], best
 
 

@@ -1,4 +1,6 @@
-"""How outputs of a BodyEstimator are compared: places, distances, orientation and pose of bodies."""
+"""How outputs of a BodyEstimator are compared: places, distances, orientation and pose of
+bodies.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,17 @@ _KNOWN = ("embedded", "smplx")
 _BODY = 22
 """Number of joints without face and fingers."""
 
-_SIDES, _POSE_SIDES = mirrored_order(JOINT_NAMES[:_BODY]), mirrored_order(JOINT_NAMES[1:_BODY])
-_ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose", "jaw_pose", "leye_pose", "reye_pose")
+_SIDES = mirrored_order(JOINT_NAMES[:_BODY])
+_POSE_SIDES = mirrored_order(JOINT_NAMES[1:_BODY])
+_ROTATIONS = (
+    "global_orient",
+    "body_pose",
+    "left_hand_pose",
+    "right_hand_pose",
+    "jaw_pose",
+    "leye_pose",
+    "reye_pose",
+)
 
 
 def matrices(rotvecs: FloatArray) -> FloatArray:
@@ -79,8 +90,11 @@ def mirrored(rotations: FloatArray) -> FloatArray:
 
 
 def bent(own: FloatArray, true: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return rotation vectors of what bends, radians, and the tolerance of rounding; what does not proves nothing."""
-    vectors, others = rotvecs(own), rotvecs(true)
+    """Return rotation vectors of what bends, radians, and the tolerance of rounding; what does not
+    proves nothing.
+    """
+    vectors = rotvecs(own)
+    others = rotvecs(true)
     return vectors[np.abs(others) > 0.05], others[np.abs(others) > 0.05], 0.002
 
 
@@ -124,8 +138,11 @@ def _act(values: Values, change: Change, case: Case) -> Values:
 
 
 def _across(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the mean place of the people of a photo across the line of sight, m at their true distance."""
-    at, place = values["joints"][:, 0], truth["joints"][:, 0]
+    """Return the mean place of the people of a photo across the line of sight, m at their true
+    distance.
+    """
+    at = values["joints"][:, 0]
+    place = truth["joints"][:, 0]
     with np.errstate(all="ignore"):
         beside = at[:, :2] / at[:, 2:] * place[:, 2:]
     return [
@@ -137,7 +154,9 @@ def _across(values: Values, truth: Values, case: Case) -> list[FloatArray]:
 
 def _distance(values: Values, truth: Values, case: Case) -> list[FloatArray]:
     logs = np.log(np.maximum(np.linalg.norm(values["joints"][:, 0], axis=1), 1e-6))
-    return [np.array([value]) for value in logs - np.log(np.linalg.norm(truth["joints"][:, 0], axis=1))]
+    return [
+        np.array([value]) for value in logs - np.log(np.linalg.norm(truth["joints"][:, 0], axis=1))
+    ]
 
 
 def _joints(values: Values, truth: Values, case: Case) -> list[FloatArray]:
@@ -159,7 +178,11 @@ def _about_pelvis(change: Callable[[FloatArray], FloatArray]) -> Make:
 def _facing_away(values: Values, case: Case) -> Values:
     vertical = values["root"][:, None, :, 1]
     flat = values["joints"] - values["joints"][:, :1]
-    return values | {"joints": values["joints"][:, :1] + 2 * (flat * vertical).sum(2, keepdims=True) * vertical - flat}
+    return values | {
+        "joints": values["joints"][:, :1]
+        + 2 * (flat * vertical).sum(2, keepdims=True) * vertical
+        - flat
+    }
 
 
 def _of_crop(values: Values, case: Case) -> Values:
@@ -181,10 +204,14 @@ def _sides(case: Case) -> FloatArray:
 
 _MIRRORED = "Was the photo mirrored for the network, and the body not mirrored back?"
 _FOCAL = (
-    "Is it the focal length of the crop, or of the network? z is the focal length of the photo in px / px per metre, "
+    "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
+    "px / px per metre, "
     "in px of the photo: scale what the network says of a crop by the side of the crop."
 )
-_TRANSL = "transl is added after posing; it is the place of the pelvis only where that is the origin at rest."
+_TRANSL = (
+    "transl is added after posing; it is the place of the pelvis only where that is the "
+    "origin at rest."
+)
 _DEGREES = "Are they in degrees?"
 _TURNED = "A crop beside the image's centre is seen by a rotated camera: rotate bodies back."
 
@@ -193,7 +220,11 @@ def turns(key: str) -> tuple[Reading, ...]:
     """Return the readings of rotations that are stored in another form."""
     return (
         Reading("inverse", changed(**{key: inverse}), "Is the matrix transposed?"),
-        Reading("Euler angles", changed(**{key: euler}), "Are they Euler angles? Convert them to rotation vectors."),
+        Reading(
+            "Euler angles",
+            changed(**{key: euler}),
+            "Are they Euler angles? Convert them to rotation vectors.",
+        ),
         Reading("in degrees", changed(**{key: degrees}), _DEGREES),
     )
 
@@ -208,39 +239,83 @@ def _turned(axis: int) -> Make:
 
 _LARGE = float(np.log(1.2))
 _PLACE = (
-    Reading("to the right", _placed(lambda at: at + np.array([0.1, 0, 0])), _TRANSL, 0.1, " m", 0.05),
+    Reading(
+        "to the right", _placed(lambda at: at + np.array([0.1, 0, 0])), _TRANSL, 0.1, " m", 0.05
+    ),
     Reading("down", _placed(lambda at: at + np.array([0, 0.1, 0])), _TRANSL, 0.1, " m", 0.05),
 )
 _FAR = (
-    Reading("too far", _placed(lambda at: np.e * at), _FOCAL, 1.0, " of the logarithm", _LARGE, in_pairs=False),
+    Reading(
+        "too far",
+        _placed(lambda at: np.e * at),
+        _FOCAL,
+        1.0,
+        " of the logarithm",
+        _LARGE,
+        in_pairs=False,
+    ),
     Reading("centimetres", _placed(lambda at: 100 * at), "Is it centimetres?", in_pairs=False),
     Reading("millimetres", _placed(lambda at: 1000 * at), "Is it millimetres?", in_pairs=False),
 )
 _CROP = (
-    Reading("times the side of the person's box", lambda v, case: _by(v, _sides(case)), _FOCAL, 1.0, "", 0.5),
-    Reading("times the focal length", lambda v, case: _by(v, case.intrinsics.fx), _FOCAL, 1.0, "", 0.5),
+    Reading(
+        "times the side of the person's box",
+        lambda v, case: _by(v, _sides(case)),
+        _FOCAL,
+        1.0,
+        "",
+        0.5,
+    ),
+    Reading(
+        "times the focal length", lambda v, case: _by(v, case.intrinsics.fx), _FOCAL, 1.0, "", 0.5
+    ),
 )
 _UPRIGHT = (
     Reading("mirrored", _about_pelvis(lambda j: j[:, _SIDES] * MIRROR), _MIRRORED),
-    Reading("with left and right limbs exchanged", _about_pelvis(lambda j: j[:, _SIDES]), _MIRRORED),
-    Reading("turned upside down", _about_pelvis(lambda j: j * [1, -1, -1]), "y is down in the camera's frame."),
+    Reading(
+        "with left and right limbs exchanged", _about_pelvis(lambda j: j[:, _SIDES]), _MIRRORED
+    ),
+    Reading(
+        "turned upside down",
+        _about_pelvis(lambda j: j * [1, -1, -1]),
+        "y is down in the camera's frame.",
+    ),
     Reading("facing the other way", _facing_away),
 )
 _ROOT = (
     *turns("root"),
     Reading("of the camera of a crop that looks at the person", _of_crop, _TURNED),
-    *(Reading(f"degrees about {name}", _turned(i), _TURNED, 12.0, "", 6.0) for i, name in enumerate("xyz")),
+    *(
+        Reading(f"degrees about {name}", _turned(i), _TURNED, 12.0, "", 6.0)
+        for i, name in enumerate("xyz")
+    ),
 )
 _POSE = (
-    Reading("at rest in every photo", changed(pose=at_rest), "Is it a pose at rest for every photo?", limit=0.75),
+    Reading(
+        "at rest in every photo",
+        changed(pose=at_rest),
+        "Is it a pose at rest for every photo?",
+        limit=0.75,
+    ),
     *turns("pose"),
-    Reading("a mean of left and right, as of a mirrored photo", changed(pose=_mean_of_sides), _MIRRORED),
-    Reading("of the mirrored person", changed(pose=lambda p: mirrored(p)[:, _POSE_SIDES]), _MIRRORED),
+    Reading(
+        "a mean of left and right, as of a mirrored photo", changed(pose=_mean_of_sides), _MIRRORED
+    ),
+    Reading(
+        "of the mirrored person", changed(pose=lambda p: mirrored(p)[:, _POSE_SIDES]), _MIRRORED
+    ),
     Reading("with left and right exchanged", changed(pose=lambda p: p[:, _POSE_SIDES]), _MIRRORED),
 )
 _TURNS = "of a rotation matrix"
 _GROUPS = (
-    Group("bodies_are_in_place", "bodies where people are in the photo", "m", _across, _PLACE, rough=0.75),
+    Group(
+        "bodies_are_in_place",
+        "bodies where people are in the photo",
+        "m",
+        _across,
+        _PLACE,
+        rough=0.75,
+    ),
     Group(
         "bodies_are_as_far_away",
         "bodies as far away as people in the photo, m",
@@ -267,7 +342,13 @@ _GROUPS = (
         _UPRIGHT,
         order=("joints", JOINT_NAMES[:_BODY], 1),
     ),
-    Group("bodies_face_the_right_way", "orientations in the camera's frame", _TURNS, _each("root"), _ROOT),
+    Group(
+        "bodies_face_the_right_way",
+        "orientations in the camera's frame",
+        _TURNS,
+        _each("root"),
+        _ROOT,
+    ),
     Group(
         "joints_turn_as_in_the_photo",
         "rotations of joints to their parents, in the order of SMPL-X",
@@ -292,7 +373,9 @@ TABLE = Table(
 
 
 def check_body_model_is_known(subject: BackendUnderTest) -> None:
-    """`body_model` is known, with matching betas and expression, or the bodies have joints or a mesh."""
+    """`body_model` is known, with matching betas and expression, or the bodies have joints or a
+    mesh.
+    """
     from physic_core.body.convert.bodies import can_convert
 
     bodies = subject.result()
@@ -304,10 +387,15 @@ def check_body_model_is_known(subject: BackendUnderTest) -> None:
     )
     if convertible and bodies.body_model != "embedded":
         return
-    model, parameters = model_of(bodies), bodies.parameters
+    model = model_of(bodies)
+    parameters = bodies.parameters
     for name, wanted in (("betas", model.num_betas), ("expression", model.num_expression)):
         count = getattr(parameters, name).shape[1]
-        expect(count == wanted, f"{name} of {wanted} components for the body {bodies.body_model!r}", f"{count}")
+        expect(
+            count == wanted,
+            f"{name} of {wanted} components for the body {bodies.body_model!r}",
+            f"{count}",
+        )
 
 
 def check_angles_are_radians(subject: BackendUnderTest) -> None:
@@ -325,7 +413,9 @@ def expect_radians(vectors: FloatArray, where: str = "") -> None:
 
 
 def check_joints_suffice_to_convert_bodies(subject: BackendUnderTest) -> None:
-    """Joints of another body model include both hips, and both shoulders or the neck, for the conversion."""
+    """Joints of another body model include both hips, and both shoulders or the neck, for the
+    conversion.
+    """
     bodies = subject.result()
     carried = parameters_of_model(bodies).transl
     lost = np.isnan(carried[:, 0]) & np.isfinite(bodies.parameters.transl[:, 0])
@@ -342,12 +432,14 @@ def check_mesh_is_close_to_the_joints(subject: BackendUnderTest) -> None:
     bodies = subject.result()
     if bodies.mesh is None or bodies.joints is None:
         return
-    low, high = bodies.mesh.vertices.min(axis=1), bodies.mesh.vertices.max(axis=1)
+    low = bodies.mesh.vertices.min(axis=1)
+    high = bodies.mesh.vertices.max(axis=1)
     beyond = np.maximum(low[:, None] - bodies.joints, bodies.joints - high[:, None]).max(axis=2)
     worst = float(np.nanmax(beyond, initial=-np.inf))
     expect(
         worst < MAX_JOINT_TO_MESH_M,
-        f"joints inside the mesh or at most {100 * MAX_JOINT_TO_MESH_M:.0f} cm outside of its bounding box",
+        f"joints inside the mesh or at most {100 * MAX_JOINT_TO_MESH_M:.0f} cm outside of its "
+        f"bounding box",
         f"a joint {worst:.3g} m outside",
         "Are both in metres, and in the camera's frame?",
     )
@@ -365,12 +457,17 @@ def check_bodies_are_in_front(subject: BackendUnderTest) -> None:
 
 
 def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
-    """`observed`, if given, is more often True for joints in sight than for hidden ones, and of the right side."""
-    more, sides = [], []
+    """`observed`, if given, is more often True for joints in sight than for hidden ones, and of the
+    right side.
+    """
+    more = []
+    sides = []
     for case, bodies in subject.evidence():
         if bodies.observed is None:
             raise CheckSkipped("it returns no `observed`")
-        for own, seen in zip(bodies.observed[:, :_BODY], case.truth.joints_visible[:, :_BODY], strict=True):
+        for own, seen in zip(
+            bodies.observed[:, :_BODY], case.truth.joints_visible[:, :_BODY], strict=True
+        ):
             if 0 < seen.sum() < len(seen):
                 more.append(float(own[seen].mean() - own[~seen].mean()))
                 sides.append(int((own[_SIDES] != seen).sum()) - int((own != seen).sum()))
@@ -379,12 +476,15 @@ def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
     expect(
         float(np.mean(more)) > 0 and sum(sides) >= 0,
         "True for joints in sight, and False for hidden ones",
-        f"{np.mean(more):+.0%} more True values in sight, and {-sum(sides)} fewer wrong ones with the sides exchanged",
-        "Is it inverted, True for all joints, or of the mirrored photo? Return None if the network does not tell.",
+        f"{np.mean(more):+.0%} more True values in sight, and {-sum(sides)} fewer wrong ones with "
+        f"the sides exchanged",
+        "Is it inverted, True for all joints, or of the mirrored photo? Return None if the "
+        "network does not tell.",
     )
 
 
-_READ, _PARAMETERS = TABLE.read, "physic_core.types.BodyParameters"
+_READ = TABLE.read
+_PARAMETERS = "physic_core.types.BodyParameters"
 CHECKS: tuple[Check, ...] = (
     *PEOPLE_CHECKS,
     *HINT_CHECKS,
@@ -392,7 +492,9 @@ CHECKS: tuple[Check, ...] = (
     Check(check_angles_are_radians, _PARAMETERS),
     Check(check_joints_suffice_to_convert_bodies, _READ, after=_FORM),
     Check(check_mesh_is_close_to_the_joints, _READ, after=_FORM),
-    Check(check_bodies_are_in_front, _PARAMETERS, after=(*_FORM, "joints_suffice_to_convert_bodies")),
+    Check(
+        check_bodies_are_in_front, _PARAMETERS, after=(*_FORM, "joints_suffice_to_convert_bodies")
+    ),
     Check(check_observed_is_true_in_sight, _READ, unless=BLIND),
     *ROW_CHECKS,
 )

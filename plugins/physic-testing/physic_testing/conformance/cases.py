@@ -1,4 +1,6 @@
-"""Photos of the conformance kit, each with the inputs that the pipeline would pass to the interfaces."""
+"""Photos of the conformance kit, each with the inputs that the pipeline would pass to the
+interfaces.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,10 @@ EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "le
 EVIDENCE_OF_HANDS = ("close", "striding, large", "sitting, large", "crouching, large")
 """The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
 
-PAIRED = {"": ("several people", "walking", "leaning"), "hand_estimator": ("close", "sitting, large")}
+PAIRED = {
+    "": ("several people", "walking", "leaning"),
+    "hand_estimator": ("close", "sitting, large"),
+}
 """Interface, or "" for all others -> photos that are changed, too."""
 
 _LARGE = 3
@@ -117,7 +122,8 @@ def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
 
     Args:
         name: key of CASES.
-        size: width and height of the standard photos, px; the sizes of the other photos depend on it.
+        size: width and height of the standard photos, px; the sizes of the other photos depend on
+            it.
     """
     return _build(name, size)
 
@@ -155,8 +161,11 @@ def case_of_world(name: str, world: World) -> Case:
     radius = max(2, round(0.01 * max(height, width)))
     brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     hidden = world.masks.any(axis=0) | (world.empty_image.max(axis=2) > _GLARE)
-    points, visible = world.keypoints[BLAZEPOSE.name], world.visible[BLAZEPOSE.name]
-    scene, original = (world.points(people=people) / np.float32(SCENE_UNIT) for people in (False, True))
+    points = world.keypoints[BLAZEPOSE.name]
+    visible = world.visible[BLAZEPOSE.name]
+    scene, original = (
+        world.points(people=people) / np.float32(SCENE_UNIT) for people in (False, True)
+    )
     return Case(
         name=name,
         photo=world.image,
@@ -176,7 +185,9 @@ def case_of_world(name: str, world: World) -> Case:
 
 def _without_people(case: Case) -> Case:
     """Build the case of the same scene without people."""
-    people, keypoints, bodies = case.people, case.keypoints, case.bodies
+    people = case.people
+    keypoints = case.keypoints
+    bodies = case.bodies
     observed = None if bodies.observed is None else bodies.observed[:0]
     return replace(
         case,
@@ -199,5 +210,6 @@ def _resized(case: Case, name: str, width: int, height: int) -> Case:
     pixels = np.diag(scale)
     pixels[:, 2] += (scale - 1) / 2  # integer coordinates are pixel centres
     return replace(
-        changed_case(case, Change(name, pixels, np.eye(3), case.intrinsics.resized(width, height))), name=name
+        changed_case(case, Change(name, pixels, np.eye(3), case.intrinsics.resized(width, height))),
+        name=name,
     )

@@ -1,4 +1,6 @@
-"""Changes of a photo for which it is known how a right output changes: mirror, size, border, and camera."""
+"""Changes of a photo for which it is known how a right output changes: mirror, size, border, and
+camera.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,15 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 CHANGES = ("mirrored", "enlarged twice", "cropped", "seen by a turned camera")
-"""Changes of a photo: about its vertical axis, in size, of the border beside its people, of where the camera looks."""
+"""Changes of a photo: about its vertical axis, in size, of the border beside its people, of where
+the camera looks.
+"""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Factors of a point whose mirror is the plane x = 0."""
 
-_CROPPED = np.array([0.12, 0.08, 0.28, 0.04])  # shares of the photo, at the left, top, right and bottom, at most
+# shares of the photo, at the left, top, right and bottom, at most
+_CROPPED = np.array([0.12, 0.08, 0.28, 0.04])
 _BESIDE_PEOPLE_PX = 6
 _TURN = np.radians(12.0)
 
@@ -52,10 +57,13 @@ class Change:
         return np.asarray(moved[..., :2] / moved[..., 2:])
 
     def of_picture(self, picture: Any, *, nearest: bool = False) -> Any:
-        """Return a picture (H, W) or (H, W, C) as it is in the changed photo; NaN or False beyond its border."""
+        """Return a picture (H, W) or (H, W, C) as it is in the changed photo; NaN or False beyond
+        its border.
+        """
         import cv2
 
-        is_photo, whole = picture.dtype == np.uint8, picture.dtype == bool
+        is_photo = picture.dtype == np.uint8
+        whole = picture.dtype == bool
         flags = cv2.INTER_NEAREST if nearest or whole else cv2.INTER_LINEAR
         moved = cv2.warpPerspective(
             picture if is_photo else picture.astype(np.float32 if not whole else np.uint8),
@@ -68,7 +76,9 @@ class Change:
         return moved > 0 if whole else moved
 
     def of_rotations(self, rotations: FloatArray, *, local: bool = False) -> FloatArray:
-        """Return rotations (..., 3, 3) of bodies in the camera's frame, or ``local`` ones of a joint to its parent."""
+        """Return rotations (..., 3, 3) of bodies in the camera's frame, or ``local`` ones of a
+        joint to its parent.
+        """
         turn = np.diag(MIRROR) if self.mirrors else np.eye(3) if local else self.axes
         turned: FloatArray = turn @ rotations @ (np.diag(MIRROR) if self.mirrors else np.eye(3))
         return turned
@@ -76,8 +86,11 @@ class Change:
 
 def change_of(case: Case, name: str) -> Change:
     """Return a change of a photo."""
-    camera, axes, pixels = case.intrinsics, np.eye(3), np.eye(3)
-    width, height = camera.width, camera.height
+    camera = case.intrinsics
+    axes = np.eye(3)
+    pixels = np.eye(3)
+    width = camera.width
+    height = camera.height
     if name == CHANGES[0]:
         pixels[0] = -1, 0, width - 1
         return Change(name, pixels, np.diag(MIRROR), replace(camera, cx=width - 1 - camera.cx))
@@ -87,11 +100,20 @@ def change_of(case: Case, name: str) -> Change:
     boxes = case.people.boxes
     if name == CHANGES[2]:
         size = np.array([width, height])
-        beside = np.concatenate([boxes[:, :2].min(0), size - boxes[:, 2:].max(0)]) - _BESIDE_PEOPLE_PX
-        left, top, right, bottom = (int(cut) for cut in np.minimum(_CROPPED * np.tile(size, 2), beside).clip(0))
+        beside = (
+            np.concatenate([boxes[:, :2].min(0), size - boxes[:, 2:].max(0)]) - _BESIDE_PEOPLE_PX
+        )
+        left, top, right, bottom = (
+            int(cut) for cut in np.minimum(_CROPPED * np.tile(size, 2), beside).clip(0)
+        )
         pixels[:2, 2] = -left, -top
         moved = replace(camera, cx=camera.cx - left, cy=camera.cy - top)
-        return Change(name, pixels, axes, replace(moved, width=width - left - right, height=height - top - bottom))
+        return Change(
+            name,
+            pixels,
+            axes,
+            replace(moved, width=width - left - right, height=height - top - bottom),
+        )
     angle = _TURN if boxes[:, ::2].mean() > camera.cx else -_TURN  # towards the people
     axes[::2, ::2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     return Change(name, camera.matrix @ axes @ np.linalg.inv(camera.matrix), axes, camera)
@@ -114,7 +136,9 @@ def changed_case(case: Case, change: Change) -> Case:
         intrinsics=change.camera,
         people=People(masks, boxes, case.people.scores),
         keypoints=Keypoints(
-            change.of_pixels(keypoints.points)[:, order], keypoints.confidence[:, order], keypoints.skeleton
+            change.of_pixels(keypoints.points)[:, order],
+            keypoints.confidence[:, order],
+            keypoints.skeleton,
         ),
         bodies=_bodies(case, change),
         scene=_pointmap(case.scene, change),
@@ -156,11 +180,14 @@ def _mirrored(rotvecs: FloatArray) -> FloatArray:
 
 def _pointmap(pointmap: Pointmap, change: Change) -> Pointmap:
     """Return a point map of the changed photo."""
-    points = change.of_picture(np.where(np.isfinite(pointmap.points), pointmap.points, np.nan), nearest=True)
+    points = change.of_picture(
+        np.where(np.isfinite(pointmap.points), pointmap.points, np.nan), nearest=True
+    )
     points = (points @ change.axes.T).astype(np.float32)
     return Pointmap(points, np.isfinite(points).all(axis=2), pointmap.unknown, change.camera)
 
 
 def _box(mask: Any) -> list[float]:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     return [columns[0], rows[0], columns[-1] + 1, rows[-1] + 1] if len(rows) else [0, 0, 1, 1]

@@ -18,13 +18,15 @@ class Check:
     """One conformance check: its function and its conditions.
 
     Attributes:
-        function: raises CheckFailed if the backend violates the contract, CheckSkipped if this cannot be tested, and
-            returns in words what it could not tell.
+        function: raises CheckFailed if the backend violates the contract, CheckSkipped if this
+            cannot be tested, and returns in words what it could not tell.
         read: module or class that documents the requirement; printed with a failure.
-        after: names of checks that must not have failed, because this check would fail for the same reason.
+        after: names of checks that must not have failed, because this check would fail for the same
+            reason.
         unless: capabilities of a backend for which the check is skipped.
         only_with: capabilities that a backend must have for the check to run.
-        warns: whether a failure is only a warning: the contract does not forbid it, and a run undoes most of it.
+        warns: whether a failure is only a warning: the contract does not forbid it, and a run
+            undoes most of it.
     """
 
     function: Callable[[BackendUnderTest], tuple[str, ...] | None]

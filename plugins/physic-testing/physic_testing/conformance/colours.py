@@ -25,7 +25,9 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     try:
         own = main_error(subject.interface, subject.result(), case)
     except BodyModelError as error:
-        raise CheckSkipped("its keypoints are not defined on a body, so there is no error to compare") from error
+        raise CheckSkipped(
+            "its keypoints are not defined on a body, so there is no error to compare"
+        ) from error
     if own < _NEGLIGIBLE_ERROR:
         return
     image, *rest = infer_arguments(subject.interface, case)
@@ -33,7 +35,9 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     try:
         answer = subject.infer(subject.loaded(case), case, exchanged)
     except PhysicError as error:
-        raise CheckSkipped("it raises a PhysicError for a photo with red and blue exchanged") from error
+        raise CheckSkipped(
+            "it raises a PhysicError for a photo with red and blue exchanged"
+        ) from error
     if case_violations(subject.interface, answer, case):
         return
     other = main_error(subject.interface, answer, case)
@@ -41,7 +45,8 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     expect(
         other > 0.5 * own,
         "the smaller error for the photo in RGB order",
-        f"an error ({name}) of {own:.3f}, but of {other:.3f} for the photo with red and blue exchanged",
+        f"an error ({name}) of {own:.3f}, but of {other:.3f} for the photo with red and blue "
+        f"exchanged",
         "Does it convert the image to BGR, as OpenCV reads files? Images are RGB.",
     )
 

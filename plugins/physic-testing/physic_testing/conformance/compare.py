@@ -22,7 +22,12 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_testing.conformance.backend_under_test import BackendUnderTest, OptionsFor
 
-DEFAULT_WORLDS: tuple[tuple[str, int], ...] = (("stand", 0), ("walk", 0), ("sit_on_chair", 0), ("group", 0))
+DEFAULT_WORLDS: tuple[tuple[str, int], ...] = (
+    ("stand", 0),
+    ("walk", 0),
+    ("sit_on_chair", 0),
+    ("group", 0),
+)
 """Names and seeds of the default worlds for the comparison of backends."""
 
 
@@ -80,13 +85,17 @@ class BackendComparison:
                 )
             )
         widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-        table = ["  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
+        table = [
+            "  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        ]
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
         notes += [row.traceback.rstrip("\n") for row in self.rows if row.traceback]
         width, height = self.size
         worlds = ", ".join(f"{name} {seed}" for name, seed in self.worlds)
         about = (
-            f"{self.interface} on synthetic worlds of {width} x {height} px: {worlds}; people, keypoints, bodies and "
+            f"{self.interface} on synthetic worlds of {width} x {height} px: {worlds}; people, "
+            f"keypoints, bodies and "
             "hints that backends are given are the true ones; * is best"
         )
         return "\n".join([*table, *notes, about])
@@ -98,12 +107,17 @@ class BackendComparison:
             "worlds": [list(world) for world in self.worlds],
             "size": list(self.size),
             "better": {
-                name: error.better for name, error in ERRORS.items() if any(name in row.errors for row in self.rows)
+                name: error.better
+                for name, error in ERRORS.items()
+                if any(name in row.errors for row in self.rows)
             },
             "backends": [
                 {
                     "backend": row.backend,
-                    "errors": {name: value if math.isfinite(value) else None for name, value in row.errors.items()},
+                    "errors": {
+                        name: value if math.isfinite(value) else None
+                        for name, value in row.errors.items()
+                    },
                     "answered": row.completed,
                     "seconds": row.seconds if math.isfinite(row.seconds) else None,
                     "problem": row.problem,
@@ -134,7 +148,8 @@ def compare(
 
     Args:
         interface: interface of the backends.
-        backends: names or classes, as for :func:`physic_testing.check_backend`, each alone or with its options.
+        backends: names or classes, as for :func:`physic_testing.check_backend`, each alone or with
+            its options.
         worlds: name and seed of each world.
         device: device on which the backends are loaded.
         size: width and height of the photos, px.
@@ -149,18 +164,26 @@ def compare(
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
         subjects.append(find_backend(backend, interface, options=options, device=device, size=size))
         if isinstance(options, Mapping) and options:
-            subjects[-1].name += "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
+            subjects[-1].name += (
+                "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
+            )
     rows = tuple(_row(subject, worlds, size) for subject in subjects)
     return BackendComparison(interface, tuple(worlds), size, rows)
 
 
-def _row(subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tuple[int, int]) -> BackendScores:
+def _row(
+    subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tuple[int, int]
+) -> BackendScores:
     """Measure the mean errors and the median run time of one backend."""
-    errors, times, problems, tracebacks = [], [], [], []
+    errors = []
+    times = []
+    problems = []
+    tracebacks = []
     for name, seed in worlds:
         case = case_of_world(f"{name} {seed}", build_world(name, seed, size))
         try:
-            backend, arguments = subject.loaded(case), infer_arguments(subject.interface, case)
+            backend = subject.loaded(case)
+            arguments = infer_arguments(subject.interface, case)
             start = time.perf_counter()
             answer = subject.infer(backend, case, arguments)
             times.append(time.perf_counter() - start)
@@ -170,7 +193,11 @@ def _row(subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tup
             else:
                 errors.append(measure_errors(subject.interface, answer, case))
         except (Exception, SystemExit) as error:  # a plugin may raise any error
-            cause = error.__cause__ if isinstance(error, CheckSkipped) and error.__cause__ is not None else error
+            cause = (
+                error.__cause__
+                if isinstance(error, CheckSkipped) and error.__cause__ is not None
+                else error
+            )
             explained = isinstance(cause, (CheckSkipped, PhysicError))
             problems.append(str(error) if explained else describe_error(cause, subject.kind))
             tracebacks.append(traceback_text(cause))

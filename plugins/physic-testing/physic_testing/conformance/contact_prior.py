@@ -1,4 +1,6 @@
-"""How outputs of a ContactPrior are compared: the mesh, and the order of the probabilities on it."""
+"""How outputs of a ContactPrior are compared: the mesh, and the order of the probabilities on
+it.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=1)
 def mirrored_vertices() -> IntArray:
-    """Return for each vertex of the embedded body (V,) the nearest one on the other side of the T-pose."""
+    """Return for each vertex of the embedded body (V,) the nearest one on the other side of the
+    T-pose.
+    """
     from scipy.spatial import cKDTree
 
     from physic_core.body.convert.bodies import rest_mesh_of_model
@@ -40,12 +44,17 @@ def _values(answer: ContactProbability, case: Case, truth: Values) -> Values:
 
 
 def _act(values: Values, change: Change, case: Case) -> Values:
-    return {"likely": values["likely"][:, mirrored_vertices()] if change.mirrors else values["likely"]}
+    return {
+        "likely": values["likely"][:, mirrored_vertices()] if change.mirrors else values["likely"]
+    }
 
 
 def _normal(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the probabilities of outer vertices, of mean 0 and length 1; NaN of people of whom nothing is likelier."""
-    outer, found = embedded_body().outer.numpy(), []
+    """Return the probabilities of outer vertices, of mean 0 and length 1; NaN of people of whom
+    nothing is likelier.
+    """
+    outer = embedded_body().outer.numpy()
+    found = []
     for row, true in zip(values["likely"][:, outer], truth["likely"][:, outer], strict=True):
         flat = row - row.mean()
         known = min(np.ptp(row), np.ptp(true)) > 1e-6
@@ -59,8 +68,11 @@ def _half_reversed(likely: FloatArray) -> FloatArray:
 
 
 def _claimed(likely: FloatArray, true: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return for each vertex that touches or is said to touch whether it is said to, and whether it does."""
-    said, touching = likely > CONTACT_THRESHOLD, true > 0
+    """Return for each vertex that touches or is said to touch whether it is said to, and whether it
+    does.
+    """
+    said = likely > CONTACT_THRESHOLD
+    touching = true > 0
     either = said | touching
     return said[either].astype(np.float64), touching[either].astype(np.float64), 0.5
 
@@ -81,11 +93,19 @@ TABLE = Table(
                     changed(likely=lambda p: p[:, mirrored_vertices()]),
                     "Was the photo mirrored for the network?",
                 ),
-                Reading("inverted", changed(likely=lambda p: 1 - p), "1 is contact.", in_pairs=False),
                 Reading(
-                    "in reverse order", changed(likely=lambda p: p[:, ::-1]), "Is the order of the vertices reversed?"
+                    "inverted", changed(likely=lambda p: 1 - p), "1 is contact.", in_pairs=False
                 ),
-                Reading("half in reverse order", changed(likely=_half_reversed), "Is half of the vertices reversed?"),
+                Reading(
+                    "in reverse order",
+                    changed(likely=lambda p: p[:, ::-1]),
+                    "Is the order of the vertices reversed?",
+                ),
+                Reading(
+                    "half in reverse order",
+                    changed(likely=_half_reversed),
+                    "Is half of the vertices reversed?",
+                ),
             ),
             after=("rest_mesh_is_a_t_pose",),
         ),
@@ -98,17 +118,27 @@ TABLE = Table(
 
 
 def check_topology_is_that_of_the_bodies(subject: BackendUnderTest) -> None:
-    """Without `rest`, `topology` is that of the input bodies and each vertex has one probability."""
-    answer, truth = subject.result(), subject.case("one person").truth
+    """Without `rest`, `topology` is that of the input bodies and each vertex has one
+    probability.
+    """
+    answer = subject.result()
+    truth = subject.case("one person").truth
     if answer.rest is not None and answer.topology != truth.topology:
         return
-    expect(answer.topology == truth.topology, f"the topology of the bodies, {truth.topology!r}", f"{answer.topology!r}")
-    count, wanted = answer.probability.shape[1], truth.vertices.shape[1]
+    expect(
+        answer.topology == truth.topology,
+        f"the topology of the bodies, {truth.topology!r}",
+        f"{answer.topology!r}",
+    )
+    count = answer.probability.shape[1]
+    wanted = truth.vertices.shape[1]
     expect(count == wanted, f"{wanted} vertices of {truth.topology!r}", f"{count}")
 
 
 def check_rest_mesh_is_a_t_pose(subject: BackendUnderTest) -> None:
-    """The mesh in `rest` is a body in the T-pose, in metres, from which contact can be transferred."""
+    """The mesh in `rest` is a body in the T-pose, in metres, from which contact can be
+    transferred.
+    """
     from physic_core.errors import BodyModelError
 
     answer = subject.result()
@@ -121,8 +151,11 @@ def check_rest_mesh_is_a_t_pose(subject: BackendUnderTest) -> None:
 
 
 def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -> None:
-    """Probabilities differ between vertices, and no other first vertex puts them nearer to where bodies touch."""
-    outer, evidence = embedded_body().outer.numpy(), values_of(subject, TABLE)
+    """Probabilities differ between vertices, and no other first vertex puts them nearer to where
+    bodies touch.
+    """
+    outer = embedded_body().outer.numpy()
+    evidence = values_of(subject, TABLE)
     people = [
         (likely, true)
         for _, v, t in evidence
@@ -132,19 +165,36 @@ def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -
     low, high = (f([f(likely) for likely, _ in people] or [0.0]) for f in (np.min, np.max))
     wanted = "a higher probability where bodies touch than elsewhere"
     is_one = low == high > 0
-    expect(not is_one, wanted, f"{low:.2f} everywhere", "Is it a constant: is the network's answer used?")
+    expect(
+        not is_one,
+        wanted,
+        f"{low:.2f} everywhere",
+        "Is it a constant: is the network's answer used?",
+    )
     is_narrow = low >= 0.5 and high <= 1 / (1 + np.exp(-1.0)) + 1e-3
-    expect(not is_narrow, wanted, f"values from {low:.2g} to {high:.2g}", "Is a sigmoid applied twice?")
+    expect(
+        not is_narrow, wanted, f"values from {low:.2g} to {high:.2g}", "Is a sigmoid applied twice?"
+    )
     people = [(likely, true) for likely, true in people if np.ptp(likely) > 1e-6]
     if len(people) < 3:
         raise CheckSkipped(f"{len(people)} people have contact and probabilities, 3 are needed")
     fits = np.mean([_circular_fit(likely, true) for likely, true in people], axis=0)
     moved = int(np.argmax(fits))
     hint = f"They fit {moved} numbers earlier: do they begin at another vertex?"
-    better = [float(fit[moved] - fit[0]) for fit in (_circular_fit(likely, true) for likely, true in people)]
+    better = [
+        float(fit[moved] - fit[0])
+        for fit in (_circular_fit(likely, true) for likely, true in people)
+    ]
     is_sure = np.mean(better) > 3 * np.std(better) / np.sqrt(len(better)) and np.mean(better) > 0.1
-    expect(not is_sure, "probabilities in the order of the vertices", f"{moved} vertices farther on", hint)
-    touching, others = (float(np.mean([p[outer & (t == c)].mean() for p, t in people])) for c in (1, 0))
+    expect(
+        not is_sure,
+        "probabilities in the order of the vertices",
+        f"{moved} vertices farther on",
+        hint,
+    )
+    touching, others = (
+        float(np.mean([p[outer & (t == c)].mean() for p, t in people])) for c in (1, 0)
+    )
     expect(
         touching > others,
         "a higher mean probability where bodies touch than elsewhere",
@@ -154,8 +204,13 @@ def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -
 
 
 def _circular_fit(likely: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the correlation (V,) of probabilities with the truth, for each number of vertices they may be moved by."""
-    spectra = [np.fft.rfft((values - values.mean()) / max(float(values.std()), 1e-9)) for values in (likely, truth)]
+    """Return the correlation (V,) of probabilities with the truth, for each number of vertices they
+    may be moved by.
+    """
+    spectra = [
+        np.fft.rfft((values - values.mean()) / max(float(values.std()), 1e-9))
+        for values in (likely, truth)
+    ]
     fit: FloatArray = np.fft.irfft(spectra[0] * spectra[1].conj(), len(likely)) / len(likely)
     return fit
 

@@ -23,9 +23,16 @@ def case_violations(interface: str, answer: Any, case: Case) -> list[str]:
 
 
 def violations(
-    interface: type[Backend], result: object, *, height: int = 1, width: int = 1, people: int = 0, **more: Any
+    interface: type[Backend],
+    result: object,
+    *,
+    height: int = 1,
+    width: int = 1,
+    people: int = 0,
+    **more: Any,
 ) -> list[str]:
-    """List the contract violations of a result that a unit test has built, one sentence each; no backend is called.
+    """List the contract violations of a result that a unit test has built, one sentence each; no
+    backend is called.
 
     Args:
         interface: interface class, such as ``MetricDepth``.
@@ -39,6 +46,8 @@ def violations(
     masks = np.zeros((people, height, width), bool)
     known = {"image": image, "people": People(masks, np.zeros((people, 4)), np.zeros(people))}
     given: dict[str, Any] = {
-        field.name: known.get(field.name) for field in fields(interface.Request) if not field.kw_only
+        field.name: known.get(field.name)
+        for field in fields(interface.Request)
+        if not field.kw_only
     }
     return contract_violations(interface, result, interface.Request(**given, **more))

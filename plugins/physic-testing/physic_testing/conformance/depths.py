@@ -1,4 +1,6 @@
-"""How outputs of MetricDepth and RelativePointmap are compared: z, its scale, the rays of the points, the camera."""
+"""How outputs of MetricDepth and RelativePointmap are compared: z, its scale, the rays of the
+points, the camera.
+"""
 
 from __future__ import annotations
 
@@ -33,26 +35,40 @@ MAX_SIGMA = 1.5
 """Standard deviation of log(scale) that no estimate of depth needs: a factor of 4.5."""
 
 EXPLAINED = {"metric_depth": 0.05, "relative_pointmap": 0.4}
-"""Share of the error that is left after a fit of another ambiguity; a metric depth has other errors of the kind."""
+"""Share of the error that is left after a fit of another ambiguity; a metric depth has other errors
+of the kind.
+"""
 
 MIN_LEVELS = 300
 """Different depths below which a depth map is of 8 bits."""
 
 MAX_REPEATED = 0.2
-"""Share of rows or columns of a depth map that may repeat the one before, beyond those of the truth."""
+"""Share of rows or columns of a depth map that may repeat the one before, beyond those of the
+truth.
+"""
 
 _SAME = 0.98  # share of the pixels of a row that repeats another
-_ROUNDS, _FITTED, _COMPARED, _BLUR_PX = 8, 2000, 20000, 1.2
-_SHIFT_PENALTY = 1e-3  # of the mean square residual; a true shift is off by 1e-5 of itself where depths vary by a tenth
+_ROUNDS = 8
+_FITTED = 2000
+_COMPARED = 20000
+_BLUR_PX = 1.2
+# of the mean square residual; a true shift is off by 1e-5 of itself where depths vary by a tenth
+_SHIFT_PENALTY = 1e-3
 _BORDER_PX = 3
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
 MIN_POINTS = 64
 
 
 def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
-    """Return the median relative depth error after a robust fit of the unknown scale and shift; NaN without pixels."""
+    """Return the median relative depth error after a robust fit of the unknown scale and shift; NaN
+    without pixels.
+    """
     both = _both(z, truth)
-    return float(np.median(_fit(z[both], truth[both], unknown)[1])) if both.sum() >= 16 else float("nan")
+    return (
+        float(np.median(_fit(z[both], truth[both], unknown)[1]))
+        if both.sum() >= 16
+        else float("nan")
+    )
 
 
 def _both(z: FloatArray, truth: FloatArray) -> BoolArray:
@@ -60,9 +76,14 @@ def _both(z: FloatArray, truth: FloatArray) -> BoolArray:
     return both
 
 
-def _fit(own: FloatArray, true: FloatArray, unknown: AffineAmbiguity) -> tuple[FloatArray, FloatArray]:
-    """Fit the unknown scale and shift of depths (M,) robustly; return fitted over true depth, and the residual."""
-    own, true = own.astype(np.float64), true.astype(np.float64)
+def _fit(
+    own: FloatArray, true: FloatArray, unknown: AffineAmbiguity
+) -> tuple[FloatArray, FloatArray]:
+    """Fit the unknown scale and shift of depths (M,) robustly; return fitted over true depth, and
+    the residual.
+    """
+    own = own.astype(np.float64)
+    true = true.astype(np.float64)
     # Each row: fitted depth / true depth = 1, in the space in which the unknowns are linear.
     columns: dict[str, list[FloatArray]] = {
         "scale": [own / true],
@@ -82,11 +103,16 @@ def _fit(own: FloatArray, true: FloatArray, unknown: AffineAmbiguity) -> tuple[F
     return 1 / np.maximum(fitted, 1e-3) if unknown == "inverse_scale_shift" else fitted, residual
 
 
-# ---- values ----------------------------------------------------------------------------------------------------------
+# ---- values
+# --------------------------------------------------------------------------------------------------
 
 
 def _depth_values(answer: DepthMap, case: Case, truth: Values) -> Values:
-    return {"z": _finite(answer.depth), "unknown": "scale", "camera": _camera_values(answer.intrinsics, case)}
+    return {
+        "z": _finite(answer.depth),
+        "unknown": "scale",
+        "camera": _camera_values(answer.intrinsics, case),
+    }
 
 
 def _true_depth(answer: DepthMap, case: Case) -> Values:
@@ -95,7 +121,9 @@ def _true_depth(answer: DepthMap, case: Case) -> Values:
 
 
 def _finite(z: FloatArray) -> FloatArray:
-    known: FloatArray = np.where(np.isfinite(z) & (np.nan_to_num(z) > 0), z, np.nan).astype(np.float64)
+    known: FloatArray = np.where(np.isfinite(z) & (np.nan_to_num(z) > 0), z, np.nan).astype(
+        np.float64
+    )
     return known
 
 
@@ -108,7 +136,9 @@ def _points_values(answer: Pointmap, case: Case, truth: Values) -> Values:
     if len(rows) >= MIN_POINTS:
         points = answer.points[rows, columns].astype(np.float64)
         shift = (
-            _unknown_shift(columns - camera.cx, rows - camera.cy, points) if answer.unknown == "scale_shift" else 0.0
+            _unknown_shift(columns - camera.cx, rows - camera.cy, points)
+            if answer.unknown == "scale_shift"
+            else 0.0
         )
         with np.errstate(all="ignore"):
             uv[rows, columns] = points[:, :2] / (points[:, 2:] + shift) * [camera.fx, camera.fy] + [
@@ -119,19 +149,24 @@ def _points_values(answer: Pointmap, case: Case, truth: Values) -> Values:
 
 
 def _unknown_shift(u: FloatArray, v: FloatArray, points: FloatArray) -> float:
-    """Return the offset of z with which points (M, 3) lie on rays through their pixels, of whatever focal length.
+    """Return the offset of z with which points (M, 3) lie on rays through their pixels, of whatever
+    focal length.
 
     A small penalty makes it 0 where all depths are the same and any shift would fit.
     """
     unit = float(np.median(points[:, 2]))
     x, y, z = (points / unit).T
     reach = float(max(np.abs(u).max(), np.abs(v).max()))
-    a, b, zero = u / reach, v / reach, np.zeros_like(z)
+    a = u / reach
+    b = v / reach
+    zero = np.zeros_like(z)
     rows = [[a * z, zero, z, zero, a, zero], [zero, b * z, zero, z, zero, b]]
     design = np.concatenate([np.stack(row, axis=1) for row in rows])
     penalty = _SHIFT_PENALTY * np.sqrt(len(z)) * np.eye(6)[4:]
     target = np.concatenate([x, y, np.zeros(2)])
-    slope, other, _, _, right, down = np.linalg.lstsq(np.vstack([design, penalty]), target, rcond=None)[0]
+    slope, other, _, _, right, down = np.linalg.lstsq(
+        np.vstack([design, penalty]), target, rcond=None
+    )[0]
     return unit * float((right * slope + down * other) / max(slope**2 + other**2, 1e-12))
 
 
@@ -140,7 +175,12 @@ def _true_points(answer: Pointmap, case: Case) -> Values:
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
     z = _finite(case.truth.empty_depth)
     uv = np.where(np.isfinite(z)[..., None], grid, np.nan)
-    return {"z": z, "uv": uv, "unknown": answer.unknown, "camera": _camera_values(case.intrinsics, case)}
+    return {
+        "z": z,
+        "uv": uv,
+        "unknown": answer.unknown,
+        "camera": _camera_values(case.intrinsics, case),
+    }
 
 
 def _camera_values(camera: Intrinsics | None, case: Case) -> FloatArray:
@@ -152,28 +192,38 @@ def _camera_values(camera: Intrinsics | None, case: Case) -> FloatArray:
 
 
 def _act(values: Values, change: Change, case: Case) -> Values:
-    camera, nothing = np.array(values["camera"]), np.full(4, np.nan)
+    camera = np.array(values["camera"])
+    nothing = np.full(4, np.nan)
     centre = change.of_pixels(camera[:2])
     factor = 100 * np.log(change.camera.fx / case.intrinsics.fx)
     is_same_lens = change.name in CHANGES[:2]
     camera = np.array([*centre, camera[2], camera[3] + factor]) if is_same_lens else nothing
     # Along the new axis, the depth of a pixel is another one.
     along = rays_of(case.intrinsics) @ change.axes[2]
-    moved = values | {"z": change.of_picture(np.where(along > 0.1, values["z"] * along, np.nan)), "camera": camera}
+    moved = values | {
+        "z": change.of_picture(np.where(along > 0.1, values["z"] * along, np.nan)),
+        "camera": camera,
+    }
     if "uv" in values:
         moved["uv"] = change.of_pixels(change.of_picture(values["uv"]))
     return moved
 
 
-# ---- groups ----------------------------------------------------------------------------------------------------------
+# ---- groups
+# --------------------------------------------------------------------------------------------------
 
 
 def _logs(values: Values, truth: Values, step: int = 1) -> FloatArray:
-    """Return log z of every step-th pixel after a fit of what the output leaves open, NaN where unknown."""
+    """Return log z of every step-th pixel after a fit of what the output leaves open, NaN where
+    unknown.
+    """
     own, true = (side["z"][::step, ::step] for side in (values, truth))
-    logs, both = np.full(true.shape, np.nan), _both(own, true)
+    logs = np.full(true.shape, np.nan)
+    both = _both(own, true)
     if both.sum() >= MIN_POINTS:
-        logs[both] = np.log(np.maximum(_fit(own[both], true[both], truth["unknown"])[0], 1e-3) * true[both])
+        logs[both] = np.log(
+            np.maximum(_fit(own[both], true[both], truth["unknown"])[0], 1e-3) * true[both]
+        )
     return logs
 
 
@@ -182,7 +232,9 @@ def _shape(values: Values, truth: Values, case: Case) -> list[FloatArray]:
 
 
 def _edges(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the slopes of log z outside of the hole; errors of low frequency leave them as they are."""
+    """Return the slopes of log z outside of the hole; errors of low frequency leave them as they
+    are.
+    """
     import cv2
 
     logs = np.where(case.hole, np.nan, _logs(values, truth))
@@ -222,10 +274,13 @@ def _shifted(right: float, down: float) -> Make:
 
 
 def _stretched(axis: int, sign: int) -> Make:
-    """Return z that was resized by the corners of the picture: right in the middle, half a pixel off at the borders."""
+    """Return z that was resized by the corners of the picture: right in the middle, half a pixel
+    off at the borders.
+    """
 
     def stretched(z: FloatArray) -> FloatArray:
-        size, matrix = z.shape[1 - axis], np.column_stack([np.eye(2), np.zeros(2)])
+        size = z.shape[1 - axis]
+        matrix = np.column_stack([np.eye(2), np.zeros(2)])
         matrix[axis, axis], matrix[axis, 2] = 1 + sign / size, -sign * (size - 1) / 2 / size
         return _warped(z, matrix)
 
@@ -240,16 +295,25 @@ def rays_of(camera: Intrinsics) -> FloatArray:
 
 
 def _transposed(z: FloatArray) -> FloatArray:
-    rows, columns = ((np.arange(n) + 0.5) * m // n for n, m in zip(z.shape, z.shape[::-1], strict=True))
+    rows, columns = (
+        (np.arange(n) + 0.5) * m // n for n, m in zip(z.shape, z.shape[::-1], strict=True)
+    )
     taken: FloatArray = z.T[np.ix_(rows.astype(int), columns.astype(int))]
     return taken
 
 
-_TURNED = "Is the shape (H, W), and is the output turned back as the photo was turned for the network?"
+_TURNED = (
+    "Is the shape (H, W), and is the output turned back as the photo was turned for the network?"
+)
 _RAYS = "Divide by sqrt(1 + ((u - cx) / fx)^2 + ((v - cy) / fy)^2)."
-_RESIZED = "Is the padding of the network's input subtracted, and the output resized by pixel centres?"
+_RESIZED = (
+    "Is the padding of the network's input subtracted, and the output resized by pixel centres?"
+)
 _FLIPPED = "Mirror the output for the mirrored photo back before you average."
-_FOCAL = "Is the depth of a network for one focal length rescaled to the focal length of the photo, once?"
+_FOCAL = (
+    "Is the depth of a network for one focal length rescaled to the focal length of the "
+    "photo, once?"
+)
 _UNIT = "Is it a unit, or a factor that the network's authors state?"
 _OPENGL = "Multiply points of an OpenGL camera (x right, y up, z back) by (1, -1, -1)."
 _CENTRES = "Use u = 0, 1, ... W - 1, not u + 0.5, and (W - 1) / 2 for a centred principal point."
@@ -263,7 +327,9 @@ def _along_rays(values: Values, case: Case) -> Values:
 
 
 def _times_focal(per: Callable[[Intrinsics], float]) -> Make:
-    return lambda values, case: values | {"z": values["z"] * case.intrinsics.fx / per(case.intrinsics)}
+    return lambda values, case: (
+        values | {"z": values["z"] * case.intrinsics.fx / per(case.intrinsics)}
+    )
 
 
 def _other_camera(part: int, by: float) -> Make:
@@ -286,7 +352,9 @@ def _square(beside: FloatArray, camera: Intrinsics) -> FloatArray:
 
 
 def _distortion(beside: FloatArray, camera: Intrinsics) -> FloatArray:
-    return np.asarray(1 + 0.05 * ((beside / [camera.fx, camera.fy]) ** 2).sum(axis=-1, keepdims=True))
+    return np.asarray(
+        1 + 0.05 * ((beside / [camera.fx, camera.fy]) ** 2).sum(axis=-1, keepdims=True)
+    )
 
 
 _SHAPE = (
@@ -299,16 +367,40 @@ _SHAPE = (
     Reading("a mean with the mirrored photo", changed(z=lambda z: (z + z[:, ::-1]) / 2), _FLIPPED),
 )
 _PLACE = (
-    Reading("to the right", between("z", _shifted(1, 0), _shifted(-1, 0)), _RESIZED, 1.0, " px", 0.5),
+    Reading(
+        "to the right", between("z", _shifted(1, 0), _shifted(-1, 0)), _RESIZED, 1.0, " px", 0.5
+    ),
     Reading("down", between("z", _shifted(0, 1), _shifted(0, -1)), _RESIZED, 1.0, " px", 0.5),
-    Reading("wider at the borders", between("z", _stretched(0, 1), _stretched(0, -1)), _RESIZED, 0.5, " px", 0.25),
-    Reading("higher at the borders", between("z", _stretched(1, 1), _stretched(1, -1)), _RESIZED, 0.5, " px", 0.25),
+    Reading(
+        "wider at the borders",
+        between("z", _stretched(0, 1), _stretched(0, -1)),
+        _RESIZED,
+        0.5,
+        " px",
+        0.25,
+    ),
+    Reading(
+        "higher at the borders",
+        between("z", _stretched(1, 1), _stretched(1, -1)),
+        _RESIZED,
+        0.5,
+        " px",
+        0.25,
+    ),
 )
 _LARGE = float(np.log(1.2))
 _METRES = (
     Reading("centimetres", changed(z=lambda z: 100 * z), "Is it centimetres?", in_pairs=False),
     Reading("millimetres", changed(z=lambda z: 1000 * z), "Is it millimetres?", in_pairs=False),
-    Reading("too large", changed(z=lambda z: z * np.e), _UNIT, 1.0, " of the logarithm", _LARGE, in_pairs=False),
+    Reading(
+        "too large",
+        changed(z=lambda z: z * np.e),
+        _UNIT,
+        1.0,
+        " of the logarithm",
+        _LARGE,
+        in_pairs=False,
+    ),
 )
 _FOCALS = {
     "px": lambda camera: 1.0,
@@ -329,18 +421,42 @@ _RAY = (
     Reading("with x to the left", _of_rays(lambda *_: [-1.0, 1.0]), _OPENGL),
     Reading("with y upwards", _of_rays(lambda *_: [1.0, -1.0]), _OPENGL),
     Reading("of the aspect ratio of a square", _of_rays(_square), _ASPECT),
-    Reading("to the right", changed(uv=lambda uv: uv + np.array([1.0, 0])), _CENTRES, 1.0, " px", 0.25),
+    Reading(
+        "to the right", changed(uv=lambda uv: uv + np.array([1.0, 0])), _CENTRES, 1.0, " px", 0.25
+    ),
     Reading("down", changed(uv=lambda uv: uv + np.array([0, 1.0])), _CENTRES, 1.0, " px", 0.25),
     Reading("farther out along x", _of_rays(lambda *_: [1.01, 1.0]), _GIVEN, 1.0, " %", 0.6),
     Reading("farther out along y", _of_rays(lambda *_: [1.0, 1.01]), _GIVEN, 1.0, " %", 0.6),
-    Reading("distorted as by a lens of k1", _of_rays(_distortion), "Is the lens distortion undone?", 0.05, "", 0.025),
+    Reading(
+        "distorted as by a lens of k1",
+        _of_rays(_distortion),
+        "Is the lens distortion undone?",
+        0.05,
+        "",
+        0.025,
+    ),
 )
-_UPRIGHT, _FITS = ("depth_is_along_z_and_upright",), ("intrinsics_fit_the_photo",)
-_OF_SCALE, _OF_Z = "of log(depth / true depth)", "of log z"
+_UPRIGHT = ("depth_is_along_z_and_upright",)
+_FITS = ("intrinsics_fit_the_photo",)
+_OF_SCALE = "of log(depth / true depth)"
+_OF_Z = "of log z"
 _BOTH = (
-    Group(_UPRIGHT[0], "depth along the optical axis, in the rows and columns of the photo", _OF_Z, _shape, _SHAPE),
+    Group(
+        _UPRIGHT[0],
+        "depth along the optical axis, in the rows and columns of the photo",
+        _OF_Z,
+        _shape,
+        _SHAPE,
+    ),
     Group("depth_is_not_shifted", "edges of depth in place", _OF_Z, _edges, _PLACE, after=_UPRIGHT),
-    Group("intrinsics_are_not_biased", "the camera of the photo", "px or %", _camera, _CAMERA, after=_FITS),
+    Group(
+        "intrinsics_are_not_biased",
+        "the camera of the photo",
+        "px or %",
+        _camera,
+        _CAMERA,
+        after=_FITS,
+    ),
 )
 _SCALE = Group("depth_is_in_metres", "metres", _OF_SCALE, _scale, _METRES, rough=float(np.log(3)))
 _CAMERA_SCALE = Group(
@@ -379,7 +495,8 @@ POINTS = Table(
 )
 
 
-# ---- further checks --------------------------------------------------------------------------------------------------
+# ---- further checks
+# --------------------------------------------------------------------------------------------------
 
 
 def _table(subject: BackendUnderTest) -> Table:
@@ -408,12 +525,15 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
 
 
 def _repeated(z: FloatArray) -> float:
-    """Return which share of rows or of columns, the larger, repeats the one before, to the precision of 16 bits."""
+    """Return which share of rows or of columns, the larger, repeats the one before, to the
+    precision of 16 bits.
+    """
     shares = []
     for lines in (z.astype(np.float16), z.T.astype(np.float16)):
         known = np.isfinite(lines[1:]) & np.isfinite(lines[:-1])
         same = (known & (lines[1:] == lines[:-1])).sum(axis=1) > _SAME * known.sum(axis=1)
-        varies = np.nanmax(lines[1:], axis=1) > np.nanmin(lines[1:], axis=1)  # a clipped depth does not
+        # a clipped depth does not
+        varies = np.nanmax(lines[1:], axis=1) > np.nanmin(lines[1:], axis=1)
         shares.append(float((same & varies).mean()))
     return max(shares)
 
@@ -421,17 +541,18 @@ def _repeated(z: FloatArray) -> float:
 def check_sky_has_no_depth(subject: BackendUnderTest) -> None:
     """Most of the sky has no depth: it is infinitely far."""
     for case, values, truth in values_of(subject, _table(subject)):
-        known, sky = np.isfinite(values["z"]), _inside(~np.isfinite(truth["z"]))
+        known = np.isfinite(values["z"])
+        sky = _inside(~np.isfinite(truth["z"]))
         if sky.sum() >= MIN_POINTS:
-            share, far = (
-                float(known[sky].mean()),
-                float(np.median(values["z"][known & sky])) if known[sky].any() else 0.0,
-            )
+            share = float(known[sky].mean())
+            far = float(np.median(values["z"][known & sky])) if known[sky].any() else 0.0
             expect(
                 share < MAX_SKY,
                 "no depth in the sky, which is infinitely far",
-                f"{share:.0%} of the sky in the photo '{case.name}' has one, of {far:.3g} in the median",
-                "Is what the network says of the sky, or its largest depth, used for NaN or `valid`?",
+                f"{share:.0%} of the sky in the photo '{case.name}' has one, of {far:.3g} in the "
+                f"median",
+                "Is what the network says of the sky, or its largest depth, used for NaN or "
+                "`valid`?",
             )
 
 
@@ -452,7 +573,8 @@ def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
         for kind in get_args(AffineAmbiguity)
     }
     for kind, found in errors.items():
-        left, own = np.array(found), np.array(errors[stated])
+        left = np.array(found)
+        own = np.array(errors[stated])
         differ = np.abs(own - left) > 1e-4
         if kind != stated and differ.sum() > 2:
             share = float(np.median((left / own)[differ]))
@@ -465,11 +587,15 @@ def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
 
 
 def check_intrinsics_fit_the_photo(subject: BackendUnderTest) -> None:
-    """Returned intrinsics are in pixels of the photo: plausible focal length, principal point inside."""
-    camera, truth = subject.result().intrinsics, subject.case("one person").intrinsics
+    """Returned intrinsics are in pixels of the photo: plausible focal length, principal point
+    inside.
+    """
+    camera = subject.result().intrinsics
+    truth = subject.case("one person").intrinsics
     if camera is None:
         raise CheckSkipped("it returns no intrinsics")
-    low, high = truth.fx / 4, 4 * truth.fx
+    low = truth.fx / 4
+    high = 4 * truth.fx
     expect(
         low < camera.fx < high and low < camera.fy < high,
         f"a focal length in px, within a factor 4 of the true {truth.fx:.0f} px",
@@ -493,7 +619,8 @@ def check_scale_sigma_is_a_standard_deviation(subject: BackendUnderTest) -> None
         raise CheckSkipped("it returns no scale_sigma")
     expect(
         0 < float(sigma) < MAX_SIGMA,
-        f"a standard deviation of log(scale) above 0 and below {MAX_SIGMA}: 0.1 is ten percent; or None",
+        f"a standard deviation of log(scale) above 0 and below {MAX_SIGMA}: 0.1 is ten percent; "
+        f"or None",
         f"{sigma!r}",
         "Is it in percent, or in metres?",
     )
@@ -509,7 +636,8 @@ def check_works_without_intrinsics(subject: BackendUnderTest) -> None:
 
 
 def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
-    """For the photo with people and with `hints.scene`, as in the pipeline's second call, the output is valid.
+    """For the photo with people and with `hints.scene`, as in the pipeline's second call, the
+    output is valid.
 
     The people are in it, and the points beside them lie on their rays.
     """
@@ -520,7 +648,8 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
     wanted = "valid output for the photo with people, with hints.scene, and hints.hole None"
     answer = subject.call(wanted, case, (case.photo.copy(), given))
     values = _points_values(answer, case, {})
-    z, grid = values["z"], _true_points(answer, case)["uv"]
+    z = values["z"]
+    grid = _true_points(answer, case)["uv"]
     outside = np.isfinite(z) & ~case.hole & np.isfinite(grid[..., 0])
     if outside.sum() >= MIN_POINTS:
         for axis, name in enumerate("xy"):
@@ -530,7 +659,8 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
             centre = offset + slope * (case.intrinsics.cx, case.intrinsics.cy)[axis]
             expect(
                 abs(slope) < 0.03 and abs(centre) < 1,
-                f"points of the photo with people on the rays of the given camera along {name} (x right, y down)",
+                f"points of the photo with people on the rays of the given camera along {name} (x "
+                f"right, y down)",
                 f"{1 + slope:.3f} times as far out, and {centre:+.2f} px off",
                 "Is the second call, with hints.scene, handled like the first?",
             )
@@ -539,7 +669,9 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
 
 
 def _expect_people(case: Case, z: FloatArray) -> None:
-    """Raise CheckFailed if depths (H, W) of the photo with people are those of the scene without them."""
+    """Raise CheckFailed if depths (H, W) of the photo with people are those of the scene without
+    them.
+    """
     with np.errstate(all="ignore"):
         people, scene = (np.log(z / depth) for depth in (case.truth.depth, case.truth.empty_depth))
     known = np.isfinite(people) & np.isfinite(scene)
@@ -547,11 +679,15 @@ def _expect_people(case: Case, z: FloatArray) -> None:
     outside = known & ~case.hole
     if min(inside.sum(), outside.sum()) < MIN_POINTS:
         return
-    errors = [float(np.median(np.abs(logs[inside] - np.median(logs[outside])))) for logs in (people, scene)]
+    errors = [
+        float(np.median(np.abs(logs[inside] - np.median(logs[outside]))))
+        for logs in (people, scene)
+    ]
     expect(
         errors[1] > 0.25 * errors[0],
         "people in the points of the photo with people",
-        f"depths {errors[1]:.0%} from those of the scene behind them, and {errors[0]:.0%} from theirs",
+        f"depths {errors[1]:.0%} from those of the scene behind them, and {errors[0]:.0%} from "
+        f"theirs",
         "Is it the result of the first call, or of hints.scene?",
     )
 
@@ -579,7 +715,9 @@ DEPTH_CHECKS: tuple[Check, ...] = (
 POINTS_CHECKS: tuple[Check, ...] = (
     *_both_checks(POINTS.read),
     Check(check_works_without_intrinsics, "physic_core.types.Hints"),
-    Check(check_works_without_hints, "physic_core.types.Hints", after=("works_without_intrinsics",)),
+    Check(
+        check_works_without_hints, "physic_core.types.Hints", after=("works_without_intrinsics",)
+    ),
     Check(
         check_accepts_the_photo_with_people,
         "physic_core.interfaces.RelativePointmap",

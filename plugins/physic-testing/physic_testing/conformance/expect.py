@@ -13,7 +13,9 @@ class CheckFailed(AssertionError):
     """
 
     def __init__(self, expected: str, got: str, hint: str = "") -> None:
-        self.expected, self.got, self.hint = expected, got, hint
+        self.expected = expected
+        self.got = got
+        self.hint = hint
         super().__init__(f"expected {expected}; got {got}{f'. {hint}' if hint else ''}")
 
 

@@ -1,4 +1,6 @@
-"""How outputs of a HandEstimator are compared: rotations of the fingers and wrists of both hands."""
+"""How outputs of a HandEstimator are compared: rotations of the fingers and wrists of both
+hands.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_testing.conformance.body_estimator import at_rest, bent, expect_radians, matrices, mirrored, turns
+from physic_testing.conformance.body_estimator import (
+    at_rest,
+    bent,
+    expect_radians,
+    matrices,
+    mirrored,
+    turns,
+)
 from physic_testing.conformance.changes import CHANGES
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -24,8 +33,15 @@ if TYPE_CHECKING:
 
 MAX_WRIST_ERROR_DEG = 60.0
 _WRISTS = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
-_MIRRORING = "A network for right hands receives the mirrored left hand: mirror its rotation vectors to (x, -y, -z)."
-_NAMES = [f"{finger}{joint}" for finger in ("index", "middle", "pinky", "ring", "thumb") for joint in (1, 2, 3)]
+_MIRRORING = (
+    "A network for right hands receives the mirrored left hand: mirror its rotation "
+    "vectors to (x, -y, -z)."
+)
+_NAMES = [
+    f"{finger}{joint}"
+    for finger in ("index", "middle", "pinky", "ring", "thumb")
+    for joint in (1, 2, 3)
+]
 
 
 def _values(answer: Hands, case: Case, truth: Values) -> Values:
@@ -46,7 +62,9 @@ def _one_side(side: int) -> Reading:
     def make(fingers: FloatArray) -> FloatArray:
         return np.where((np.arange(2) == side)[:, None, None, None], mirrored(fingers), fingers)
 
-    return Reading(f"of mirrored {('left', 'right')[side]} hands", changed(fingers=make), _MIRRORING)
+    return Reading(
+        f"of mirrored {('left', 'right')[side]} hands", changed(fingers=make), _MIRRORING
+    )
 
 
 TABLE = Table(
@@ -56,20 +74,31 @@ TABLE = Table(
     (
         Group(
             "hands_are_those_of_the_person",
-            "rotations of the left fingers, then of the right ones, relative to the flat hand, in the order of SMPL-X",
+            "rotations of the left fingers, then of the right ones, relative to the flat hand, in "
+            "the order of SMPL-X",
             "of a rotation matrix",
             _of_hands,
             (
-                Reading("with left and right hands exchanged", changed(fingers=lambda f: f[:, ::-1]), _MIRRORING),
+                Reading(
+                    "with left and right hands exchanged",
+                    changed(fingers=lambda f: f[:, ::-1]),
+                    _MIRRORING,
+                ),
                 _one_side(0),
                 _one_side(1),
                 *turns("fingers"),
                 Reading(
-                    "flat in every photo", changed(fingers=at_rest), "Is it a hand at rest for every photo?", limit=0.75
+                    "flat in every photo",
+                    changed(fingers=at_rest),
+                    "Is it a hand at rest for every photo?",
+                    limit=0.75,
                 ),
             ),
             order=("fingers", _NAMES, 2),
-            others=("with an offset that all have", "Add the mean pose of MANO: its rotations are of a relaxed hand."),
+            others=(
+                "with an offset that all have",
+                "Add the mean pose of MANO: its rotations are of a relaxed hand.",
+            ),
         ),
     ),
     "physic_core.types.Hands",
@@ -86,11 +115,15 @@ def check_angles_are_radians(subject: BackendUnderTest) -> None:
 
 
 def check_confidence_is_that_of_each_hand(subject: BackendUnderTest) -> None:
-    """A backend that is exact has no higher confidence of hidden hands, and not the same confidence of all hands."""
+    """A backend that is exact has no higher confidence of hidden hands, and not the same confidence
+    of all hands.
+    """
     from physic_testing.conformance.exactness import is_proven
 
     if not is_proven(subject, TABLE):
-        raise CheckSkipped("only for a network that returns the ground truth ('exact' in its capabilities)")
+        raise CheckSkipped(
+            "only for a network that returns the ground truth ('exact' in its capabilities)"
+        )
     evidence = subject.evidence()
     seen = np.concatenate([case.truth.joints_visible[:, _WRISTS] for case, _ in evidence])
     sure = np.concatenate([hands.confidence for _, hands in evidence])
@@ -104,25 +137,36 @@ def check_confidence_is_that_of_each_hand(subject: BackendUnderTest) -> None:
 
 
 def check_wrists_are_in_the_cameras_frame(subject: BackendUnderTest) -> None:
-    """`wrists`, if given, rotates each hand from the T-pose to the camera frame, the left one first."""
+    """`wrists`, if given, rotates each hand from the T-pose to the camera frame, the left one
+    first.
+    """
     photo = _photo_with_hands(subject)
-    hands, truth = subject.result(photo), true_wrists(subject.case(photo).truth)
+    hands = subject.result(photo)
+    truth = true_wrists(subject.case(photo).truth)
     if hands.wrists is None:
         return
     shown = hands.confidence > 0
-    off, swapped = (float(rotation_errors_deg(hands.wrists, t)[shown].mean()) for t in (truth, truth[:, ::-1]))
+    off, swapped = (
+        float(rotation_errors_deg(hands.wrists, t)[shown].mean()) for t in (truth, truth[:, ::-1])
+    )
     wanted = (
-        f"rotations from the T-pose to the camera's frame, the left one first, within {MAX_WRIST_ERROR_DEG:.0f} degrees"
+        f"rotations from the T-pose to the camera's frame, the left one first, within "
+        f"{MAX_WRIST_ERROR_DEG:.0f} degrees"
     )
     got = f"{off:.0f} degrees off as they are, {swapped:.0f} with the sides exchanged"
     expect(off < swapped, wanted, got, _MIRRORING)
     expect(
-        off < MAX_WRIST_ERROR_DEG, wanted, got, "Are they relative to the forearm, of an OpenGL camera, or in degrees?"
+        off < MAX_WRIST_ERROR_DEG,
+        wanted,
+        got,
+        "Are they relative to the forearm, of an OpenGL camera, or in degrees?",
     )
 
 
 def _photo_with_hands(subject: BackendUnderTest) -> str:
-    """Return the first photo in which the backend detects a hand; skip the check if there is none."""
+    """Return the first photo in which the backend detects a hand; skip the check if there is
+    none.
+    """
     for name in ("one person", "close"):
         if (subject.result(name).confidence > 0).any():
             return name

@@ -1,4 +1,6 @@
-"""How outputs of an Inpainter are compared: the hole shows the background in RGB, and nothing else is changed."""
+"""How outputs of an Inpainter are compared: the hole shows the background in RGB, and nothing else
+is changed.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,11 @@ def _act(values: Values, change: Change, case: Case) -> Values:
 
 
 def _truth(answer: UInt8Array, case: Case) -> Values:
-    return {"picture": case.empty.astype(np.float64), "photo": case.photo.astype(np.float64), "hole": case.hole}
+    return {
+        "picture": case.empty.astype(np.float64),
+        "photo": case.photo.astype(np.float64),
+        "hole": case.hole,
+    }
 
 
 def _shifted(right: int, down: int) -> Make:
@@ -40,7 +46,9 @@ def _shifted(right: int, down: int) -> Make:
 
 
 def _slopes(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the slopes of grey inside of the hole; slopes of single pixels are those of textures."""
+    """Return the slopes of grey inside of the hole; slopes of single pixels are those of
+    textures.
+    """
     import cv2
 
     inside = cv2.erode(case.hole.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
@@ -69,7 +77,8 @@ def _faded_in(values: Values, case: Case) -> Values:
 
 _RANGE = "Is the value range right, and are mean and standard deviation undone?"
 _RIM = "Is the mask shrunk, or blended with the photo at its border?"
-_BGR, _FLIP = "OpenCV reads and writes BGR; images here are RGB.", "Was the photo mirrored or turned for the network?"
+_BGR = "OpenCV reads and writes BGR; images here are RGB."
+_FLIP = "Was the photo mirrored or turned for the network?"
 _RESIZED = "Is it resized or padded?"
 
 
@@ -83,26 +92,56 @@ def _fill(values: Values, truth: Values, case: Case) -> list[FloatArray]:
 
 _COLOURS = (
     Reading("of red and blue exchanged", changed(picture=lambda i: i[..., ::-1]), _BGR),
-    Reading("without colour", changed(picture=lambda i: i.mean(axis=2, keepdims=True) * [1, 1, 1]), _RANGE),
+    Reading(
+        "without colour",
+        changed(picture=lambda i: i.mean(axis=2, keepdims=True) * [1, 1, 1]),
+        _RANGE,
+    ),
     Reading("mirrored", changed(picture=lambda i: i[:, ::-1]), _FLIP),
     Reading("upside down", changed(picture=lambda i: i[::-1]), _FLIP),
-    Reading("brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0, in_pairs=False),
-    Reading("of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, in_pairs=False),
+    Reading(
+        "brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0, in_pairs=False
+    ),
+    Reading(
+        "of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, in_pairs=False
+    ),
     Reading("blended with the photo", _blended, _RIM, in_pairs=False),
     Reading("the photo at the border of people", _with_rim, _RIM, in_pairs=False),
-    Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75, in_pairs=False),
+    Reading(
+        "blended with the photo near the border of the mask",
+        _faded_in,
+        _RIM,
+        limit=0.75,
+        in_pairs=False,
+    ),
 )
 _PLACE = (
-    Reading("to the right", between("picture", _shifted(1, 0), _shifted(-1, 0)), _RESIZED, 1.0, " px", 0.5),
+    Reading(
+        "to the right",
+        between("picture", _shifted(1, 0), _shifted(-1, 0)),
+        _RESIZED,
+        1.0,
+        " px",
+        0.5,
+    ),
     Reading("down", between("picture", _shifted(0, 1), _shifted(0, -1)), _RESIZED, 1.0, " px", 0.5),
 )
-_GREY, _AROUND, _FILLED = "grey levels", "fill_has_the_colours_around", ("only_the_mask_is_filled",)
+_GREY = "grey levels"
+_AROUND = "fill_has_the_colours_around"
+_FILLED = ("only_the_mask_is_filled",)
 TABLE = Table(
     _values,
     _truth,
     _act,
     (
-        Group(_AROUND, "the colours of the background in RGB order", _GREY, _fill, _COLOURS, after=_FILLED),
+        Group(
+            _AROUND,
+            "the colours of the background in RGB order",
+            _GREY,
+            _fill,
+            _COLOURS,
+            after=_FILLED,
+        ),
         Group("fill_is_not_shifted", "a fill in place", _GREY, _slopes, _PLACE, after=(_AROUND,)),
     ),
     "physic_core.interfaces.Inpainter",
@@ -113,14 +152,23 @@ TABLE = Table(
 
 def check_only_the_mask_is_filled(subject: BackendUnderTest) -> None:
     """Pixels where the mask is False are unchanged, and most others are not."""
-    case, answer = subject.case("one person"), subject.result()
+    case = subject.case("one person")
+    answer = subject.result()
     apart = (answer != case.photo).any(axis=2)
-    inside, outside = float(apart[case.hole].mean()), int((apart & ~case.hole).sum())
-    hint = "Return np.where(mask[..., None], filled, image)." if inside > 0.5 else "True marks the pixels to fill."
-    expect(not outside, "unchanged pixels where the mask is False", f"{outside} changed pixels", hint)
+    inside = float(apart[case.hole].mean())
+    outside = int((apart & ~case.hole).sum())
+    hint = (
+        "Return np.where(mask[..., None], filled, image)."
+        if inside > 0.5
+        else "True marks the pixels to fill."
+    )
+    expect(
+        not outside, "unchanged pixels where the mask is False", f"{outside} changed pixels", hint
+    )
     kept = []
     for one, filled in subject.evidence():
-        person, colours = one.truth.masks.any(axis=0), np.abs(one.photo - one.empty.astype(int)).max(axis=2)
+        person = one.truth.masks.any(axis=0)
+        colours = np.abs(one.photo - one.empty.astype(int)).max(axis=2)
         telling = person & (colours > 3 * _VISIBLE_CHANGE)
         same = np.abs(filled.astype(int) - one.photo).max(axis=2) <= _VISIBLE_CHANGE
         kept.append(float(same[telling].mean()) if telling.any() else 0.0)
@@ -133,16 +181,23 @@ def check_only_the_mask_is_filled(subject: BackendUnderTest) -> None:
 
 
 def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
-    """With an empty mask, the output equals the input; with a full one, it is valid or refused with a PhysicError."""
+    """With an empty mask, the output equals the input; with a full one, it is valid or refused with
+    a PhysicError.
+    """
     subject.result()
     case = subject.case("one person")
     for wanted, mask in (
         ("an empty mask", np.zeros_like(case.hole)),
         ("a mask of the whole photo", np.ones_like(case.hole)),
     ):
-        image, is_full = infer_arguments(subject.interface, case)[0], bool(mask.any())
+        image = infer_arguments(subject.interface, case)[0]
+        is_full = bool(mask.any())
         answer = subject.call(f"an image for {wanted}", case, (image, mask), may_refuse=is_full)
-        expect(is_full or np.array_equal(answer, case.photo), "the photo for an empty mask", "another image")
+        expect(
+            is_full or np.array_equal(answer, case.photo),
+            "the photo for an empty mask",
+            "another image",
+        )
 
 
 CHECKS: tuple[Check, ...] = (

@@ -1,4 +1,6 @@
-"""How outputs of a KeypointDetector are compared: places of joints, their order, and their confidence."""
+"""How outputs of a KeypointDetector are compared: places of joints, their order, and their
+confidence.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,16 @@ from physic_testing.conformance.changes import CHANGES
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
-from physic_testing.conformance.readings import MIN_UNITS, Group, Make, Reading, Table, Values, share_of, values_of
+from physic_testing.conformance.readings import (
+    MIN_UNITS,
+    Group,
+    Make,
+    Reading,
+    Table,
+    Values,
+    share_of,
+    values_of,
+)
 from physic_testing.conformance.row_order import ROW_CHECKS
 from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
 
@@ -28,7 +39,9 @@ MIN_JOINTS = 5
 
 
 def _values(answer: Keypoints, case: Case, truth: Values) -> Values:
-    """Return points, NaN where hidden or not detected, and confidences of the joints that are on a body."""
+    """Return points, NaN where hidden or not detected, and confidences of the joints that are on a
+    body.
+    """
     from physic_core.body.landmarks import keypoints_on_body
 
     known = keypoints_on_body(answer)
@@ -49,7 +62,8 @@ def _truth(answer: Keypoints, case: Case) -> Values:
 def _act(values: Values, change: Change, case: Case) -> Values:
     order: Any = mirrored_order(values["names"]) if change.mirrors else slice(None)
     points = change.of_pixels(values["points"])
-    if change.name == CHANGES[3]:  # a turned person has another box, and other joints beyond the photo
+    # a turned person has another box, and other joints beyond the photo
+    if change.name == CHANGES[3]:
         inside = (points > 0) & (points < [change.camera.width - 1, change.camera.height - 1])
         points = np.where(inside.all(axis=2, keepdims=True), points, np.nan)
     return values | {"points": points[:, order], "confidence": values["confidence"][:, order]}
@@ -71,7 +85,9 @@ def _in_boxes(values: Values, truth: Values, case: Case) -> list[FloatArray]:
     """Return the points of each person, in sides of the box."""
     flat = (values["points"] - _centres(case)) / _sides(case)[:, None, None]
     enough = np.isfinite(truth["points"][..., 0]).sum(axis=1) > MIN_JOINTS
-    return [np.where(kept, person, np.nan).ravel() for person, kept in zip(flat, enough, strict=True)]
+    return [
+        np.where(kept, person, np.nan).ravel() for person, kept in zip(flat, enough, strict=True)
+    ]
 
 
 def _in_px(values: Values, truth: Values, case: Case) -> list[FloatArray]:
@@ -105,29 +121,69 @@ def _mean_of_sides(values: Values, case: Case) -> Values:
 
 _BACK = "Was the output for a mirrored photo mirrored back, points and names?"
 _PIXEL = "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?"
-_ASPECT = "Is the crop that is scaled back the one that the network saw, with its margin and its aspect ratio?"
-_GRID = f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1)."
+_ASPECT = (
+    "Is the crop that is scaled back the one that the network saw, with its margin and its "
+    "aspect ratio?"
+)
+_GRID = (
+    f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners "
+    f"of size / (N - 1)."
+)
 _CROP = "Are they in px of a crop, or shares of the size?"
 _READINGS = (
     Reading("y before x", _points(lambda p, _: p[..., ::-1]), "The order is x, y."),
-    Reading("mirrored", lambda v, case: v | {"points": [case.photo.shape[1] - 1, 0] - v["points"] * [1, -1]}, _BACK),
+    Reading(
+        "mirrored",
+        lambda v, case: v | {"points": [case.photo.shape[1] - 1, 0] - v["points"] * [1, -1]},
+        _BACK,
+    ),
     Reading("with left and right exchanged", _other_sides, _BACK),
     Reading("a mean of left and right, as of a mirrored photo", _mean_of_sides, _BACK),
-    Reading("shares of the photo", lambda v, case: v | {"points": v["points"] / case.photo.shape[1::-1]}, _CROP),
-    Reading("px of a crop", lambda v, case: v | {"points": v["points"] - case.people.boxes[:, None, :2]}, _CROP),
-    Reading("clipped to the box of the person", _clipped, "Are points clipped to the crop?", in_pairs=False),
-    Reading("a third wider than the person", _points(lambda p, c: c + (p - c) * [4 / 3, 1]), _ASPECT),
-    Reading("a third higher than the person", _points(lambda p, c: c + (p - c) * [1, 4 / 3]), _ASPECT),
+    Reading(
+        "shares of the photo",
+        lambda v, case: v | {"points": v["points"] / case.photo.shape[1::-1]},
+        _CROP,
+    ),
+    Reading(
+        "px of a crop",
+        lambda v, case: v | {"points": v["points"] - case.people.boxes[:, None, :2]},
+        _CROP,
+    ),
+    Reading(
+        "clipped to the box of the person",
+        _clipped,
+        "Are points clipped to the crop?",
+        in_pairs=False,
+    ),
+    Reading(
+        "a third wider than the person", _points(lambda p, c: c + (p - c) * [4 / 3, 1]), _ASPECT
+    ),
+    Reading(
+        "a third higher than the person", _points(lambda p, c: c + (p - c) * [1, 4 / 3]), _ASPECT
+    ),
 )
-_X, _Y = np.array([1.0, 0]), np.array([0, 1.0])
+_X = np.array([1.0, 0])
+_Y = np.array([0, 1.0])
 _ALONG = (
     Reading("to the right", _points(lambda p, _: p + 0.5 * _X), _PIXEL, 0.5, " px", 0.3),
     Reading("down", _points(lambda p, _: p + 0.5 * _Y), _PIXEL, 0.5, " px", 0.3),
-    Reading("too large along x", _points(lambda p, c: p + 0.05 * (p - c) * _X), _GRID, 5.0, " %", 3.0),
-    Reading("too large along y", _points(lambda p, c: p + 0.05 * (p - c) * _Y), _GRID, 5.0, " %", 3.0),
-    Reading("distorted as by a lens of k1", _distorted, "Is the lens distortion undone?", 0.05, "", 0.015),
+    Reading(
+        "too large along x", _points(lambda p, c: p + 0.05 * (p - c) * _X), _GRID, 5.0, " %", 3.0
+    ),
+    Reading(
+        "too large along y", _points(lambda p, c: p + 0.05 * (p - c) * _Y), _GRID, 5.0, " %", 3.0
+    ),
+    Reading(
+        "distorted as by a lens of k1",
+        _distorted,
+        "Is the lens distortion undone?",
+        0.05,
+        "",
+        0.015,
+    ),
 )
-_OWN, _KNOWN = "joints_are_those_of_the_person", ("skeleton_is_known",)
+_OWN = "joints_are_those_of_the_person"
+_KNOWN = ("skeleton_is_known",)
 TABLE = Table(
     _values,
     _truth,
@@ -135,7 +191,8 @@ TABLE = Table(
     (
         Group(
             _OWN,
-            "points x, y in px of the photo of the stated joints, left ones on the person's own left",
+            "points x, y in px of the photo of the stated joints, left ones on the person's own "
+            "left",
             "sides of the box",
             _in_boxes,
             _READINGS,
@@ -165,7 +222,8 @@ def check_skeleton_is_known(subject: BackendUnderTest) -> None:
     answer = subject.result()
     expect(
         isinstance(answer.skeleton, Skeleton) or answer.skeleton in SKELETONS,
-        f"a Skeleton, or the name of a standard one: {', '.join(n for n in SKELETONS if 'hand' not in n)}",
+        f"a Skeleton, or the name of a standard one: "
+        f"{', '.join(n for n in SKELETONS if 'hand' not in n)}",
         f"{answer.skeleton!r}",
     )
     skeleton = answer.joint_set
@@ -178,30 +236,43 @@ def check_skeleton_is_known(subject: BackendUnderTest) -> None:
 
 
 def check_confidence_tells_hidden_joints(subject: BackendUnderTest) -> None:
-    """Joints in sight have no lower mean confidence than hidden ones, and confidences are those of their joints."""
+    """Joints in sight have no lower mean confidence than hidden ones, and confidences are those of
+    their joints.
+    """
     evidence = values_of(subject, TABLE)
     every = np.concatenate([values["confidence"].ravel() for _, values, _ in evidence])
     wanted = "confidences that tell joints in sight from hidden ones"
     hint = "Return the height of the heat map's maximum, or what the network says of it."
     expect(float(every.std()) > 1e-6, wanted, f"{every[0]:.2f} for all joints in all photos", hint)
-    low, high = float(every.min()), float(every.max())
+    low = float(every.min())
+    high = float(every.max())
     is_narrow = low >= 0.5 and high <= 1 / (1 + np.exp(-1.0)) + 1e-3
-    expect(not is_narrow, wanted, f"{low:.2f} to {high:.2f} in all photos", "Is a sigmoid applied twice?")
-    own, true = ([v["confidence"] for v in side] for side in zip(*((v, t) for _, v, t in evidence), strict=True))
-    names = evidence[0][2]["names"]
-    off, others = (
-        _centred_rows(own, true),
-        {
-            "inverted: 1 is sure": [1 - rows for rows in true],
-            "of the joint before": [np.roll(rows, 1, axis=1) for rows in true],
-            "of the next joint": [np.roll(rows, -1, axis=1) for rows in true],
-            "of the other side": [rows[:, mirrored_order(names)] for rows in true],
-            "of people in reverse order": [rows[::-1] for rows in true],
-        },
+    expect(
+        not is_narrow,
+        wanted,
+        f"{low:.2f} to {high:.2f} in all photos",
+        "Is a sigmoid applied twice?",
     )
+    own, true = (
+        [v["confidence"] for v in side]
+        for side in zip(*((v, t) for _, v, t in evidence), strict=True)
+    )
+    names = evidence[0][2]["names"]
+    off = _centred_rows(own, true)
+    others = {
+        "inverted: 1 is sure": [1 - rows for rows in true],
+        "of the joint before": [np.roll(rows, 1, axis=1) for rows in true],
+        "of the next joint": [np.roll(rows, -1, axis=1) for rows in true],
+        "of the other side": [rows[:, mirrored_order(names)] for rows in true],
+        "of people in reverse order": [rows[::-1] for rows in true],
+    }
     for words, rows in others.items():
         share = share_of(off, _centred_rows(rows, true))
-        hint = "1 is sure." if "1 is" in words else "Points and confidences need one order of joints and people."
+        hint = (
+            "1 is sure."
+            if "1 is" in words
+            else "Points and confidences need one order of joints and people."
+        )
         expect(
             share is None or share.mean - share.margin <= 0.5,
             "a higher confidence of joints in sight",
@@ -211,12 +282,18 @@ def check_confidence_tells_hidden_joints(subject: BackendUnderTest) -> None:
 
 
 def _centred_rows(own: list[FloatArray], true: list[FloatArray]) -> list[FloatArray]:
-    """Return the difference of the confidences of each person from the truth, both of mean 0 and length 1."""
+    """Return the difference of the confidences of each person from the truth, both of mean 0 and
+    length 1.
+    """
     found = []
     for rows, seen in zip(own, true, strict=True):
         for row, shown in zip(rows, seen, strict=True):
-            one, other = row - row.mean(), shown - shown.mean()
-            if min(one.std(), other.std()) > 1e-6 and min(shown.sum(), (1 - shown).sum()) >= MIN_UNITS:
+            one = row - row.mean()
+            other = shown - shown.mean()
+            if (
+                min(one.std(), other.std()) > 1e-6
+                and min(shown.sum(), (1 - shown).sum()) >= MIN_UNITS
+            ):
                 found.append(one / np.linalg.norm(one) - other / np.linalg.norm(other))
             else:
                 found.append(np.full(len(row), np.nan))
@@ -229,23 +306,36 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
     names = answer.joint_set.names
     if answer.world is None or not {"nose", "left_ankle", "right_ankle"} <= set(names):
         raise CheckSkipped("it returns no world points")
-    height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(axis=1)
+    height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(
+        axis=1
+    )
     height = height - answer.world[:, names.index("nose"), 1]
     expect(
         bool(((height > 0.5) & (height < 3)).all()),
         "metres, y down: 0.5-3 m from nose to ankles of a standing person",
         f"{np.round(height, 2).tolist()}",
     )
-    flat, seen = answer.points[..., 0], answer.confidence > 0
-    slopes = [np.polyfit(flat[i, s], answer.world[i, s, 0], 1)[0] for i, s in enumerate(seen) if s.sum() > MIN_JOINTS]
-    expect(min(slopes, default=1) > 0, "x of the world points to the right, as in the photo", "x to the left")
+    flat = answer.points[..., 0]
+    seen = answer.confidence > 0
+    slopes = [
+        np.polyfit(flat[i, s], answer.world[i, s, 0], 1)[0]
+        for i, s in enumerate(seen)
+        if s.sum() > MIN_JOINTS
+    ]
+    expect(
+        min(slopes, default=1) > 0,
+        "x of the world points to the right, as in the photo",
+        "x to the left",
+    )
 
 
 CHECKS: tuple[Check, ...] = (
     *PEOPLE_CHECKS,
     Check(check_skeleton_is_known, TABLE.read),
     Check(check_confidence_tells_hidden_joints, TABLE.read, after=_KNOWN, unless=BLIND),
-    Check(check_world_points_are_metres, TABLE.read, after=(*_KNOWN, "joints_are_those_of_the_person")),
+    Check(
+        check_world_points_are_metres, TABLE.read, after=(*_KNOWN, "joints_are_those_of_the_person")
+    ),
     *ROW_CHECKS,
 )
 """Further checks of a KeypointDetector, in order of execution."""

@@ -1,4 +1,6 @@
-"""The conformance kit: selects the checks of an interface and runs them, from Python or as pytest tests."""
+"""The conformance kit: selects the checks of an interface and runs them, from Python or as pytest
+tests.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
     "hand_estimator": (hand_estimator.TABLE, hand_estimator.CHECKS),
     "contact_prior": (contact_prior.TABLE, contact_prior.CHECKS),
 }
-"""Interface -> how outputs are compared with the truth, and further checks; others have only the general checks."""
+"""Interface -> how outputs are compared with the truth, and further checks; others have only the
+general checks.
+"""
 
 _STATE = ("is_deterministic", "does_not_repeat_itself", "keeps_no_state_between_photos")
 
@@ -67,25 +71,37 @@ def checks_for(interface: str) -> tuple[Check, ...]:
 
 
 def accuracy_checks(interface: str) -> tuple[Check, ...]:
-    """Return the checks of an interface that compare outputs with the ground truth, in order of execution."""
+    """Return the checks of an interface that compare outputs with the ground truth, in order of
+    execution.
+    """
     if interface not in TABLES:
         return ()
     table, further = TABLES[interface]
     own = (*further, *(_check_of(table, group) for group in table.groups))
     # What another check has found would be found again, with a poorer hint.
     after = (*_STATE, *(check.name for check in own))
-    exact = _named("is_exact", check_is_exact.__doc__, lambda subject: check_is_exact(subject, table))
-    return (*own, Check(exact, "physic_testing.conformance.CAPABILITIES", after=after, unless=BLIND))
+    exact = _named(
+        "is_exact", check_is_exact.__doc__, lambda subject: check_is_exact(subject, table)
+    )
+    return (
+        *own,
+        Check(exact, "physic_testing.conformance.CAPABILITIES", after=after, unless=BLIND),
+    )
 
 
 def _check_of(table: Table, group: Group) -> Check:
     """Return the check of a group."""
-    function = _named(group.check, f"{group.what}.", lambda subject: check_group(subject, table, group))
+    function = _named(
+        group.check, f"{group.what}.", lambda subject: check_group(subject, table, group)
+    )
     return Check(function, table.read, after=(*table.after, *group.after))
 
 
-def _named(name: str, summary: str | None, function: Callable[[BackendUnderTest], Any]) -> Callable[..., Any]:
-    function.__name__, function.__doc__ = f"check_{name}", summary
+def _named(
+    name: str, summary: str | None, function: Callable[[BackendUnderTest], Any]
+) -> Callable[..., Any]:
+    function.__name__ = f"check_{name}"
+    function.__doc__ = summary
     return function
 
 
@@ -104,17 +120,21 @@ def check_backend(
     """Run the conformance checks of a backend on photos of worlds and return the report.
 
     Args:
-        backend: a name ("my-depth", "distribution:my-depth", "package.module:MyDepth"), a class, or an instance.
-        interface: name of the interface; required if several interfaces have a backend of this name.
+        backend: a name ("my-depth", "distribution:my-depth", "package.module:MyDepth"), a class, or
+            an instance.
+        interface: name of the interface; required if several interfaces have a backend of this
+            name.
         options: options of the backend, or a function that returns the options for a world.
-        capabilities: entries of :data:`physic_testing.conformance.CAPABILITIES`, which select checks; by default the
-            class attribute ``capabilities``.
-        exact_limits: name of an error -> its limit in place of that of the capability "exact", such as
-            {"IoU": 0.98}: what the backend's own resampling needs.
-        expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as a failure.
+        capabilities: entries of :data:`physic_testing.conformance.CAPABILITIES`, which select
+            checks; by default the class attribute ``capabilities``.
+        exact_limits: name of an error -> its limit in place of that of the capability "exact", such
+            as {"IoU": 0.98}: what the backend's own resampling needs.
+        expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as
+            a failure.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
-        progress: called before each check with its name, the number of checks before it, and that of all.
+        progress: called before each check with its name, the number of checks before it, and that
+            of all.
 
     Raises:
         BackendError: the backend does not exist.
@@ -127,10 +147,14 @@ def check_backend(
         "device": device,
         "size": size,
     }
-    return start_checks(find_backend(backend, interface, **settings), expected_failures).report(progress)
+    return start_checks(find_backend(backend, interface, **settings), expected_failures).report(
+        progress
+    )
 
 
-def start_checks(subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None) -> CheckRun:
+def start_checks(
+    subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None
+) -> CheckRun:
     """Create the run of all checks of a backend; no check runs yet."""
     return CheckRun(subject, checks_for(subject.interface), expected_failures)
 
@@ -155,7 +179,8 @@ def parametrize_with_checks(
     Args:
         interface: name of the interface, such as "metric_depth".
         backend: a name or a class, as for :func:`check_backend`.
-        expected_failures: name of a check -> why it is expected to fail; the test fails if the check passes.
+        expected_failures: name of a check -> why it is expected to fail; the test fails if the
+            check passes.
         settings: options, capabilities, device and size, as for :func:`check_backend`.
 
     Raises:
@@ -164,14 +189,18 @@ def parametrize_with_checks(
     import pytest
 
     expected = dict(expected_failures or {})
-    checks = {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
+    checks = (
+        {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
+    )
     require_check_names(expected, checks)
     shared = _SharedRun(lambda: start_checks(find_backend(backend, interface, **settings)))
     params = [
         pytest.param(
             BoundCheck(shared, name),
             id=name,
-            marks=[pytest.mark.xfail(reason=expected[name], strict=True)] if name in expected else [],
+            marks=[pytest.mark.xfail(reason=expected[name], strict=True)]
+            if name in expected
+            else [],
         )
         for name in checks
     ]
@@ -183,7 +212,8 @@ class BoundCheck:
     """One check of one backend, callable as a test."""
 
     def __init__(self, shared: _SharedRun, name: str) -> None:
-        self._shared, self._name = shared, name
+        self._shared = shared
+        self._name = name
 
     def __repr__(self) -> str:
         return self._name
@@ -223,4 +253,6 @@ class _SharedRun:
         reason = self.run().not_run_reason
         self.run().subject.close()
         if reason:
-            pytest.fail(f"expected: a backend that can be called\ngot:      {reason}", pytrace=False)
+            pytest.fail(
+                f"expected: a backend that can be called\ngot:      {reason}", pytrace=False
+            )

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 MISSING_DEVICE = "cuda:99"
 """Name of a device that does not exist on any test machine."""
 
-MAX_SECONDS, MAX_MEGABYTES = 0.25, 32.0
+MAX_SECONDS = 0.25
+MAX_MEGABYTES = 32.0
 """Maximum CPU time, s, and maximum memory, MB, of a constructor."""
 
 
@@ -38,9 +39,12 @@ def check_constructs_with_its_defaults(subject: BackendUnderTest) -> None:
 
 
 def check_constructs_offline(subject: BackendUnderTest) -> None:
-    """The constructor makes no network request, not even a DNS lookup: downloads belong in `load`."""
+    """The constructor makes no network request, not even a DNS lookup: downloads belong in
+    `load`.
+    """
     options = subject.options()
-    with no_network() as requested, suppress(Exception):  # other errors are reported by 'constructs_with_its_defaults'
+    # other errors are reported by 'constructs_with_its_defaults'
+    with no_network() as requested, suppress(Exception):
         subject.kind(options)
     expect(
         not requested,
@@ -52,10 +56,14 @@ def check_constructs_offline(subject: BackendUnderTest) -> None:
 
 def check_constructs_cheaply(subject: BackendUnderTest) -> None:
     """The constructor is fast and loads no weights: a config check constructs every backend."""
-    best, memory, kept = float("inf"), float("inf"), []
-    for _ in range(3):  # The first call may import modules; the minimum is the constructor's own cost.
+    best = float("inf")
+    memory = float("inf")
+    kept = []
+    # The first call may import modules; the minimum is the constructor's own cost.
+    for _ in range(3):
         gc.collect()
-        before, start = resident_megabytes(), time.process_time()
+        before = resident_megabytes()
+        start = time.process_time()
         kept.append(subject.construct())
         best = min(best, time.process_time() - start)
         memory = min(memory, resident_megabytes() - before)
@@ -69,7 +77,9 @@ def check_constructs_cheaply(subject: BackendUnderTest) -> None:
 
 
 def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
-    """`missing` lists missing files offline; if it lists none, `load` works or raises a PhysicError."""
+    """`missing` lists missing files offline; if it lists none, `load` works or raises a
+    PhysicError.
+    """
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
         raise CheckSkipped("needs a GPU: pass device='cuda'")
     backend = subject.new_instance()
@@ -80,7 +90,11 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
             raise CheckFailed(
                 "missing() to return a tuple of texts, empty where nothing is missing", str(error)
             ) from error
-    expect(not requested, "missing() to use no network", f"it requests {', '.join(dict.fromkeys(requested))}")
+    expect(
+        not requested,
+        "missing() to use no network",
+        f"it requests {', '.join(dict.fromkeys(requested))}",
+    )
     if lacking:
         _expect_helpful_message("; ".join(lacking))
         raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
@@ -91,7 +105,8 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
         raise CheckSkipped(f"not ready: {error}") from error
     except Exception as error:
         raise CheckFailed(
-            "load() to work, or to raise a physic_core.errors.BackendError with the missing file and its source",
+            "load() to work, or to raise a physic_core.errors.BackendError with the missing file "
+            "and its source",
             describe_error(error, subject.kind),
         ) from error
     _close_quietly(backend)
@@ -99,11 +114,17 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
 
 def _expect_helpful_message(message: str) -> None:
     """Raise CheckFailed if a message is shorter than four words."""
-    expect(len(message.split()) >= 4, "a message with what is missing and where to get it", repr(message))
+    expect(
+        len(message.split()) >= 4,
+        "a message with what is missing and where to get it",
+        repr(message),
+    )
 
 
 def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
-    """`load` raises a PhysicError for a GPU that does not exist; a backend without a network may ignore it."""
+    """`load` raises a PhysicError for a GPU that does not exist; a backend without a network may
+    ignore it.
+    """
     backend = subject.new_instance()
     try:
         backend.load(MISSING_DEVICE)
@@ -111,7 +132,8 @@ def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
         return
     except Exception as error:
         raise CheckFailed(
-            f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without a device",
+            f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work "
+            f"without a device",
             describe_error(error, subject.kind),
             "physic_core.adapters.devices.check_device(device) raises this error.",
         ) from error
@@ -119,7 +141,8 @@ def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
     _close_quietly(backend)
     expect(
         not networks,
-        f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without a device",
+        f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without "
+        f"a device",
         f"a network in {networks[0] if networks else ''}",
         "Does it fall back to the CPU in silence?",
     )
@@ -156,11 +179,15 @@ def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
             call()
         except Exception as error:
             before = "" if i else ", on a fresh backend"
-            raise CheckFailed(f"{step} to raise no error{before}", describe_error(error, subject.kind)) from error
+            raise CheckFailed(
+                f"{step} to raise no error{before}", describe_error(error, subject.kind)
+            ) from error
 
 
 def check_second_load_does_nothing(subject: BackendUnderTest) -> None:
-    """A second `load` of a loaded backend replaces nothing: a pipeline loads once and is called many times."""
+    """A second `load` of a loaded backend replaces nothing: a pipeline loads once and is called
+    many times.
+    """
     subject.result()
     backend = subject.new_instance()
     try:
@@ -191,7 +218,9 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
         again = subject.infer(backend, case)
         subject.watch.after_one_call = held_arrays(backend)
     except Exception as error:
-        raise CheckFailed("output after load(), close(), load()", describe_error(error, subject.kind)) from error
+        raise CheckFailed(
+            "output after load(), close(), load()", describe_error(error, subject.kind)
+        ) from error
     finally:
         _close_quietly(backend)
     if "stochastic" not in subject.capabilities:
@@ -213,7 +242,11 @@ CHECKS_BEFORE_INFER: tuple[Check, ...] = (
     Check(check_constructs_with_its_defaults, _BACKEND, after=(*_WHOLE, "constructs_offline")),
     Check(check_constructs_cheaply, _BACKEND, after=_CONSTRUCTED),
     Check(check_loads_or_reports_what_is_missing, _BACKEND, after=_CONSTRUCTED),
-    Check(check_refuses_a_missing_device, "physic_core.adapters.devices", after=("loads_or_reports_what_is_missing",)),
+    Check(
+        check_refuses_a_missing_device,
+        "physic_core.adapters.devices",
+        after=("loads_or_reports_what_is_missing",),
+    ),
 )
 """Life-cycle checks that run before the first call of ``infer``."""
 
@@ -224,7 +257,11 @@ CHECKS_AFTER_INFER: tuple[Check, ...] = (
     Check(
         check_works_again_after_close,
         _BACKEND,
-        after=("load_and_close_may_be_repeated", "is_deterministic", "keeps_no_state_between_photos"),
+        after=(
+            "load_and_close_may_be_repeated",
+            "is_deterministic",
+            "keeps_no_state_between_photos",
+        ),
     ),
 )
 """Life-cycle checks that run after ``infer`` returned valid output."""

@@ -36,10 +36,12 @@ def no_network() -> Iterator[list[str]]:
 
 
 def resident_megabytes() -> float:
-    """Return the resident memory in use by this process without files in MB; 0 if the system does not report it.
+    """Return the resident memory in use by this process without files in MB; 0 if the system does
+    not report it.
 
-    Two things would hide memory that a backend takes. The system drops pages of files at any time, such as of
-    libraries. The C library keeps freed memory resident and hands it out again; glibc can be told to return it.
+    Two things would hide memory that a backend takes. The system drops pages of files at any time,
+    such as of libraries. The C library keeps freed memory resident and hands it out again; glibc
+    can be told to return it.
     """
     status = Path("/proc/self/status")
     if not status.exists():
@@ -48,7 +50,14 @@ def resident_megabytes() -> float:
     if hasattr(libc, "malloc_trim"):
         libc.malloc_trim(0)
     lines = status.read_text().splitlines()
-    return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(("RssAnon:", "RssShmem:"))) / 1e6
+    return (
+        sum(
+            int(line.split()[1]) * 1024
+            for line in lines
+            if line.startswith(("RssAnon:", "RssShmem:"))
+        )
+        / 1e6
+    )
 
 
 def _in_words(place: object) -> str:

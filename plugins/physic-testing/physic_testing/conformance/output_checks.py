@@ -1,4 +1,6 @@
-"""Checks of the output of every backend: valid for all kinds of photos, deterministic, and without side effects."""
+"""Checks of the output of every backend: valid for all kinds of photos, deterministic, and without
+side effects.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +26,27 @@ _BUFFER = "Does it return the same buffer in every call?"
 
 
 def check_returns_valid_output(subject: BackendUnderTest) -> None:
-    """For a standard photo of one person, the output has valid types, shapes, dtypes and value ranges."""
+    """For a standard photo of one person, the output has valid types, shapes, dtypes and value
+    ranges.
+    """
     _expect_valid_output(subject, "one person")
 
 
 def check_accepts_several_people(subject: BackendUnderTest) -> None:
     """For a photo of several people, the output is valid."""
-    hint = "Are masks inverted, or those of whole people? True marks the pixels in which a person is visible."
-    _expect_valid_output(subject, "several people", hint if subject.interface == "segmenter" else "")
+    hint = (
+        "Are masks inverted, or those of whole people? True marks the pixels in which a person "
+        "is visible."
+    )
+    _expect_valid_output(
+        subject, "several people", hint if subject.interface == "segmenter" else ""
+    )
 
 
 def check_accepts_or_refuses_each_photo_of_people(subject: BackendUnderTest) -> None:
-    """For each photo over which bias is measured, the output is valid or infer raises a PhysicError."""
+    """For each photo over which bias is measured, the output is valid or infer raises a
+    PhysicError.
+    """
     for name in subject.evidence_names:
         has_sky = name == "steps" and subject.interface in ("metric_depth", "relative_pointmap")
         hint = "Is it the sky, whose depth is NaN and not 0?" if has_sky else ""
@@ -45,7 +56,9 @@ def check_accepts_or_refuses_each_photo_of_people(subject: BackendUnderTest) -> 
 def check_accepts_an_odd_size(subject: BackendUnderTest) -> None:
     """For a photo of 131 x 97 px, which is not a multiple of a patch size, the output is valid."""
     _expect_valid_output(
-        subject, "odd size", "Does it pad or crop to a multiple of 14, 16 or 32, and not resize the output back?"
+        subject,
+        "odd size",
+        "Does it pad or crop to a multiple of 14, 16 or 32, and not resize the output back?",
     )
 
 
@@ -61,7 +74,9 @@ def check_accepts_a_photo_without_people(subject: BackendUnderTest) -> None:
 
 def check_accepts_or_refuses_a_blank_photo(subject: BackendUnderTest) -> None:
     """For a uniformly grey photo, the output is valid or infer raises a PhysicError."""
-    _expect_valid_output_or_refusal(subject, "blank", "Does it divide by a range or a deviation that is 0?")
+    _expect_valid_output_or_refusal(
+        subject, "blank", "Does it divide by a range or a deviation that is 0?"
+    )
 
 
 def check_accepts_or_refuses_a_tiny_photo(subject: BackendUnderTest) -> None:
@@ -70,15 +85,21 @@ def check_accepts_or_refuses_a_tiny_photo(subject: BackendUnderTest) -> None:
 
 
 def check_accepts_or_refuses_a_large_photo(subject: BackendUnderTest) -> None:
-    """For a photo of four times the width and height, the output is valid or infer raises a PhysicError."""
-    _expect_valid_output_or_refusal(subject, "large", "Does it assume the input size of its network?")
+    """For a photo of four times the width and height, the output is valid or infer raises a
+    PhysicError.
+    """
+    _expect_valid_output_or_refusal(
+        subject, "large", "Does it assume the input size of its network?"
+    )
 
 
 def check_does_not_modify_its_input(subject: BackendUnderTest) -> None:
     """infer does not modify its arguments: it copies an array before it writes to it."""
     subject.result()
     edited = {
-        name: attempt.changed_arguments for name, attempt in subject.case_runs.items() if attempt.changed_arguments
+        name: attempt.changed_arguments
+        for name, attempt in subject.case_runs.items()
+        if attempt.changed_arguments
     }
     places = sorted({place for found in edited.values() for place in found})
     expect(
@@ -90,8 +111,11 @@ def check_does_not_modify_its_input(subject: BackendUnderTest) -> None:
 
 
 def check_accepts_array_views(subject: BackendUnderTest) -> None:
-    """infer accepts read-only arrays with negative strides, which photos rotated by EXIF data have."""
-    first, case = subject.result("odd size"), subject.case("odd size")
+    """infer accepts read-only arrays with negative strides, which photos rotated by EXIF data
+    have.
+    """
+    first = subject.result("odd size")
+    case = subject.case("odd size")
     answer = subject.call(
         "valid output for read-only arrays with negative strides",
         case,
@@ -106,7 +130,9 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
 def check_is_deterministic(subject: BackendUnderTest) -> None:
     """Two instances with the same options return the same output for the same photo."""
     changes = _change_by_a_new_instance(subject)
-    if changes and not describe_difference(_of_new_instance(subject), _of_new_instance.__wrapped__(subject)):
+    if changes and not describe_difference(
+        _of_new_instance(subject), _of_new_instance.__wrapped__(subject)
+    ):
         return  # new instances agree: 'does_not_repeat_itself' says what is wrong
     expect(
         not changes,
@@ -122,14 +148,17 @@ def check_does_not_repeat_itself(subject: BackendUnderTest) -> None:
     earlier, later = subject.photos_of_one_size
     expect(
         not changes,
-        f"the output of a new instance for the photo '{later}', after a call on '{earlier}' of the same size",
+        f"the output of a new instance for the photo '{later}', after a call on '{earlier}' of "
+        f"the same size",
         changes,
         "Is a result, a camera or a buffer kept by the size of the photo, or from the call before?",
     )
 
 
 def _change_by_a_new_instance(subject: BackendUnderTest) -> str:
-    """Describe how a new instance's output for the second of two photos of one size differs; empty if it does not."""
+    """Describe how a new instance's output for the second of two photos of one size differs; empty
+    if it does not.
+    """
     earlier, later = subject.photos_of_one_size
     subject.result(earlier)
     return describe_difference(subject.result(later), _of_new_instance(subject))
@@ -150,7 +179,8 @@ def _of_new_instance(subject: BackendUnderTest) -> Any:
 
 def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
     """The output for a photo does not depend on earlier calls, and later calls do not modify it."""
-    first, case = subject.result(FIRST_PHOTO), subject.case(FIRST_PHOTO)
+    first = subject.result(FIRST_PHOTO)
+    case = subject.case(FIRST_PHOTO)
     for name in ("one person", "blank"):
         subject.run_case(name)
     for name, attempt in subject.case_runs.items():
@@ -161,7 +191,9 @@ def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
             f"a later call changed it: {changes}",
             _BUFFER,
         )
-    again = subject.call("output for the same photo in a second call", case, infer_arguments(subject.interface, case))
+    again = subject.call(
+        "output for the same photo in a second call", case, infer_arguments(subject.interface, case)
+    )
     changes = describe_difference(first, again)
     expect(
         not changes,
@@ -177,16 +209,24 @@ def check_works_without_hints(subject: BackendUnderTest) -> None:
 
     subject.result()
     case = subject.case("one person")
-    arguments = tuple(Hints() if isinstance(a, Hints) else a for a in infer_arguments(subject.interface, case))
-    wanted = "valid output for Hints(), in which everything is None, or a PhysicError that names the missing hint"
+    arguments = tuple(
+        Hints() if isinstance(a, Hints) else a for a in infer_arguments(subject.interface, case)
+    )
+    wanted = (
+        "valid output for Hints(), in which everything is None, or a PhysicError that names "
+        "the missing hint"
+    )
     subject.call(wanted, case, arguments, may_refuse=True)
 
 
 def check_ignores_the_image(subject: BackendUnderTest) -> None:
     """The output for a grey photo is the same, as the capability "ignores_image" declares."""
-    first, case = subject.result(), subject.case("one person")
+    first = subject.result()
+    case = subject.case("one person")
     image, *rest = infer_arguments(subject.interface, case)
-    changes = describe_difference(first, subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest)))
+    changes = describe_difference(
+        first, subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest))
+    )
     expect(
         not changes,
         "the same output for an image all grey, as the capability 'ignores_image' declares",
@@ -205,7 +245,9 @@ def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -
     if isinstance(attempt.error, ConfigError):
         raise CheckSkipped(f"not ready: {attempt.error}")
     if attempt.error is not None:
-        raise CheckFailed(wanted, describe_error(attempt.error, subject.kind), hint) from attempt.error
+        raise CheckFailed(
+            wanted, describe_error(attempt.error, subject.kind), hint
+        ) from attempt.error
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 
@@ -213,22 +255,33 @@ def _expect_valid_output_or_refusal(subject: BackendUnderTest, name: str, hint: 
     """Raise CheckFailed unless the backend returned valid output or raised a PhysicError."""
     attempt = _attempt(subject, name)
     if not attempt.refused:
-        _expect_valid_output(subject, name, f"{hint} Raise a PhysicError for a photo that cannot be processed.".strip())
+        _expect_valid_output(
+            subject,
+            name,
+            f"{hint} Raise a PhysicError for a photo that cannot be processed.".strip(),
+        )
 
 
 def _attempt(subject: BackendUnderTest, name: str) -> CaseRun:
-    """Call the backend on a photo; skip if it returned no valid output for the photo of one person."""
+    """Call the backend on a photo; skip if it returned no valid output for the photo of one
+    person.
+    """
     if name != "one person":
         subject.result("one person")
     return subject.run_case(name)
 
 
 def _lacks_rows(attempt: CaseRun) -> bool:
-    """Return whether an output is invalid only because its arrays for 0 people have another shape than (0, ...)."""
-    return bool(attempt.violations) and all("must be (0, " in violation for violation in attempt.violations)
+    """Return whether an output is invalid only because its arrays for 0 people have another shape
+    than (0, ...).
+    """
+    return bool(attempt.violations) and all(
+        "must be (0, " in violation for violation in attempt.violations
+    )
 
 
-_TYPES, _BACKEND = "physic_core.types", "physic_core.interfaces"
+_TYPES = "physic_core.types"
+_BACKEND = "physic_core.interfaces"
 _ALONE = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
     Check(check_returns_valid_output, _TYPES, after=("class_fits_its_interface",)),
@@ -246,9 +299,15 @@ CHECKS: tuple[Check, ...] = (
     Check(check_does_not_modify_its_input, _BACKEND),
     Check(check_is_deterministic, _BACKEND, unless=_ALONE),
     Check(check_does_not_repeat_itself, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
-    Check(check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
+    Check(
+        check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)
+    ),
     Check(check_ignores_the_image, "physic_testing.conformance.CAPABILITIES", only_with=BLIND),
-    Check(check_accepts_array_views, _BACKEND, after=("keeps_no_state_between_photos", "does_not_modify_its_input")),
+    Check(
+        check_accepts_array_views,
+        _BACKEND,
+        after=("keeps_no_state_between_photos", "does_not_modify_its_input"),
+    ),
 )
 """Checks of every interface, in order of execution."""
 

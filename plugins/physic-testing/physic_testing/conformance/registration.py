@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 HEAVY_MODULES = frozenset((
-    "PIL", "cv2", "diffusers", "jax", "kornia", "matplotlib", "numpy", "onnxruntime", "open3d", "pandas",
-    "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision", "transformers", "trimesh",
-    "ultralytics",
+    "PIL", "cv2", "diffusers", "jax", "kornia", "matplotlib", "numpy", "onnxruntime", "open3d",
+    "pandas", "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision",
+    "transformers", "trimesh", "ultralytics",
 ))  # fmt: skip
 """Packages that a module of hooks must not import."""
 
@@ -43,18 +43,25 @@ print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": 
 
 
 def check_registration_is_light(subject: BackendUnderTest) -> None:
-    """The hooks of the plugin, which `physic --help` calls, import no heavy package; its entry points are all read."""
+    """The hooks of the plugin, which `physic --help` calls, import no heavy package; its entry
+    points are all read.
+    """
     claim = subject.claim
     if claim is None or not claim.version:
         raise CheckSkipped("not of an installed plugin")
     seen = _measure_registration(claim.distribution, tuple(sys.path))
-    expect(not seen["broken"], "entry points that are read, and hooks that can be called", "; ".join(seen["broken"]))
+    expect(
+        not seen["broken"],
+        "entry points that are read, and hooks that can be called",
+        "; ".join(seen["broken"]),
+    )
     heavy = sorted(HEAVY_MODULES & set(seen["new"]))
     expect(
         not heavy,
         "a module of hooks that imports nothing heavy",
         f"it imports {', '.join(heavy)}",
-        "Name what a hook adds as a str, 'package.module:name', and import the other packages in that module.",
+        "Name what a hook adds as a str, 'package.module:name', and import the other packages in "
+        "that module.",
     )
     expect(
         seen["seconds"] < MAX_REGISTRATION_SECONDS,
@@ -65,10 +72,16 @@ def check_registration_is_light(subject: BackendUnderTest) -> None:
 
 
 def check_class_fits_its_interface(subject: BackendUnderTest) -> None:
-    """The class is a subclass of its interface with all methods, and `infer` has the parameters of the interface."""
+    """The class is a subclass of its interface with all methods, and `infer` has the parameters of
+    the interface.
+    """
     wanted = INTERFACES[subject.interface]
     problem = class_problem(subject.kind, subject.interface)
-    expect(not problem, f"a complete subclass of physic_core.interfaces.{wanted.__name__}", f"a class that {problem}")
+    expect(
+        not problem,
+        f"a complete subclass of physic_core.interfaces.{wanted.__name__}",
+        f"a class that {problem}",
+    )
 
 
 def check_options_refuse_unknown_keys(subject: BackendUnderTest) -> None:
@@ -90,13 +103,17 @@ def check_options_refuse_unknown_keys(subject: BackendUnderTest) -> None:
 
 def check_options_have_defaults(subject: BackendUnderTest) -> None:
     """Every option has a default, so that a config can select the backend by its name alone."""
-    required = [name for name, field in subject.kind.Options.model_fields.items() if field.is_required()]
+    required = [
+        name for name, field in subject.kind.Options.model_fields.items() if field.is_required()
+    ]
     expect(not required, "a default for every option", f"none for {', '.join(required)}")
 
 
 def check_options_are_described(subject: BackendUnderTest) -> None:
     """Every option has a description, which `physic plugins show` prints."""
-    silent = [name for name, field in subject.kind.Options.model_fields.items() if not field.description]
+    silent = [
+        name for name, field in subject.kind.Options.model_fields.items() if not field.description
+    ]
     expect(
         not silent,
         "a description of every option: unit and useful values",
@@ -115,25 +132,37 @@ def check_options_survive_json(subject: BackendUnderTest) -> None:
         options = subject.options()
         back = kind.model_validate(json.loads(json.dumps(options.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
-        raise CheckFailed("options that can be written as JSON", describe_error(error, subject.kind)) from error
-    expect(back == options, "equal options after a JSON round trip", f"{back!r} instead of {options!r}")
+        raise CheckFailed(
+            "options that can be written as JSON", describe_error(error, subject.kind)
+        ) from error
+    expect(
+        back == options, "equal options after a JSON round trip", f"{back!r} instead of {options!r}"
+    )
 
 
 @lru_cache(maxsize=64)
 def _measure_registration(distribution: str, path: tuple[str, ...]) -> dict[str, Any]:
-    """Call the hooks of a plugin in a new process; return the CPU time, the imported packages and the errors."""
+    """Call the hooks of a plugin in a new process; return the CPU time, the imported packages and
+    the errors.
+    """
     import os
 
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p), PLUGINS_VARIABLE: distribution}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(p for p in path if p),
+        PLUGINS_VARIABLE: distribution,
+    }
     command = [sys.executable, "-P", "-c", _REGISTRATION_SCRIPT]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=environment, timeout=120, check=False
+    )
     if done.returncode:
         return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}
     seen: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
     return seen
 
 
-_HOOK, _OPTIONS = "physic_core.discovery.hooks", "physic_core.interfaces.Options"
+_HOOK = "physic_core.discovery.hooks"
+_OPTIONS = "physic_core.interfaces.Options"
 CHECKS: tuple[Check, ...] = (
     Check(check_registration_is_light, _HOOK),
     Check(check_class_fits_its_interface, "physic_core.interfaces"),

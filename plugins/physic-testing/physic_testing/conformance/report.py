@@ -28,15 +28,15 @@ class Result:
 
     Attributes:
         check: name of the check.
-        outcome: "warned" is a failure of a check that only warns; "xfailed" is an expected failure; "xpassed" is an
-            unexpected success, which counts as a failure.
+        outcome: "warned" is a failure of a check that only warns; "xfailed" is an expected failure;
+            "xpassed" is an unexpected success, which counts as a failure.
         expected: for a failure, the requirement.
         got: for a failure, the backend's output or error.
         hint: for a failure, a likely cause.
         reason: why the check was skipped or is expected to fail.
         read: module or class that documents the requirement.
-        unseen: mistakes that the check could not judge, since errors of the network are as large, such as "to the
-            right, by less than 0.5 px".
+        unseen: mistakes that the check could not judge, since errors of the network are as large,
+            such as "to the right, by less than 0.5 px".
         seconds: run time, including the first call of the backend on each photo.
         error: for a failure caused by an exception, the exception.
     """
@@ -107,7 +107,9 @@ class Report:
 
     @property
     def warnings(self) -> tuple[Result, ...]:
-        """What the contract does not forbid, but users would not want; ``ok`` does not depend on it."""
+        """What the contract does not forbid, but users would not want; ``ok`` does not depend on
+        it.
+        """
         return tuple(r for r in self.results if r.outcome == "warned")
 
     @property
@@ -126,21 +128,33 @@ class Report:
 
     @property
     def summary(self) -> str:
-        """One line of counts, such as "metric_depth:my-depth  23 checks: 21 passed, 2 skipped (stochastic 2)"."""
+        """One line of counts, such as "metric_depth:my-depth  23 checks: 21 passed, 2 skipped
+        (stochastic 2)".
+        """
         reasons: dict[str, int] = {}
         for result in self.results:
             if result.outcome == "skipped":
                 reasons[result.reason] = reasons.get(result.reason, 0) + 1
         words = [f"{count} {OUTCOMES[outcome]}" for outcome, count in self.counts.items() if count]
         if reasons and not self.not_run_reason:
-            shortened = {shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()}
-            words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in shortened.items())})"
-        return f"{self.interface}:{self.backend}  {len(self.results)} checks: {', '.join(words) or 'none ran'}"
+            shortened = {
+                shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()
+            }
+            words[-1] += f" ({'; '.join(_counted(reason, n) for reason, n in shortened.items())})"
+        return (
+            f"{self.interface}:{self.backend}  {len(self.results)} checks: "
+            f"{', '.join(words) or 'none ran'}"
+        )
 
     @property
     def text(self) -> str:
         """All failures and warnings, the accuracy, and the summary as text."""
-        blocks = [text for r in (*self.failures, *self.warnings) for text in (r.message, r.traceback) if text]
+        blocks = [
+            text
+            for r in (*self.failures, *self.warnings)
+            for text in (r.message, r.traceback)
+            if text
+        ]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
@@ -158,20 +172,27 @@ class Report:
             return f"failed: {', '.join(r.check for r in self.failures)}"
         if self.not_run_reason:
             return f"BACKEND NEVER RUN: {self.not_run_reason}"
-        count, unseen = self.counts["passed"], sum(len(r.unseen) for r in self.results)
+        count = self.counts["passed"]
+        unseen = sum(len(r.unseen) for r in self.results)
         words = [f"passed: {count} checks"]
         if self.warnings:
-            words.append(f"{len(self.warnings)} warned: {', '.join(r.check for r in self.warnings)}")
+            words.append(
+                f"{len(self.warnings)} warned: {', '.join(r.check for r in self.warnings)}"
+            )
         if unseen:
             words.append(
-                f"{unseen} possible mistakes could not be judged, since errors of the network are as large: test the "
-                "wrapper with a network that returns the ground truth (docs/plugins.md, Perfect networks)"
+                f"{unseen} possible mistakes could not be judged, since errors of the network are "
+                f"as large: test the "
+                "wrapper with a network that returns the ground truth (docs/plugins.md, Perfect "
+                "networks)"
             )
         return "; ".join(words)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as a JSON-ready dict, NaN as None."""
-        numbers = {name: value if math.isfinite(value) else None for name, value in self.accuracy.items()}
+        numbers = {
+            name: value if math.isfinite(value) else None for name, value in self.accuracy.items()
+        }
         return {
             "interface": self.interface,
             "backend": self.backend,
@@ -184,6 +205,12 @@ class Report:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise AssertionError with the full text if a check failed or the backend was never called."""
+        """Raise AssertionError with the full text if a check failed or the backend was never
+        called.
+        """
         if not self.ok:
             raise AssertionError(self.text)
+
+
+def _counted(reason: str, times: int) -> str:
+    return f"{reason}: {times}" if times > 1 else reason

@@ -53,5 +53,7 @@ def _read_only_view(thing: Any) -> Any:
     if isinstance(thing, tuple):
         return tuple(_read_only_view(part) for part in thing)
     if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(thing, **{f.name: _read_only_view(getattr(thing, f.name)) for f in fields(thing)})
+        return replace(
+            thing, **{f.name: _read_only_view(getattr(thing, f.name)) for f in fields(thing)}
+        )
     return thing

@@ -24,8 +24,11 @@ MAX_RATIO = 0.5
 
 
 def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
-    """Row i belongs to person i: reversed for reversed people, and closer to the truth than in another order."""
-    answer, case = subject.result("several people"), subject.case("several people")
+    """Row i belongs to person i: reversed for reversed people, and closer to the truth than in
+    another order.
+    """
+    answer = subject.result("several people")
+    case = subject.case("several people")
     count = len(case.people)
     own = _error(subject.interface, answer, case)
     for order in (np.arange(count)[::-1], *(np.roll(np.arange(count), k) for k in range(1, count))):
@@ -33,16 +36,22 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
         expect(
             not other < MAX_RATIO * own,
             "row i for person i",
-            f"an error of {own:.3g}, but of {other:.3g} with the rows in the order {order.tolist()}",
+            f"an error of {own:.3g}, but of {other:.3g} with the rows in the order "
+            f"{order.tolist()}",
             "Do not sort people by size or score.",
         )
-    turned = tuple(_reordered(a, np.arange(count)[::-1], count) for a in infer_arguments(subject.interface, case))
+    turned = tuple(
+        _reordered(a, np.arange(count)[::-1], count)
+        for a in infer_arguments(subject.interface, case)
+    )
     again = subject.call("output for the same people in reverse order", case, turned)
-    first, second = _rows(answer, count), _rows(again, count)
+    first = _rows(answer, count)
+    second = _rows(again, count)
     apart = np.abs(first[:, None] - second[None]).mean(axis=2)
     if not apart.any():
         raise CheckSkipped("its output is the same for all people")
-    kept, swapped = float(np.trace(apart)), float(np.trace(apart[::-1]))
+    kept = float(np.trace(apart))
+    swapped = float(np.trace(apart[::-1]))
     expect(
         swapped < 0.5 * kept,
         "row i for person i: reversed rows for reversed people",
@@ -53,25 +62,34 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
 
 def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
     """A person alone gets the row that the person has among others."""
-    answer, case = subject.result("several people"), subject.case("several people")
+    answer = subject.result("several people")
+    case = subject.case("several people")
     count = len(case.people)
     changes = {}
     for i in range(count):
-        alone = replace(_reordered(replace(case, world=None), np.array([i]), count), world=case.world)
-        own = subject.call("output for one of several people", alone, infer_arguments(subject.interface, alone))
+        alone = replace(
+            _reordered(replace(case, world=None), np.array([i]), count), world=case.world
+        )
+        own = subject.call(
+            "output for one of several people", alone, infer_arguments(subject.interface, alone)
+        )
         if change := describe_difference(_reordered(answer, np.array([i]), count), own):
             changes[i] = change
     expect(
         not changes,
         "the same row for a person alone as among others",
-        f"other rows for {len(changes)} of {count} people, such as {next(iter(changes.values()), '')}",
-        "Is a layer in training mode (call eval()), or are values normalised over people? Dynamic ranges of "
+        f"other rows for {len(changes)} of {count} people, such as "
+        f"{next(iter(changes.values()), '')}",
+        "Is a layer in training mode (call eval()), or are values normalised over people? Dynamic "
+        "ranges of "
         "quantised networks are for all rows of a batch: show it one person at a time.",
     )
 
 
 def _error(interface: str, answer: Any, case: Case) -> float:
-    """Return the error of the answer, lower is better; NaN where worlds have no ground truth for it."""
+    """Return the error of the answer, lower is better; NaN where worlds have no ground truth for
+    it.
+    """
     try:
         return main_error(interface, answer, case)
     except (BodyModelError, CheckSkipped):
@@ -83,7 +101,10 @@ def _reordered(thing: Any, order: IntArray, count: int) -> Any:
     if isinstance(thing, np.ndarray):
         return thing[order].copy() if thing.ndim and len(thing) == count else thing
     if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(thing, **{f.name: _reordered(getattr(thing, f.name), order, count) for f in fields(thing)})
+        return replace(
+            thing,
+            **{f.name: _reordered(getattr(thing, f.name), order, count) for f in fields(thing)},
+        )
     return thing
 
 

@@ -1,4 +1,6 @@
-"""Execution of conformance checks on one backend: each check once, after the checks on which it depends."""
+"""Execution of conformance checks on one backend: each check once, after the checks on which it
+depends.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,13 @@ class CheckRun:
     """
 
     def __init__(
-        self, subject: BackendUnderTest, checks: Sequence[Check], expected_failures: Mapping[str, str] | None = None
+        self,
+        subject: BackendUnderTest,
+        checks: Sequence[Check],
+        expected_failures: Mapping[str, str] | None = None,
     ) -> None:
-        self.subject, self.checks = subject, {check.name: check for check in checks}
+        self.subject = subject
+        self.checks = {check.name: check for check in checks}
         self._expected = dict(expected_failures or {})
         self._results: dict[str, Result] = {}
         require_check_names(self._expected, self.checks)
@@ -58,7 +64,8 @@ class CheckRun:
         """Run the remaining checks, close the backend and return the report.
 
         Args:
-            progress: called before each check with its name, the number of checks before it, and that of all.
+            progress: called before each check with its name, the number of checks before it, and
+                that of all.
         """
         results = []
         for done, name in enumerate(self.checks):
@@ -73,11 +80,14 @@ class CheckRun:
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""
-        name, capabilities = check.name, self.subject.capabilities
+        name = check.name
+        capabilities = self.subject.capabilities
         for word in sorted(check.unless & capabilities):
             return Result(name, "skipped", reason=f"the backend declares '{word}'")
         for word in sorted(check.only_with - capabilities):
-            return Result(name, "skipped", reason=f"only for a backend with '{word}' in its capabilities")
+            return Result(
+                name, "skipped", reason=f"only for a backend with '{word}' in its capabilities"
+            )
         for other in check.after:
             found = self.result(other)
             if found.outcome in ("failed", "xfailed"):
@@ -86,7 +96,8 @@ class CheckRun:
                 return Result(name, "skipped", reason=found.reason)
         try:
             with warnings.catch_warnings():
-                # Warnings are not part of the contract; the caller's warning filters must not affect a check.
+                # Warnings are not part of the contract; the caller's warning filters must not
+                # affect a check.
                 warnings.simplefilter("ignore")
                 unseen = check.function(self.subject) or ()
         except CheckFailed as failure:
@@ -104,7 +115,9 @@ class CheckRun:
         except Exception as error:
             got = describe_error(error, self.subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
-            return Result(name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error)
+            return Result(
+                name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error
+            )
         return Result(name, "passed", unseen=unseen)
 
     def _as_expected(self, result: Result) -> Result:

@@ -24,44 +24,68 @@ if TYPE_CHECKING:
 MIN_IOU = 0.3
 """Minimum IoU with the true mask; it detects wrong pixels and does not judge the accuracy."""
 
-MIN_ENCLOSED, MIN_BOX_FILL = 0.95, 0.5
-"""Minimum share of a mask inside its box, and minimum area of the mask's own box as a share of the box."""
+MIN_ENCLOSED = 0.95
+MIN_BOX_FILL = 0.5
+"""Minimum share of a mask inside its box, and minimum area of the mask's own box as a share of the
+box.
+"""
 
 EXACT_BORDER = 0.01
 """Share of the pixels at a border that may be off a mask of a perfect network."""
 
-MIN_SAME, MIN_HELD = 0.5, 0.8
+MIN_SAME = 0.5
+MIN_HELD = 0.8
 """Minimum IoU of a mask with the person that it shows, and share of a person whom a mask holds."""
 
 
 def _values(answer: People, case: Case, truth: Values) -> Values:
-    """Return the masks of the true people, NaN of whom is not found, the floor, and the boxes beyond the masks."""
-    masks, boxes = np.full(truth["masks"].shape, np.nan), np.full((len(truth["masks"]), 4), np.nan)
+    """Return the masks of the true people, NaN of whom is not found, the floor, and the boxes
+    beyond the masks.
+    """
+    masks = np.full(truth["masks"].shape, np.nan)
+    boxes = np.full((len(truth["masks"]), 4), np.nan)
     overlap = mask_iou(answer.masks, truth["masks"] > 0.5)
     for i in range(len(masks)) if len(answer) else ():
         best = int(overlap[:, i].argmax())
         if overlap[best, i] > MIN_SAME and answer.masks[best].any():
-            masks[i], boxes[i] = answer.masks[best], answer.boxes[best] - enclosing_box(answer.masks[best])
-    floor = np.full(case.photo.shape[:2], np.nan) if answer.floor is None else answer.floor.astype(np.float64)
+            masks[i], boxes[i] = (
+                answer.masks[best],
+                answer.boxes[best] - enclosing_box(answer.masks[best]),
+            )
+    floor = (
+        np.full(case.photo.shape[:2], np.nan)
+        if answer.floor is None
+        else answer.floor.astype(np.float64)
+    )
     return {"masks": masks, "floor": np.where(case.hole, np.nan, floor), "boxes": boxes}
 
 
 def _truth(answer: People, case: Case) -> Values:
     floor = np.where(case.hole, np.nan, case.truth.empty_floor_mask)
     masks = case.truth.masks.astype(np.float64)
-    return {"masks": masks, "floor": floor, "boxes": np.zeros((len(masks), 4)), "whole": case.truth.unoccluded_masks}
+    return {
+        "masks": masks,
+        "floor": floor,
+        "boxes": np.zeros((len(masks), 4)),
+        "whole": case.truth.unoccluded_masks,
+    }
 
 
 def _act(values: Values, change: Change, case: Case) -> Values:
     boxes = values["boxes"][:, [2, 1, 0, 3]] * [-1, 1, -1, 1] if change.mirrors else values["boxes"]
-    boxes = boxes * (change.camera.width / case.intrinsics.width if change.name == CHANGES[1] else 1)
+    boxes = boxes * (
+        change.camera.width / case.intrinsics.width if change.name == CHANGES[1] else 1
+    )
     moved = {
         key: [change.of_picture(mask, nearest=True) for mask in values[key]]
         for key in ("masks", "whole")
         if key in values
     }
-    height, width = change.camera.height, change.camera.width
-    stacked: Values = {key: np.array(found).reshape(-1, height, width) for key, found in moved.items()}
+    height = change.camera.height
+    width = change.camera.width
+    stacked: Values = {
+        key: np.array(found).reshape(-1, height, width) for key, found in moved.items()
+    }
     return {**stacked, "floor": change.of_picture(values["floor"], nearest=True), "boxes": boxes}
 
 
@@ -91,7 +115,10 @@ def _moved(key: str, larger: float, right: float, down: float) -> Make:
     def warped(sign: int) -> Make:
         def make(masks: FloatArray) -> FloatArray:
             height, width = masks.shape[-2:]
-            matrix = np.array([[1.0 + sign * larger, 0, sign * right], [0, 1 + sign * larger, sign * down]], np.float64)
+            matrix = np.array(
+                [[1.0 + sign * larger, 0, sign * right], [0, 1 + sign * larger, sign * down]],
+                np.float64,
+            )
             matrix[:, 2] -= sign * larger * (np.array([width, height]) - 1) / 2
             flat = np.nan_to_num(masks).astype(np.float32).reshape(-1, height, width)
             found = [cv2.warpAffine(mask, matrix, (width, height)) for mask in flat]
@@ -105,20 +132,34 @@ def _moved(key: str, larger: float, right: float, down: float) -> Make:
 def _dilated(masks: FloatArray) -> FloatArray:
     import cv2
 
-    return np.array([cv2.dilate(m.astype(np.float32), np.ones((3, 3), np.uint8)) for m in masks], np.float64)
+    return np.array(
+        [cv2.dilate(m.astype(np.float32), np.ones((3, 3), np.uint8)) for m in masks], np.float64
+    )
 
 
 def _off_borders(values: Values, truth: Values) -> FloatArray:
-    """Return for each person the share of the pixels at the border of the true mask that are off it."""
+    """Return for each person the share of the pixels at the border of the true mask that are off
+    it.
+    """
     border = _dilated(truth["masks"]) - (1 - _dilated(1 - truth["masks"])) > 0
     wrong = np.abs(values["masks"] - truth["masks"])
-    return np.array([mask[at].mean() if at.any() else np.nan for mask, at in zip(wrong, border, strict=True)])
+    return np.array(
+        [mask[at].mean() if at.any() else np.nan for mask, at in zip(wrong, border, strict=True)]
+    )
 
 
-_PADDING = "Is the padding of the network's input subtracted, and the mask resized by pixel centres?"
+_PADDING = (
+    "Is the padding of the network's input subtracted, and the mask resized by pixel centres?"
+)
 _TURNED = "Was the output for a mirrored or turned photo turned back?"
-_DILATED = "Are masks dilated, cut at a crop or another threshold, or is a part of the body of another class?"
-_EXCLUSIVE = "The last row and column are exclusive, and the box is that of the mask, not that of a detector."
+_DILATED = (
+    "Are masks dilated, cut at a crop or another threshold, or is a part of the body of "
+    "another class?"
+)
+_EXCLUSIVE = (
+    "The last row and column are exclusive, and the box is that of the mask, not that of "
+    "a detector."
+)
 
 
 def _readings(key: str, limit: float) -> tuple[Reading, ...]:
@@ -127,7 +168,9 @@ def _readings(key: str, limit: float) -> tuple[Reading, ...]:
         Reading("upside down", changed(**{key: lambda masks: masks[..., ::-1, :]}), _TURNED),
         Reading("to the right", _moved(key, 0, 1, 0), _PADDING, 1.0, " px", limit),
         Reading("down", _moved(key, 0, 0, 1), _PADDING, 1.0, " px", limit),
-        Reading("larger about the photo's centre", _moved(key, 0.02, 0, 0), _PADDING, 2.0, " %", 0.75),
+        Reading(
+            "larger about the photo's centre", _moved(key, 0.02, 0, 0), _PADDING, 2.0, " %", 0.75
+        ),
     )
 
 
@@ -139,23 +182,39 @@ def _box_moved(edge: int) -> Make:
     return changed(boxes=lambda boxes: boxes + np.eye(4)[edge])
 
 
-_OUTSIDE = between("masks", changed(masks=_dilated), changed(masks=lambda masks: 1 - _dilated(1 - masks)))
+_OUTSIDE = between(
+    "masks", changed(masks=_dilated), changed(masks=lambda masks: 1 - _dilated(1 - masks))
+)
 _SIZE = (
     Reading("farther out on all sides", _OUTSIDE, _DILATED, 1.0, " px", 2.5, in_pairs=False),
-    Reading("those of whole people", _whole, "Masks are those of visible pixels, not amodal.", in_pairs=False),
+    Reading(
+        "those of whole people",
+        _whole,
+        "Masks are those of visible pixels, not amodal.",
+        in_pairs=False,
+    ),
 )
 _BOXES = tuple(
     Reading(f"too far right or down at the {edge}", _box_moved(i), _EXCLUSIVE, 1.0, " px", 0.5)
     for i, edge in enumerate(("left", "top", "right", "bottom"))
 )
-_LIE, _EXCLUDES, _ENCLOSE = ("masks_lie_on_people",), ("floor_mask_excludes_people",), ("boxes_enclose_their_masks",)
+_LIE = ("masks_lie_on_people",)
+_EXCLUDES = ("floor_mask_excludes_people",)
+_ENCLOSE = ("boxes_enclose_their_masks",)
 _MASKS = (*_readings("masks", 0.5), *_SIZE)
 TABLE = Table(
     _values,
     _truth,
     _act,
     (
-        Group("masks_are_in_place", "masks of people in place", "of a mask", _of("masks"), _MASKS, after=_LIE),
+        Group(
+            "masks_are_in_place",
+            "masks of people in place",
+            "of a mask",
+            _of("masks"),
+            _MASKS,
+            after=_LIE,
+        ),
         Group(
             "floor_is_in_place",
             "the floor in place",
@@ -164,17 +223,24 @@ TABLE = Table(
             _readings("floor", 0.3),
             after=_EXCLUDES,
         ),
-        Group("boxes_are_tight", "boxes of masks, end exclusive", "px", _boxes, _BOXES, after=_ENCLOSE),
+        Group(
+            "boxes_are_tight", "boxes of masks, end exclusive", "px", _boxes, _BOXES, after=_ENCLOSE
+        ),
     ),
     "physic_core.types.People",
-    lambda values, truth: (_off_borders(values, truth), np.zeros(len(truth["masks"])), EXACT_BORDER),
+    lambda values, truth: (
+        _off_borders(values, truth),
+        np.zeros(len(truth["masks"])),
+        EXACT_BORDER,
+    ),
     CHANGES[:3],
 )
 
 
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
     """In a photo of one person, the best mask overlaps that person."""
-    answer, truth = subject.result(), subject.case("one person").truth
+    answer = subject.result()
+    truth = subject.case("one person").truth
     expect(len(answer) > 0, "one person, as in the photo", "N = 0")
     best = float(mask_iou(answer.masks, truth.masks).max())
     others = {
@@ -188,13 +254,16 @@ def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
         best >= MIN_IOU,
         f"a mask with an IoU of at least {MIN_IOU} with the true mask",
         f"{best:.2f}, and {found[words]:.2f} if it is {words.partition(':')[0]}",
-        f"Is it {words}" if found[words] > MIN_IOU else "Is the padding subtracted, and the mask resized?",
+        f"Is it {words}"
+        if found[words] > MIN_IOU
+        else "Is the padding subtracted, and the mask resized?",
     )
 
 
 def check_people_have_masks_of_their_own(subject: BackendUnderTest) -> None:
     """People who stand side by side are several people, not one mask of the class "person"."""
-    answer, truth = subject.result("several people"), subject.case("several people").truth
+    answer = subject.result("several people")
+    truth = subject.case("several people").truth
     held = (answer.masks[:, None] & truth.masks).sum((2, 3)) / truth.masks.sum((1, 2))
     expect(
         not (held > MIN_HELD).all(axis=1).any(),
@@ -206,19 +275,26 @@ def check_people_have_masks_of_their_own(subject: BackendUnderTest) -> None:
 
 def check_boxes_enclose_their_masks(subject: BackendUnderTest) -> None:
     """Each box is x0 y0 x1 y1 in px, end exclusive, and encloses its mask."""
-    people = [(mask, box) for _, a in subject.evidence() for mask, box in zip(a.masks, a.boxes, strict=True)]
+    people = [
+        (mask, box)
+        for _, a in subject.evidence()
+        for mask, box in zip(a.masks, a.boxes, strict=True)
+    ]
     if not people:
         raise CheckSkipped("no people were found")
     for mask, box in people:
-        own, inside = enclosing_box(mask), np.zeros_like(mask)
+        own = enclosing_box(mask)
+        inside = np.zeros_like(mask)
         x0, y0, x1, y1 = (max(0, round(float(value))) for value in box)
         inside[y0:y1, x0:x1] = True
-        held, filled = float((mask & inside).sum() / mask.sum()), np.prod(own[2:] - own[:2]) / max(inside.sum(), 1)
+        held = float((mask & inside).sum() / mask.sum())
+        filled = np.prod(own[2:] - own[:2]) / max(inside.sum(), 1)
         expect(
             held >= MIN_ENCLOSED and filled >= MIN_BOX_FILL,
             f"mask[y0:y1, x0:x1] to contain the mask, whose tight box is {own.tolist()} px",
             f"{held:.0%} of it in the box {np.round(box, 1).tolist()}",
-            "Boxes are x0 y0 x1 y1 in px of the photo, of the mask of the same row: not x y w h, y x order or shares.",
+            "Boxes are x0 y0 x1 y1 in px of the photo, of the mask of the same row: not x y w h, "
+            "y x order or shares.",
         )
 
 
@@ -227,25 +303,38 @@ def check_scores_are_sorted(subject: BackendUnderTest) -> None:
     scores = subject.result("several people").scores
     if len(scores) < 2:
         raise CheckSkipped("fewer than two people were found")
-    expect(bool((np.diff(scores) <= 0).all()), "scores in descending order", f"{np.round(scores, 3).tolist()}")
+    expect(
+        bool((np.diff(scores) <= 0).all()),
+        "scores in descending order",
+        f"{np.round(scores, 3).tolist()}",
+    )
 
 
 def check_floor_mask_excludes_people(subject: BackendUnderTest) -> None:
     """At least half of the floor mask lies on the true floor, and none of it on people."""
-    answer, truth = subject.result(), subject.case("one person").truth
+    answer = subject.result()
+    truth = subject.case("one person").truth
     floor = answer.floor
     if floor is None or not floor.any():
         raise CheckSkipped("it returns no floor mask")
-    share, other = float(truth.empty_floor_mask[floor].mean()), float(truth.empty_floor_mask[~floor].mean())
-    hint = "Is the floor inverted? True marks it." if other > 0.5 else "Is the floor another class, or upside down?"
+    share = float(truth.empty_floor_mask[floor].mean())
+    other = float(truth.empty_floor_mask[~floor].mean())
+    hint = (
+        "Is the floor inverted? True marks it."
+        if other > 0.5
+        else "Is the floor another class, or upside down?"
+    )
     expect(share >= 0.5, "at least half of the floor mask on the true floor", f"{share:.0%}", hint)
     held = float(answer.masks.any(axis=0)[floor].mean()) if len(answer) else 0.0
-    expect(held < 0.1, "a floor mask without the pixels of people", f"{held:.0%} of it lies on people")
+    expect(
+        held < 0.1, "a floor mask without the pixels of people", f"{held:.0%} of it lies on people"
+    )
 
 
 def enclosing_box(mask: BoolArray) -> FloatArray:
     """Return the tight box x0 y0 x1 y1 of a mask."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
 
 

@@ -19,11 +19,12 @@ def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray,
 
     Args:
         world: world with at least one person.
-        skeleton: a skeleton, or the name of one in :data:`physic_testing.worlds.SKELETONS` or of a standard one.
+        skeleton: a skeleton, or the name of one in :data:`physic_testing.worlds.SKELETONS` or of a
+            standard one.
 
     Returns:
-        (N, J, 2) float64 px and (N, J) bool. Keypoints that the body model lacks are placed at the nose, hand roots at
-        the wrist.
+        (N, J, 2) float64 px and (N, J) bool. Keypoints that the body model lacks are placed at the
+        nose, hand roots at the wrist.
 
     Raises:
         BodyModelError: a point of the skeleton is not defined on a body.
@@ -66,13 +67,20 @@ def world_mhr_keypoints(world: World) -> FloatArray:
     from physic_core.adapters.bodies import JOINT_BY_KEYPOINT, MHR_KEYPOINTS
     from physic_core.body import JOINT_INDEX, load_body
 
-    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], MHR_KEYPOINTS, axis=1).astype(np.float64)
+    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], MHR_KEYPOINTS, axis=1).astype(
+        np.float64
+    )
     points[:, list(JOINT_BY_KEYPOINT)] = world.joints[:, list(JOINT_BY_KEYPOINT.values())]
     regressor = load_body(world.body_model).regressor("coco23")
     vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
     on_body = regressor(torch.from_numpy(world.joints.copy()), vertices).numpy()
     names = SKELETONS["coco23"].names
-    for keypoint, toe in ((15, "left_big_toe"), (16, "left_small_toe"), (18, "right_big_toe"), (19, "right_small_toe")):
+    for keypoint, toe in (
+        (15, "left_big_toe"),
+        (16, "left_small_toe"),
+        (18, "right_big_toe"),
+        (19, "right_small_toe"),
+    ):
         points[:, keypoint] = on_body[:, names.index(toe)]
     return points
 
@@ -86,7 +94,9 @@ def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
 
 
 def _visible(world: World, name: str) -> BoolArray:
-    """Return the visibility (N,) of one body point; a fingertip has the visibility of the finger's last joint."""
+    """Return the visibility (N,) of one body point; a fingertip has the visibility of the finger's
+    last joint.
+    """
     from physic_core.body import JOINT_INDEX
 
     for skeleton in ("coco23", "blazepose33"):

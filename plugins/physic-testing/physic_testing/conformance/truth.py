@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 
-def comparable_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
+def comparable_keypoints(
+    answer: Keypoints, world: World
+) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
     """Return the detected keypoints that are defined on a body, with the true keypoints.
 
     Returns:
-        Detected points (N, J, 2) px, true points (N, J, 2) px, mask (N, J) bool of the points that are visible in the
-        photo and detected, and their skeleton.
+        Detected points (N, J, 2) px, true points (N, J, 2) px, mask (N, J) bool of the points that
+        are visible in the photo and detected, and their skeleton.
 
     Raises:
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
@@ -60,26 +62,36 @@ def mirrored_order(names: tuple[str, ...]) -> list[int]:
 def true_hands(world: World) -> FloatArray:
     """Return the true finger rotations (N, 2, 15, 3) as rotation vectors, left hand first."""
     truth = world.parameters
-    both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
+    both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(
+        -1, 2, 15, 3
+    )
     return both
 
 
 def true_wrists(world: World) -> FloatArray:
-    """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors, left first."""
+    """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors,
+    left first.
+    """
     from physic_core.body import JOINT_INDEX
     from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
     from physic_core.geometry.rotations import rotmat_to_rotvec
 
     turns = rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
-    wrists: FloatArray = rotmat_to_rotvec(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
+    wrists: FloatArray = rotmat_to_rotvec(
+        turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]]
+    )
     return wrists
 
 
 def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the angles (...), degrees, between estimated and true rotations, rotation vectors (..., 3) in radians."""
+    """Return the angles (...), degrees, between estimated and true rotations, rotation vectors
+    (..., 3) in radians.
+    """
     from scipy.spatial.transform import Rotation
 
-    first, second = (Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth))
+    first, second = (
+        Rotation.from_rotvec(r.reshape(-1, 3).astype(np.float64)) for r in (rotvecs, truth)
+    )
     angles: FloatArray = np.degrees((first.inv() * second).magnitude()).reshape(rotvecs.shape[:-1])
     return angles
 
@@ -97,7 +109,8 @@ def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     from physic_core.body.bones import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
-    model, p = model_of(bodies), parameters_of_model(bodies)
+    model = model_of(bodies)
+    p = parameters_of_model(bodies)
     with torch.no_grad():
         out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
     return out.vertices.double().numpy(), out.joints.double().numpy()
@@ -121,7 +134,8 @@ def model_of(bodies: Bodies) -> BodyModel:
 
     if not can_convert(bodies, embedded_body()):
         raise CheckSkipped(
-            f"the body model {bodies.body_model!r} is not installed, and the bodies have no joints or mesh to convert"
+            f"the body model {bodies.body_model!r} is not installed, and the bodies have no "
+            f"joints or mesh to convert"
         )
     return embedded_body()
 
@@ -141,15 +155,21 @@ def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
 
 
 def _find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
-    """Find the correspondence of two meshes; those of the last meshes are cached, as a search takes half a second."""
+    """Find the correspondence of two meshes; those of the last meshes are cached, as a search takes
+    half a second.
+    """
     arrays = np.asarray(rest.vertices, np.float64), np.asarray(rest.faces, np.int64)
     return _correspondence_of(rest.topology, arrays[0].tobytes(), arrays[1].tobytes(), model)
 
 
 @lru_cache(maxsize=4)
-def _correspondence_of(topology: str, vertices: bytes, faces: bytes, model: BodyModel) -> Correspondence:
+def _correspondence_of(
+    topology: str, vertices: bytes, faces: bytes, model: BodyModel
+) -> Correspondence:
     from physic_core.body.convert.correspondence import find_correspondence
     from physic_core.types import RestMesh
 
     points = np.frombuffer(vertices, np.float64).reshape(-1, 3)
-    return find_correspondence(RestMesh(topology, points, np.frombuffer(faces, np.int64).reshape(-1, 3)), model)
+    return find_correspondence(
+        RestMesh(topology, points, np.frombuffer(faces, np.int64).reshape(-1, 3)), model
+    )

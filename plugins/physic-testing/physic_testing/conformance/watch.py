@@ -1,4 +1,6 @@
-"""Record of what calls of a backend change in the process: seeds, threads, switches, files, printed text, memory."""
+"""Record of what calls of a backend change in the process: seeds, threads, switches, files, printed
+text, memory.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ class Watch:
         growth: memory that each call took beyond its result, MB.
         seconds: CPU time of each call, s.
         kept_mb: arrays that the backend held after ``close``, MB; None if it was not measured.
-        after_one_call: bytes of each array that another instance held after its first call; None as before.
+        after_one_call: bytes of each array that another instance held after its first call; None as
+            before.
     """
 
     def __init__(self) -> None:
@@ -53,7 +56,9 @@ class Watch:
 
     @contextmanager
     def load(self) -> Iterator[None]:
-        """Watch a call of ``load``, with another number of torch's threads: an earlier load may have set its own."""
+        """Watch a call of ``load``, with another number of torch's threads: an earlier load may
+        have set its own.
+        """
         torch = sys.modules.get("torch")
         if torch is None:
             with self.settings(loads=True):
@@ -71,14 +76,24 @@ class Watch:
     def call(self) -> Iterator[list[Any]]:
         """Watch a call of ``infer``; append its result to the yielded list."""
         results: list[Any] = []
-        names, memory = _names(), resident_megabytes()
-        output, start = _Copied(sys.stdout), time.process_time()
+        names = _names()
+        memory = resident_megabytes()
+        output = _Copied(sys.stdout)
+        start = time.process_time()
         try:
             with redirect_stdout(output), self.settings():
                 yield results
         finally:
             self.seconds.append(time.process_time() - start)
-            held = sum(v.nbytes for r in results for _, v in named_values(r) if isinstance(v, np.ndarray)) / 1e6
+            held = (
+                sum(
+                    v.nbytes
+                    for r in results
+                    for _, v in named_values(r)
+                    if isinstance(v, np.ndarray)
+                )
+                / 1e6
+            )
             self.growth.append(resident_megabytes() - memory - held)
             self.printed += output.text
             self.files |= _names() - names
@@ -88,7 +103,8 @@ class _Copied:
     """A stream that keeps a copy of the text."""
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream, self.text = stream, ""
+        self._stream = stream
+        self.text = ""
 
     def write(self, text: str) -> int:
         self.text += text

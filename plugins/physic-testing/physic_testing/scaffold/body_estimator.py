@@ -1,4 +1,6 @@
-"""Bodies independent of the photo: everybody stands upright, faces the camera and has the same height."""
+"""Bodies independent of the photo: everybody stands upright, faces the camera and has the same
+height.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,16 @@ class Template(BodyEstimator):
     written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image
+    # remove it once infer() looks at the image
+    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
 
     def infer(
-        self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
+        self,
+        image: UInt8Array,
+        people: People,
+        intrinsics: Intrinsics,
+        keypoints: Keypoints,
+        hints: Hints,
     ) -> Bodies:
         """N people -> N bodies in metres in the camera frame (x right, y down, z forward)."""
         count = len(people)

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    probability: float = Field(0.8, gt=0, le=1, description="contact probability of the vertices of the soles")
+    probability: float = Field(
+        0.8, gt=0, le=1, description="contact probability of the vertices of the soles"
+    )
 
 
 class Template(ContactPrior):
@@ -47,7 +49,9 @@ class Template(ContactPrior):
         if self._body is None:
             raise BackendError("the body model is not loaded: call load() first")
         if bodies.body_model != self._body.name:
-            raise BackendError(f"this prior needs the body model {self._body.name!r}, got {bodies.body_model!r}")
+            raise BackendError(
+                f"this prior needs the body model {self._body.name!r}, got {bodies.body_model!r}"
+            )
         probability = np.zeros((len(people), self._body.num_vertices), np.float32)
         for side in ("left_sole", "right_sole"):
             probability[:, self._body.contact_sets[side].numpy()] = self.options.probability

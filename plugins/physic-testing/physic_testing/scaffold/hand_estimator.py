@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    min_confidence: float = Field(0.5, ge=0, le=1, description="hands of lower confidence are dropped; 0.3-0.7 works")
+    min_confidence: float = Field(
+        0.5, ge=0, le=1, description="hands of lower confidence are dropped; 0.3-0.7 works"
+    )
 
 
 class Template(HandEstimator):
@@ -28,6 +30,8 @@ class Template(HandEstimator):
     options: TemplateOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
-        """N people -> rotation vectors (N, 2, 15, 3) in radians, left hand first, and confidence (N, 2)."""
+        """N people -> rotation vectors (N, 2, 15, 3) in radians, left hand first, and confidence
+        (N, 2).
+        """
         count = len(people)
         return Hands(np.zeros((count, 2, 15, 3), np.float32), np.zeros((count, 2), np.float32))

@@ -14,11 +14,14 @@ if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
 
 _HEIGHTS = {
-    "nose": 0.07, "left_eye": 0.06, "right_eye": 0.06, "left_ear": 0.07, "right_ear": 0.07, "left_shoulder": 0.19,
-    "right_shoulder": 0.19, "left_elbow": 0.35, "right_elbow": 0.35, "left_wrist": 0.49, "right_wrist": 0.49,
-    "left_hip": 0.5, "right_hip": 0.5, "left_knee": 0.73, "right_knee": 0.73, "left_ankle": 0.94, "right_ankle": 0.94,
+    "nose": 0.07, "left_eye": 0.06, "right_eye": 0.06, "left_ear": 0.07, "right_ear": 0.07,
+    "left_shoulder": 0.19, "right_shoulder": 0.19, "left_elbow": 0.35, "right_elbow": 0.35,
+    "left_wrist": 0.49, "right_wrist": 0.49, "left_hip": 0.5, "right_hip": 0.5, "left_knee": 0.73,
+    "right_knee": 0.73, "left_ankle": 0.94, "right_ankle": 0.94,
 }  # fmt: skip
-"""Height of each joint of the skeleton "coco17" in a standing person's box: 0 is the top, 1 the bottom."""
+"""Height of each joint of the skeleton "coco17" in a standing person's box: 0 is the top, 1 the
+bottom.
+"""
 
 
 class TemplateOptions(Options):
@@ -33,11 +36,16 @@ class Template(KeypointDetector):
     written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image
+    # remove it once infer() looks at the image
+    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
-        """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person i."""
+        """Image (H, W, 3) and N people -> points (N, 17, 2) in px of the photo, row i for person
+        i.
+        """
         figure = np.array([(0.5, height) for height in _HEIGHTS.values()])
-        low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
-        points = low + figure * (high - low) - 0.5  # box edges are pixel borders, integer points are pixel centres
+        low = people.boxes[:, None, :2]
+        high = people.boxes[:, None, 2:]
+        # box edges are pixel borders, integer points are pixel centres
+        points = low + figure * (high - low) - 0.5
         return Keypoints(points, np.full(points.shape[:2], self.options.confidence), "coco17")

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    scale_sigma: float = Field(0.3, gt=0, lt=3, description="standard deviation of log(scale); 0.1-0.5")
+    scale_sigma: float = Field(
+        0.3, gt=0, lt=3, description="standard deviation of log(scale); 0.1-0.5"
+    )
 
 
 class Template(MetricDepth):
@@ -29,20 +31,39 @@ class Template(MetricDepth):
     options: TemplateOptions
 
     def load(self, device: str = "cpu") -> None:
-        """Load weights onto ``device`` here; do nothing if they are loaded. Constructors are fast and offline."""
+        """Load weights onto ``device`` here; do nothing if they are loaded.
+
+        Constructors are fast and offline.
+        """
 
     def close(self) -> None:
         """Release the weights here; ``load`` and ``close`` may be called twice."""
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Image (H, W, 3) -> z-depth (H, W) in metres, NaN where unknown."""
-        scene, original, people, bodies = hints.scene, hints.original, hints.people, hints.bodies
+        scene = hints.scene
+        original = hints.original
+        people = hints.people
+        bodies = hints.bodies
         if scene is None or original is None or people is None or bodies is None or not len(people):
-            raise BackendError("this depth needs hints.scene, hints.original, hints.people and hints.bodies")
+            raise BackendError(
+                "this depth needs hints.scene, hints.original, hints.people and hints.bodies"
+            )
         seen = [original.points[mask & original.valid, 2] for mask in people.masks]
         # The root joint is about as far away as the visible surface of the body.
-        ratios = [z / np.median(own) for z, own in zip(bodies.parameters.transl[:, 2], seen, strict=True) if len(own)]
+        ratios = [
+            z / np.median(own)
+            for z, own in zip(bodies.parameters.transl[:, 2], seen, strict=True)
+            if len(own)
+        ]
         if not ratios:
             raise BackendError("no person has a depth in hints.original")
-        depth = np.where(scene.valid, scene.points[..., 2] * np.median(ratios), np.nan).astype(np.float32)
-        return DepthMap(depth, scene.intrinsics, self.options.scale_sigma, ("scale from the distance of the bodies",))
+        depth = np.where(scene.valid, scene.points[..., 2] * np.median(ratios), np.nan).astype(
+            np.float32
+        )
+        return DepthMap(
+            depth,
+            scene.intrinsics,
+            self.options.scale_sigma,
+            ("scale from the distance of the bodies",),
+        )

@@ -21,13 +21,14 @@ description = "{summary}"
 requires-python = ">=3.11"
 dependencies = [
     "numpy>=2.0",
-    # "physic-core>={core}",  # once released: until then, whoever registers this name with an index runs code here
+    # Once released: until then, whoever registers this name with an index runs code here.
+    # "physic-core>={core}",
     "pydantic>=2.9",
 ]
 
 [project.optional-dependencies]
 test = [
-    # "physic-testing>={core}",  # once released: until then, whoever registers this name with an index runs code here
+    # "physic-testing>={core}",  # once released
     "pytest>=8.2",
 ]
 
@@ -39,14 +40,16 @@ _TEST = """\
 from physic_testing import parametrize_with_checks
 
 
-# A check that is known to fail is listed with the reason: `expected_failures={{"name_of_the_check": "why"}}`.
+# List a check that is known to fail with the reason:
+# `expected_failures={{"name_of_the_check": "why"}}`.
 @parametrize_with_checks("{interface}", "{backend}")
 def test_conformance(check):
     check()
 
 
-# Test the wrapper of a network without its weights, too: `WithTruth` is a subclass of {class_name} whose network
-# knows the truth, which `physic_testing.world_of(image)` tells. Its errors have close limits.
+# Test the wrapper of a network without its weights, too: `WithTruth` is a subclass of {class_name}
+# whose network knows the truth, which `physic_testing.world_of(image)` tells. Its errors have close
+# limits.
 #
 # @parametrize_with_checks("{interface}", WithTruth, capabilities={{"exact"}})
 # def test_wrapper(check):
@@ -84,8 +87,12 @@ class PluginNames:
 
 
 def plugin_files(names: PluginNames, core: str) -> dict[str, str]:
-    """Return the text of each file of a new plugin, by relative path; ``core`` is the version of physic-core."""
-    source = (resources.files("physic_testing.scaffold") / f"{names.interface}.py").read_text(encoding="utf-8")
+    """Return the text of each file of a new plugin, by relative path; ``core`` is the version of
+    physic-core.
+    """
+    source = (resources.files("physic_testing.scaffold") / f"{names.interface}.py").read_text(
+        encoding="utf-8"
+    )
     words = {
         "backend": names.backend,
         "interface": names.interface,
@@ -121,7 +128,9 @@ def write_plugin(folder: Path, names: PluginNames, core: str) -> list[Path]:
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
     except FileExistsError:
-        raise OutputError(f"{folder} exists already: choose another name, or another --folder") from None
+        raise OutputError(
+            f"{folder} exists already: choose another name, or another --folder"
+        ) from None
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror}") from error
     return list(files)

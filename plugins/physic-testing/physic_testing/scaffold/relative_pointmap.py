@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 class TemplateOptions(Options):
     """Settings of Template."""
 
-    wall: float = Field(3.0, gt=1, description="distance of the wall, in camera heights; 2-10 works")
+    wall: float = Field(
+        3.0, gt=1, description="distance of the wall, in camera heights; 2-10 works"
+    )
 
 
 class Template(RelativePointmap):
@@ -26,7 +28,8 @@ class Template(RelativePointmap):
     written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
-    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image
+    # remove it once infer() looks at the image
+    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
@@ -35,9 +38,14 @@ class Template(RelativePointmap):
             1.2 * max(height, width), width, height, "default: 1.2 sides", CameraTrust.GUESSED
         )
         v, u = np.mgrid[:height, :width]  # integer pixel coordinates are pixel centres
-        x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+        x = (u - camera.cx) / camera.fx
+        y = (v - camera.cy) / camera.fy
         z = 1 / np.maximum(y, 1 / self.options.wall)  # the floor is y z = 1
         points = np.stack([x * z, y * z, z], axis=-1).astype(np.float32)
         return Pointmap(
-            points, np.ones((height, width), bool), "scale", camera, ("a floor and a wall, for every photo",)
+            points,
+            np.ones((height, width), bool),
+            "scale",
+            camera,
+            ("a floor and a wall, for every photo",),
         )

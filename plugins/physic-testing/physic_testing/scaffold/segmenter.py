@@ -32,20 +32,28 @@ class Template(Segmenter):
 
     @staticmethod
     def conformance_options(world: Any) -> Mapping[str, Any]:
-        """Return the options that the conformance kit uses for a synthetic world, instead of the defaults."""
+        """Return the options that the conformance kit uses for a synthetic world, instead of the
+        defaults.
+        """
         return {"boxes": world.boxes.tolist()}
 
     def infer(self, image: UInt8Array) -> People:
-        """Image (H, W, 3) -> N people with masks (N, H, W), boxes x0 y0 x1 y1 in px and scores in [0, 1]."""
+        """Image (H, W, 3) -> N people with masks (N, H, W), boxes x0 y0 x1 y1 in px and scores in
+        [0, 1].
+        """
         height, width = image.shape[:2]
         v, u = np.mgrid[:height, :width]
-        free, masks, boxes = np.ones((height, width), bool), [], []
+        free = np.ones((height, width), bool)
+        masks = []
+        boxes = []
         for x0, y0, x1, y1 in self.options.boxes:
-            across, down = (2 * u + 1 - x0 - x1) / max(x1 - x0, 1), (2 * v + 1 - y0 - y1) / max(y1 - y0, 1)
+            across = (2 * u + 1 - x0 - x1) / max(x1 - x0, 1)
+            down = (2 * v + 1 - y0 - y1) / max(y1 - y0, 1)
             mask = (across**2 + down**2 < 1) & free
             if mask.any():  # each mask has at least one pixel, and masks do not overlap
                 free &= ~mask
-                rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+                rows = np.flatnonzero(mask.any(axis=1))
+                columns = np.flatnonzero(mask.any(axis=0))
                 masks.append(mask)
                 boxes.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
         count = len(masks)

@@ -1,4 +1,6 @@
-"""Synthetic scenes of people, indoors and outdoors, with ground truth for all estimates of PhySIC."""
+"""Synthetic scenes of people, indoors and outdoors, with ground truth for all estimates of
+PhySIC.
+"""
 
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
 from physic_testing.worlds.views import VIEWS, view_names

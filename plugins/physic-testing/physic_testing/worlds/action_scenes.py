@@ -1,11 +1,12 @@
 """Posed scenes: people with their furniture, chosen from a file, turned and mirrored at random.
 
-``action_scenes.npz`` has 457 scenes with 580 people, in three pools without common scenes. They were drawn once, by
-``draw_action`` of ``physic_testing/worlds`` at commit 573d7e2d, which fitted poses to contacts. Of 494 scenes 32 were
-left out, whose errors were larger than 1.5 (in one action 1.7) times its tolerances: depth 8 mm, gap 15 mm, crossing
-20 mm; and 5 with feet on the ground below a bar. The scenes of OTHER_BODIES keep the seed of their body. Lengths are in
-steps of 0.1 mm, angles of 0.1 mrad, shapes of 0.001: vertices are off by 0.1 mm.
-The room's frame (x right, y up, z towards the camera's side, ground through the origin), metres.
+``action_scenes.npz`` has 457 scenes with 580 people, in three pools without common scenes. They
+were drawn once, by ``draw_action`` of ``physic_testing/worlds`` at commit 573d7e2d, which fitted
+poses to contacts. Of 494 scenes 32 were left out, whose errors were larger than 1.5 (in one action
+1.7) times its tolerances: depth 8 mm, gap 15 mm, crossing 20 mm; and 5 with feet on the ground
+below a bar. The scenes of OTHER_BODIES keep the seed of their body. Lengths are in steps of 0.1 mm,
+angles of 0.1 mrad, shapes of 0.001: vertices are off by 0.1 mm. The room's frame (x right, y up, z
+towards the camera's side, ground through the origin), metres.
 """
 
 from __future__ import annotations
@@ -37,10 +38,12 @@ __all__ = ["POOLS", "ActionPose", "ActionScene", "load_action"]
 POOLS = ("confirmation", "development", "choice")
 """What the pool of posed scenes of a seed is for, by the remainder of the seed divided by 3."""
 
-_STEP, _SHAPE_STEP = 1e-4, 1e-3
+_STEP = 1e-4
+_SHAPE_STEP = 1e-3
 _WITH_CHILDREN = -1  # in place of the seed of other bodies; 0 are those of the body model
 _MIRRORED = [
-    JOINT_NAMES.index(name.replace("left", "?").replace("right", "left").replace("?", "right")) for name in JOINT_NAMES
+    JOINT_NAMES.index(name.replace("left", "?").replace("right", "left").replace("?", "right"))
+    for name in JOINT_NAMES
 ]
 
 
@@ -97,7 +100,8 @@ def load_action(name: str, model: BodyModel, pool: str, rng: np.random.Generator
     scenes = file["scenes"]
     row = int(rng.choice(np.flatnonzero((scenes["name"] == name) & (scenes["pool"] == pool))))
     scene = scenes[row]
-    sign, turn = float(rng.choice([-1.0, 1.0])), float(rng.uniform(-np.pi, np.pi))
+    sign = float(rng.choice([-1.0, 1.0]))
+    turn = float(rng.uniform(-np.pi, np.pi))
     if scene["body"] == _WITH_CHILDREN:
         model = with_children(model)
     elif scene["body"]:

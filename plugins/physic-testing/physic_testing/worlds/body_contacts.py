@@ -1,4 +1,6 @@
-"""True contacts with surfaces, the own body, other people and small objects, and what supports the people."""
+"""True contacts with surfaces, the own body, other people and small objects, and what supports the
+people.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,14 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_testing.worlds.rooms import Room
 
-__all__ = ["NONE", "supporting_vertices", "touched_item", "touched_own_part", "touched_people", "touched_surface"]
+__all__ = [
+    "NONE",
+    "supporting_vertices",
+    "touched_item",
+    "touched_own_part",
+    "touched_people",
+    "touched_surface",
+]
 
 NONE = -1
 """Index of vertices that touch nothing."""
@@ -33,7 +42,8 @@ _CANDIDATES = 6  # nearest vertices among which one of other skin is looked for
 _UPWARDS = 0.5  # cosine of the steepest surface that carries
 _STEADY = 0.02  # m by which the centre of mass may lie outside its supports
 
-# Mass of segments by Dempster: the joints between which each one's centre lies, the share of the way, its weight.
+# Mass of segments by Dempster: the joints between which each one's centre lies, the share of the
+# way, its weight.
 _MASSES = (
     ("pelvis", "neck", 0.42, 0.497),
     ("neck", "head", 1.3, 0.081),
@@ -46,25 +56,33 @@ _MASSES = (
 
 
 def touched_own_part(model: BodyModel, vertices: FloatArray, reach: float) -> NDArray[np.int16]:
-    """Return the part of the own body that each outer vertex touches: (N, V), index of the part, or NONE.
+    """Return the part of the own body that each outer vertex touches: (N, V), index of the part, or
+    NONE.
 
-    A vertex touches another part if the skin there does not look the same way, is not a neighbour in the T-pose, and is
-    within ``reach`` or contains the vertex.
+    A vertex touches another part if the skin there does not look the same way, is not a neighbour
+    in the T-pose, and is within ``reach`` or contains the vertex.
 
     Args:
         model: body model of the people.
         vertices: (N, V, 3) m.
         reach: m.
     """
-    outer, part, (rest, _) = np.flatnonzero(model.outer.numpy()), model.part_of_vertex.numpy(), rest_body(model)
+    outer, part, (rest, _) = (
+        np.flatnonzero(model.outer.numpy()),
+        model.part_of_vertex.numpy(),
+        rest_body(model),
+    )
     touched = np.full(vertices.shape[:2], NONE, np.int16)
     for i, body in enumerate(vertices):
         normals = vertex_normals(body, model.faces.numpy())
         least = np.full(len(body), np.inf)
         for p in range(len(model.part_names)):
             own = outer[part[outer] == p]
-            low, high = body[own].min(axis=0) - _MARGIN, body[own].max(axis=0) + _MARGIN
-            others = outer[(part[outer] != p) & ((body[outer] > low) & (body[outer] < high)).all(axis=1)]
+            low = body[own].min(axis=0) - _MARGIN
+            high = body[own].max(axis=0) + _MARGIN
+            others = outer[
+                (part[outer] != p) & ((body[outer] > low) & (body[outer] < high)).all(axis=1)
+            ]
             distance = _skin_distance(body, normals, others, own, reach, rest=rest)
             nearer = distance < least[others]
             touched[i, others[nearer]], least[others[nearer]] = p, distance[nearer]
@@ -79,19 +97,27 @@ def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> NDAr
         vertices: (N, V, 3) m.
         reach: m, largest distance; vertices inside another body touch it too.
     """
-    outer, part_of_vertex = np.flatnonzero(model.outer.numpy()), model.part_of_vertex.numpy()
+    outer = np.flatnonzero(model.outer.numpy())
+    part_of_vertex = model.part_of_vertex.numpy()
     person = np.full(vertices.shape[:2], NONE, np.int16)
     least = np.full(vertices.shape[:2], np.inf)
     normals = [vertex_normals(body, model.faces.numpy()) for body in vertices]
     for j, other in enumerate(vertices):
         for p in range(len(model.part_names)):
             theirs = outer[part_of_vertex[outer] == p]
-            low, high = other[theirs].min(axis=0) - _MARGIN, other[theirs].max(axis=0) + _MARGIN
+            low = other[theirs].min(axis=0) - _MARGIN
+            high = other[theirs].max(axis=0) + _MARGIN
             for i, body in enumerate(vertices):
-                near = outer[((body[outer] > low) & (body[outer] < high)).all(axis=1)] if i != j else outer[:0]
+                near = (
+                    outer[((body[outer] > low) & (body[outer] < high)).all(axis=1)]
+                    if i != j
+                    else outer[:0]
+                )
                 if not len(near):
                     continue
-                distance = _skin_distance(body, normals[i], near, theirs, reach, onto=(other, normals[j]))
+                distance = _skin_distance(
+                    body, normals[i], near, theirs, reach, onto=(other, normals[j])
+                )
                 chosen = near[distance < least[i, near]]
                 least[i, near] = np.minimum(least[i, near], distance)
                 person[i, chosen] = j
@@ -99,7 +125,8 @@ def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> NDAr
 
 
 def touched_surface(room: Room, vertices: FloatArray, contact: BoolArray) -> UInt8Array:
-    """Return the surface nearest to each contact vertex: (N, V), index into ``SURFACE_NAMES``; 0 without contact.
+    """Return the surface nearest to each contact vertex: (N, V), index into ``SURFACE_NAMES``; 0
+    without contact.
 
     Args:
         room: of the world.
@@ -111,8 +138,11 @@ def touched_surface(room: Room, vertices: FloatArray, contact: BoolArray) -> UIn
     return found
 
 
-def touched_item(room: Room, outer: BoolArray, vertices: FloatArray, reach: float) -> NDArray[np.int16]:
-    """Return the small object that each outer vertex touches: (N, V), index into ``room.items``, or NONE.
+def touched_item(
+    room: Room, outer: BoolArray, vertices: FloatArray, reach: float
+) -> NDArray[np.int16]:
+    """Return the small object that each outer vertex touches: (N, V), index into ``room.items``, or
+    NONE.
 
     Args:
         room: with the objects.
@@ -124,7 +154,9 @@ def touched_item(room: Room, outer: BoolArray, vertices: FloatArray, reach: floa
     least = np.full(vertices.shape[:2], reach)
     for k, item in enumerate(room.items):
         blocks = [block for block in room.blocks if block.item == item]
-        distance = SolidDistances(blocks, LEVEL_GROUND).distances(vertices.reshape(-1, 3))[:-1].min(axis=0)
+        distance = (
+            SolidDistances(blocks, LEVEL_GROUND).distances(vertices.reshape(-1, 3))[:-1].min(axis=0)
+        )
         near = (distance.reshape(least.shape) <= least) & outer
         touched[near], least[near] = k, distance.reshape(least.shape)[near]
     return touched
@@ -140,9 +172,9 @@ def supporting_vertices(
 ) -> BoolArray:
     """Return the vertices (N, V) that carry a person.
 
-    These are the vertices in contact with surfaces of the scene that face upwards, at most 60 degrees steep. If the
-    centre of mass is not above them, and not below as under a bar, those that lean on steeper surfaces or lie on other
-    people carry too.
+    These are the vertices in contact with surfaces of the scene that face upwards, at most 60
+    degrees steep. If the centre of mass is not above them, and not below as under a bar, those that
+    lean on steeper surfaces or lie on other people carry too.
 
     Args:
         room: the scene.
@@ -175,9 +207,11 @@ def _skin_distance(
     rest: FloatArray | None = None,
     onto: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """Return the distance (n,) of vertices ``ids`` to the skin of ``target`` vertices, inf where they do not touch it.
+    """Return the distance (n,) of vertices ``ids`` to the skin of ``target`` vertices, inf where
+    they do not touch it.
 
-    The distance is along the normal of the nearest vertex that does not look the same way, 0 inside.
+    The distance is along the normal of the nearest vertex that does not look the same way, 0
+    inside.
 
     Args:
         body: (V, 3) m.
@@ -210,15 +244,20 @@ def _skin_distance(
 
 def _centre_of_mass(joints: FloatArray) -> FloatArray:
     """Return the centre of mass (3,) of a body with joints (55, 3), m."""
-    centre, total = np.zeros(3), 0.0
+    centre = np.zeros(3)
+    total = 0.0
     for first, second, share, weight in _MASSES:
-        start, end = joints[JOINT_INDEX[first]], joints[JOINT_INDEX[second]]
-        centre, total = centre + weight * (start + share * (end - start)), total + weight
+        start = joints[JOINT_INDEX[first]]
+        end = joints[JOINT_INDEX[second]]
+        centre = centre + weight * (start + share * (end - start))
+        total = total + weight
     return centre / total
 
 
 def _above(centre: FloatArray, points: FloatArray) -> bool:
-    """Return whether a point (3,) is above the convex hull of support points (n, 3), or below all of them."""
+    """Return whether a point (3,) is above the convex hull of support points (n, 3), or below all
+    of them.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     if not len(points):

@@ -1,4 +1,5 @@
-"""Random cameras that see all people: focal length, height, tilt and distance as in everyday photos.
+"""Random cameras that see all people: focal length, height, tilt and distance as in everyday
+photos.
 
 The room's frame (x right, y up, z towards the camera's side), metres.
 """
@@ -33,7 +34,10 @@ _CUT_FILL = (0.95, 1.35)
 _CUT = 0.9  # share of the photos that cut people at the border, where the action allows it
 _TILT = np.radians(32.0)
 _ROLL = np.radians(2.0)  # standard deviation
-_NEAREST, _FARTHEST_INDOORS, _FARTHEST = 0.7, 7.0, 11.0  # m, to the nearest point of a person; to their middle
+# m, to the nearest point of a person; to their middle
+_NEAREST = 0.7
+_FARTHEST_INDOORS = 7.0
+_FARTHEST = 11.0
 _CLEARANCE = 0.3  # m round the camera
 _MIN_VISIBLE = 0.25  # least share of a person's own silhouette that must be seen
 _MIN_AREA = 0.008  # least share of the photo that each person covers
@@ -92,11 +96,18 @@ class PhotoSubjects:
         blocks: Sequence[Block],
         ground: Ground,
     ) -> None:
-        self.vertices, self.joints, self.blocks, self.ground = vertices, joints, tuple(blocks), ground
+        self.vertices, self.joints, self.blocks, self.ground = (
+            vertices,
+            joints,
+            tuple(blocks),
+            ground,
+        )
         self.sparse = vertices[:, ::7]
         people, count, _ = vertices.shape
         solid, solid_faces, _ = blocks_mesh(self.blocks)
-        self._owner = np.concatenate([np.full(len(solid_faces), -1), np.repeat(np.arange(people), len(faces))])
+        self._owner = np.concatenate(
+            [np.full(len(solid_faces), -1), np.repeat(np.arange(people), len(faces))]
+        )
         self._everything = RayCaster(
             np.concatenate([solid, vertices.reshape(-1, 3)]),
             np.concatenate([solid_faces, *(faces + len(solid) + count * i for i in range(people))]),
@@ -104,23 +115,32 @@ class PhotoSubjects:
         self._person_casters = [RayCaster(person, faces) for person in vertices]
 
     def visible_shares(self, shot: CameraShot) -> tuple[FloatArray, FloatArray]:
-        """Return the visible share of each person's silhouette, and the share of the photo that each person covers."""
+        """Return the visible share of each person's silhouette, and the share of the photo that
+        each person covers.
+        """
         scale = _COARSE / max(shot.intrinsics.width, shot.intrinsics.height)
         small = shot.intrinsics.resized(
-            max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
+            max(8, round(scale * shot.intrinsics.width)),
+            max(8, round(scale * shot.intrinsics.height)),
         )
         rays = apply(shot.camera.rotation.T, pixel_rays(small))
         face = self._everything.first_faces(shot.camera.position, rays)
         owner = np.where(face >= 0, self._owner[np.maximum(face, 0)], -1)
-        whole = [caster.first_faces(shot.camera.position, rays) >= 0 for caster in self._person_casters]
+        whole = [
+            caster.first_faces(shot.camera.position, rays) >= 0 for caster in self._person_casters
+        ]
         seen = np.array([(owner == i).sum() for i in range(len(whole))])
         return seen / np.maximum([mask.sum() for mask in whole], 1), seen / len(rays)
 
     def trunk_in_sight(self, shot: CameraShot) -> BoolArray:
         """Return whether (N,) the spine, neck or head of each person is visible in the image."""
         points = self.joints[:, _TRUNK]
-        hits = self._everything.first(shot.camera.position, (points - shot.camera.position).reshape(-1, 3))
-        owner = np.where(hits.face >= 0, self._owner[np.maximum(hits.face, 0)], -1).reshape(points.shape[:2])
+        hits = self._everything.first(
+            shot.camera.position, (points - shot.camera.position).reshape(-1, 3)
+        )
+        owner = np.where(hits.face >= 0, self._owner[np.maximum(hits.face, 0)], -1).reshape(
+            points.shape[:2]
+        )
         inside = in_frame(points, shot)
         seen: BoolArray = ((owner == np.arange(len(points))[:, None]) & inside).any(axis=1)
         return seen
@@ -150,7 +170,12 @@ def find_camera(
     """
     for _ in range(_TRIES):
         shot = _drawn(
-            subject, rng, size, azimuth, may_cut=may_cut, farthest=_FARTHEST if outdoors else _FARTHEST_INDOORS
+            subject,
+            rng,
+            size,
+            azimuth,
+            may_cut=may_cut,
+            farthest=_FARTHEST if outdoors else _FARTHEST_INDOORS,
         )
         if shot is not None and _shows_everybody(subject, shot):
             return shot
@@ -158,11 +183,15 @@ def find_camera(
 
 
 def in_frame(points: FloatArray, shot: CameraShot, margin: float = 0.0) -> BoolArray:
-    """Return whether points (..., 3) of the room project into the image, at least ``margin`` px from its border."""
+    """Return whether points (..., 3) of the room project into the image, at least ``margin`` px
+    from its border.
+    """
     local = shot.camera.to_camera(points)
     uv = _projected(local, shot.intrinsics)
     size = np.array([shot.intrinsics.width, shot.intrinsics.height])
-    inside: BoolArray = (local[..., 2] > 0) & ((uv >= margin) & (uv <= size - 1 - margin)).all(axis=-1)
+    inside: BoolArray = (local[..., 2] > 0) & ((uv >= margin) & (uv <= size - 1 - margin)).all(
+        axis=-1
+    )
     return inside
 
 
@@ -178,26 +207,36 @@ def _drawn(
     """Draw one random camera; None if the people do not fill the intended share of the image."""
     width, height = size
     field = np.radians(rng.uniform(*_FIELD))
-    focal = max(width / 2 / _tangent(field / 2), max(size) / 2 / _tangent(np.radians(_FIELD[1]) / 2))
+    focal = max(
+        width / 2 / _tangent(field / 2), max(size) / 2 / _tangent(np.radians(_FIELD[1]) / 2)
+    )
     intrinsics = Intrinsics.from_focal(float(focal), width, height, source="world")
     cut = bool(may_cut and rng.random() < _CUT)
     fill = rng.uniform(*(_CUT_FILL if cut else _FILL))
     side = np.radians(rng.uniform(*azimuth))
     over = rng.triangular(_HEIGHT[0], 1.5, _HEIGHT[1])
     roll = float(np.clip(rng.normal(0, _ROLL), -3 * _ROLL, 3 * _ROLL))
-    # Where the middle of the people comes to lie: anywhere that keeps them in, as a share of the free border.
+    # Where the middle of the people comes to lie: anywhere that keeps them in, as a share of the
+    # free border.
     place = np.clip(rng.normal(0, 0.5, 2), -0.9, 0.9)
     if cut:
         place[1] = rng.uniform(0.2, 1.0)  # heads stay in, legs go out at the bottom
     points = subject.sparse.reshape(-1, 3)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    near, far, found = 0.5, farthest, None
+    near = 0.5
+    far = farthest
+    found = None
     sine, cosine = sin_cos(side)
     for _ in range(14):
         distance = (near + far) / 2
-        x, z = middle[0] + distance * sine, middle[2] + distance * cosine
+        x = middle[0] + distance * sine
+        z = middle[2] + distance * cosine
         position = np.array([x, subject.ground.height_at(x, z) + over, z])
-        shot = CameraShot(_camera_towards(points, position, middle, roll, intrinsics, place, cut=cut), intrinsics, cut)
+        shot = CameraShot(
+            _camera_towards(points, position, middle, roll, intrinsics, place, cut=cut),
+            intrinsics,
+            cut,
+        )
         filled = _frame_share(points, shot)
         found = shot
         near, far = (distance, far) if filled > fill else (near, distance)
@@ -214,12 +253,16 @@ def _shows_everybody(subject: PhotoSubjects, shot: CameraShot) -> bool:
     if norm(subject.sparse - position).min() < _NEAREST:
         return False
     inside = in_frame(subject.sparse, shot).mean(axis=1)
-    whole = in_frame(subject.vertices, shot, margin=0.01 * max(shot.intrinsics.width, shot.intrinsics.height)).all()
+    whole = in_frame(
+        subject.vertices, shot, margin=0.01 * max(shot.intrinsics.width, shot.intrinsics.height)
+    ).all()
     if not (whole or (shot.cut and (inside > _IN_FRAME).all())):
         return False
     share, area = subject.visible_shares(shot)
     return bool(
-        (share >= _MIN_VISIBLE + 0.05).all() and (area >= _MIN_AREA).all() and subject.trunk_in_sight(shot).all()
+        (share >= _MIN_VISIBLE + 0.05).all()
+        and (area >= _MIN_AREA).all()
+        and subject.trunk_in_sight(shot).all()
     )
 
 
@@ -236,7 +279,8 @@ def _camera_towards(
     """Return a camera that sees the points' bounding box at its place in the image."""
     away = target - position
     level = np.sqrt(away[0] * away[0] + away[2] * away[2])
-    pan, tilt = float(arctan2(-away[0], -away[2])), float(arctan2(away[1], level))
+    pan = float(arctan2(-away[0], -away[2]))
+    tilt = float(arctan2(away[1], level))
     size = np.array([intrinsics.width, intrinsics.height], np.float64)
     camera = RoomCamera(_rotation(pan, tilt, roll), position)
     for _ in range(4):
@@ -244,10 +288,14 @@ def _camera_towards(
         if (local[:, 2] < 0.2).any():
             return camera
         uv = _projected(local, intrinsics)
-        low, high = uv.min(axis=0), uv.max(axis=0)
-        # With much tilt a person's lowest points take more room than their highest, so the box alone says where.
+        low = uv.min(axis=0)
+        high = uv.max(axis=0)
+        # With much tilt a person's lowest points take more room than their highest, so the box
+        # alone says where.
         free = (size - (high - low)) / 2 - 0.02 * size
-        wanted = (size - 1) / 2 + place * (np.where(free > 0, free, [0, 0]) if not cut else np.abs(free))
+        wanted = (size - 1) / 2 + place * (
+            np.where(free > 0, free, [0, 0]) if not cut else np.abs(free)
+        )
         shift = (low + high) / 2 - wanted
         pan -= float(arctan2(shift[0], intrinsics.fx))
         tilt -= float(arctan2(shift[1], intrinsics.fy))
@@ -262,7 +310,9 @@ def _tangent(angle: float) -> float:
 
 
 def _rotation(pan: float, tilt: float, roll: float) -> FloatArray:
-    """Return the room-to-camera rotation for pan (from -z, about the vertical), tilt (up) and roll, in radians."""
+    """Return the room-to-camera rotation for pan (from -z, about the vertical), tilt (up) and roll,
+    in radians.
+    """
     (sine, cosine), (s_pan, c_pan), (s, c) = (sin_cos(angle) for angle in (tilt, pan, roll))
     forward = np.array([-s_pan * cosine, sine, -c_pan * cosine])
     right = np.array([c_pan, np.float64(0.0), -s_pan])
@@ -271,7 +321,9 @@ def _rotation(pan: float, tilt: float, roll: float) -> FloatArray:
 
 
 def _frame_share(points: FloatArray, shot: CameraShot) -> float:
-    """Return the larger share of image width or height that the points span; inf behind the camera."""
+    """Return the larger share of image width or height that the points span; inf behind the
+    camera.
+    """
     local = shot.camera.to_camera(points)
     if (local[:, 2] < 0.2).any():
         return np.inf
@@ -282,6 +334,7 @@ def _frame_share(points: FloatArray, shot: CameraShot) -> float:
 
 def _projected(local: FloatArray, intrinsics: Intrinsics) -> FloatArray:
     """Project camera-frame points to pixels."""
-    focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
+    focal = np.array([intrinsics.fx, intrinsics.fy])
+    centre = np.array([intrinsics.cx, intrinsics.cy])
     uv: FloatArray = local[..., :2] / np.maximum(local[..., 2:], 1e-3) * focal + centre
     return uv

@@ -1,7 +1,7 @@
 """Children in worlds: bodies as Anny shapes them.
 
-A child is a shape of its own beside the shape components of the embedded body: the components come near, and what they
-cannot express is a further component of each child.
+A child is a shape of its own beside the shape components of the embedded body: the components come
+near, and what they cannot express is a further component of each child.
 """
 
 from __future__ import annotations
@@ -35,14 +35,18 @@ def with_children(model: BodyModel) -> BodyModel:
     """
     import torch
 
-    baked, skin, kinematics = _baked(), model.skin, model.kinematics
+    baked = _baked()
+    skin = model.skin
+    kinematics = model.kinematics
     residual = torch.from_numpy(baked["residual"].astype(np.float64) * float(baked["step_m"]))
     joints = torch.from_numpy(baked["joints"].astype(np.float64))
     return replace(
         model,
         num_betas=model.num_betas + len(residual),
         skin=replace(skin, directions=torch.cat([skin.directions, residual.permute(0, 2, 1)])),
-        kinematics=replace(kinematics, directions=torch.cat([kinematics.directions, joints.flatten(1)])),
+        kinematics=replace(
+            kinematics, directions=torch.cat([kinematics.directions, joints.flatten(1)])
+        ),
     )
 
 

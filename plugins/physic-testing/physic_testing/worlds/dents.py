@@ -1,7 +1,7 @@
 """Dents of soft blocks under people: shape, mesh and signed distance.
 
-A soft block gives way where somebody lies in it. Beside the body its top rises with a bounded slope, so that the dent
-is a little wider than the body.
+A soft block gives way where somebody lies in it. Beside the body its top rises with a bounded
+slope, so that the dent is a little wider than the body.
 """
 
 from __future__ import annotations
@@ -38,35 +38,46 @@ class Dent:
 
     Attributes:
         block: index of the block.
-        depth: (R, C) m below the undented top, at evenly spaced nodes along the block's x (rows) and z (columns), from
-            edge to edge.
+        depth: (R, C) m below the undented top, at evenly spaced nodes along the block's x (rows)
+            and z (columns), from edge to edge.
     """
 
     block: int
     depth: FloatArray
 
 
-def press_dents(blocks: Sequence[Block], vertices: FloatArray, faces: NDArray[np.int64]) -> tuple[Dent, ...]:
-    """Return the dents of all soft blocks under people with vertices (N, V, 3) and faces (F, 3); room frame."""
+def press_dents(
+    blocks: Sequence[Block], vertices: FloatArray, faces: NDArray[np.int64]
+) -> tuple[Dent, ...]:
+    """Return the dents of all soft blocks under people with vertices (N, V, 3) and faces (F, 3);
+    room frame.
+    """
     found = ((i, _depth(block, vertices, faces)) for i, block in enumerate(blocks) if block.soft)
     return tuple(Dent(i, depth) for i, depth in found if depth.any())
 
 
-def dented_mesh(block: Block, depth: FloatArray) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-    """Return vertices (V, 3) in the room frame, faces (F, 3) and the side (F,) of each, of a dented block."""
+def dented_mesh(
+    block: Block, depth: FloatArray
+) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Return vertices (V, 3) in the room frame, faces (F, 3) and the side (F,) of each, of a dented
+    block.
+    """
     rows, columns = depth.shape
     x, z = _nodes(block, depth.shape)
     half = block.half[1]
     top = np.stack([np.repeat(x, columns), half - depth.reshape(-1), np.tile(z, rows)], axis=1)
     i, j = (index.reshape(-1) for index in np.mgrid[: rows - 1, : columns - 1])
     first = i * columns + j
-    quads, sides = [np.stack([first, first + 1, first + columns + 1, first + columns], axis=1)], [_TOP]
-    vertices, count = [top], len(top)
+    quads = [np.stack([first, first + 1, first + columns + 1, first + columns], axis=1)]
+    sides = [_TOP]
+    vertices = [top]
+    count = len(top)
     index = np.arange(rows * columns).reshape(rows, columns)
     # Sides from below up to the dented edge, seen from outside; the bottom as one quad.
     for side, edge in ((0, index[0]), (1, index[-1, ::-1]), (4, index[::-1, 0]), (5, index[:, -1])):
         low = top[edge] * (1, 0, 1) - (0, half, 0)
-        lower, upper = np.arange(len(edge)) + count, edge
+        lower = np.arange(len(edge)) + count
+        upper = edge
         vertices.append(low)
         count += len(low)
         quads.append(np.stack([lower[:-1], lower[1:], upper[1:], upper[:-1]], axis=1))
@@ -75,21 +86,27 @@ def dented_mesh(block: Block, depth: FloatArray) -> tuple[FloatArray, NDArray[np
     vertices.append(bottom)
     quads.append(BOX_QUADS[2:3] + count)
     sides.append(2)
-    faces = np.concatenate([np.stack([q[:, [0, 1, 2]], q[:, [0, 2, 3]]], axis=1).reshape(-1, 3) for q in quads])
+    faces = np.concatenate(
+        [np.stack([q[:, [0, 1, 2]], q[:, [0, 2, 3]]], axis=1).reshape(-1, 3) for q in quads]
+    )
     of_face = np.repeat(sides, [2 * len(q) for q in quads])
     found: FloatArray = apply(block.rotation, np.concatenate(vertices)) + np.array(block.centre)
     return found, faces, of_face
 
 
 def dented_distance(block: Block, depth: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the signed distance (n,) of points (n, 3) to a block with a dent (R, C), negative inside.
+    """Return the signed distance (n,) of points (n, 3) to a block with a dent (R, C), negative
+    inside.
 
     It is exact to about a millimetre within half a metre of the block.
     """
     from scipy.spatial import cKDTree
 
-    local, half = block.to_local(points), np.array(block.half)
-    distance: FloatArray = SolidDistances((Block((0, 0, 0), block.half),), LEVEL_GROUND).distances(local)[0]
+    local = block.to_local(points)
+    half = np.array(block.half)
+    distance: FloatArray = SolidDistances((Block((0, 0, 0), block.half),), LEVEL_GROUND).distances(
+        local
+    )[0]
     near = np.flatnonzero(distance < _RANGE)
     if not len(near):
         return distance
@@ -108,11 +125,15 @@ def dented_distance(block: Block, depth: FloatArray, points: FloatArray) -> Floa
 
 
 def _surface_samples(block: Block, depth: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
-    """Return points (n, 3) on the dented top and on each side, their normals and half spacing, in block axes."""
+    """Return points (n, 3) on the dented top and on each side, their normals and half spacing, in
+    block axes.
+    """
     half = np.array(block.half)
     counts = [_SAMPLES * (size - 1) + 1 for size in depth.shape]
     x, z = (np.linspace(-end, end, count) for end, count in zip(half[[0, 2]], counts, strict=True))
-    flat = np.stack([np.repeat(x, counts[1]), np.zeros(counts[0] * counts[1]), np.tile(z, counts[0])], axis=1)
+    flat = np.stack(
+        [np.repeat(x, counts[1]), np.zeros(counts[0] * counts[1]), np.tile(z, counts[0])], axis=1
+    )
     height = (half[1] - _depth_at(block, depth, flat)).reshape(counts)
     steps = x[1] - x[0], z[1] - z[0]
     rise_x, rise_z = np.gradient(height, *steps)
@@ -132,12 +153,16 @@ def _surface_samples(block: Block, depth: FloatArray) -> list[tuple[FloatArray, 
         upper = flat[edge[::_SAMPLES]]
         lower = upper * (1, 0, 1) - (0, half[1], 0)
         side = (lower + levels * (upper - lower)).reshape(-1, 3)
-        found.append((side, np.tile(np.array(outwards, np.float64), (len(side), 1)), 0.75 * _SPACING))
+        found.append(
+            (side, np.tile(np.array(outwards, np.float64), (len(side), 1)), 0.75 * _SPACING)
+        )
     return found
 
 
 def _depth_at(block: Block, depth: FloatArray, local: FloatArray) -> FloatArray:
-    """Return the depth (n,) of a dent (R, C) under points (n, 3) in block axes, interpolated between the nodes."""
+    """Return the depth (n,) of a dent (R, C) under points (n, 3) in block axes, interpolated
+    between the nodes.
+    """
     size = np.array(depth.shape) - 1
     half = np.array(block.half)[[0, 2]]
     place = np.clip((local[:, [0, 2]] / half + 1) / 2, 0, 1) * size
@@ -158,20 +183,30 @@ def _depth(block: Block, vertices: FloatArray, faces: NDArray[np.int64]) -> Floa
     x, z = _nodes(block, (shape[0], shape[1]))
     start = 2 * half[1] - block.soft - _BELOW
     below = np.stack(
-        [np.repeat(x, shape[1]), np.full(shape[0] * shape[1], start - half[1]), np.tile(z, shape[0])], axis=1
+        [
+            np.repeat(x, shape[1]),
+            np.full(shape[0] * shape[1], start - half[1]),
+            np.tile(z, shape[0]),
+        ],
+        axis=1,
     )
     depth = np.zeros(len(below))
     for person in vertices:
-        hits = RayCaster(block.to_local(person), faces).first(below, np.tile([0.0, 1.0, 0.0], (len(below), 1)))
+        hits = RayCaster(block.to_local(person), faces).first(
+            below, np.tile([0.0, 1.0, 0.0], (len(below), 1))
+        )
         depth = np.maximum(depth, block.soft + _BELOW - hits.distance)
     steps = (x[1] - x[0]), (z[1] - z[0])
     # Fingers are thinner than the grid is wide: every vertex presses the four nodes around it.
     for person in vertices:
         local = block.to_local(person)
-        deep = local[(np.abs(local[:, [0, 2]]) < half[[0, 2]]).all(axis=1) & (local[:, 1] < half[1])]
+        deep = local[
+            (np.abs(local[:, [0, 2]]) < half[[0, 2]]).all(axis=1) & (local[:, 1] < half[1])
+        ]
         deep = deep[deep[:, 1] > half[1] - block.soft - _BELOW]
         i, j = (
-            ((deep[:, axis] + half[axis]) / step).astype(np.int64) for axis, step in zip((0, 2), steps, strict=True)
+            ((deep[:, axis] + half[axis]) / step).astype(np.int64)
+            for axis, step in zip((0, 2), steps, strict=True)
         )
         for row, column in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
             node = np.minimum(row, shape[0] - 1) * shape[1] + np.minimum(column, shape[1] - 1)
@@ -185,4 +220,6 @@ def _depth(block: Block, vertices: FloatArray, faces: NDArray[np.int64]) -> Floa
 
 def _nodes(block: Block, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
     """Return the x (R,) and z (C,) of a dent's nodes in block axes."""
-    return np.linspace(-block.half[0], block.half[0], shape[0]), np.linspace(-block.half[2], block.half[2], shape[1])
+    return np.linspace(-block.half[0], block.half[0], shape[0]), np.linspace(
+        -block.half[2], block.half[2], shape[1]
+    )

@@ -1,8 +1,8 @@
 """Disk cache of worlds and of the cameras of their views.
 
-The folder is ``$XDG_CACHE_HOME/physic/worlds``, or the system's default for caches. Set ``PHYSIC_WORLD_CACHE`` to
-another folder, or to "off". A damaged file is rebuilt. If the folder is not writable, worlds are built in every
-process.
+The folder is ``$XDG_CACHE_HOME/physic/worlds``, or the system's default for caches. Set
+``PHYSIC_WORLD_CACHE`` to another folder, or to "off". A damaged file is rebuilt. If the folder is
+not writable, worlds are built in every process.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ __all__ = ["FOLDER_VARIABLE", "MAX_BYTES", "VERSION", "cache_key", "folder", "lo
 T = TypeVar("T")
 
 VERSION = 1
-"""Version of the cached files; increase it if worlds change for a reason outside ``physic_testing``."""
+"""Version of the cached files; increase it if worlds change for a reason outside
+``physic_testing``.
+"""
 
 FOLDER_VARIABLE = "PHYSIC_WORLD_CACHE"
 """Name of the environment variable for the cache folder; "off" disables the cache."""
@@ -41,7 +43,9 @@ def folder() -> Path | None:
 
 
 def cache_key(*parts: str | int) -> str:
-    """Return a file name from identifying parts and a hash of the source code and data that build the entry."""
+    """Return a file name from identifying parts and a hash of the source code and data that build
+    the entry.
+    """
     return "-".join(str(part) for part in (*parts, _builder()))
 
 
@@ -84,9 +88,14 @@ def _save(where: Path, name: str, thing: object) -> None:
 
 @cache
 def _builder() -> str:
-    """Return a hash of the cache version, the world modules with their data, and the embedded body."""
+    """Return a hash of the cache version, the world modules with their data, and the embedded
+    body.
+    """
     digest = hashlib.sha256(f"{VERSION}".encode())
     here = Path(__file__).parent
-    for path in (*sorted([*here.glob("*.py"), *here.glob("*.npz")]), Path(body.__file__).with_name("embedded.sha256")):
+    for path in (
+        *sorted([*here.glob("*.py"), *here.glob("*.npz")]),
+        Path(body.__file__).with_name("embedded.sha256"),
+    ):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]

@@ -1,4 +1,6 @@
-"""Ground truth of a scene and its camera: bodies in the camera frame, images, and visibility of landmarks."""
+"""Ground truth of a scene and its camera: bodies in the camera frame, images, and visibility of
+landmarks.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton, UInt8Array
 
-__all__ = ["Pictures", "WorldBodies", "pose_world_bodies", "project", "render_pictures", "visible_landmarks"]
+__all__ = [
+    "Pictures",
+    "WorldBodies",
+    "pose_world_bodies",
+    "project",
+    "render_pictures",
+    "visible_landmarks",
+]
 
 _SENSOR_NOISE = 1.5  # grey levels
 _OVERCAST = 0.75  # light of the brightest sky
@@ -62,7 +71,9 @@ class WorldBodies:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Images, masks and renderings with and without people; the attributes are those of ``worlds.World``."""
+    """Images, masks and renderings with and without people; the attributes are those of
+    ``worlds.World``.
+    """
 
     image: UInt8Array
     empty_image: UInt8Array
@@ -99,21 +110,29 @@ class _Shown:
 
 
 def _surface_ids(room: _RoomMesh, seen: RenderedView) -> NDArray[np.int64]:
-    """Return the surface (H, W) of the room that each pixel shows, numbered as in ``Room.mesh``; -1 for none."""
+    """Return the surface (H, W) of the room that each pixel shows, numbered as in ``Room.mesh``; -1
+    for none.
+    """
     in_room = (seen.face >= 0) & (seen.face < len(room.faces))
     return np.where(in_room, room.surface[np.where(in_room, seen.face, 0)], -1)
 
 
-def pose_world_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
-    """Return the bodies in the camera frame, posed with the float32 parameters that the world stores."""
+def pose_world_bodies(
+    model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]
+) -> WorldBodies:
+    """Return the bodies in the camera frame, posed with the float32 parameters that the world
+    stores.
+    """
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_matrix(stage.camera.rotation)
-    poses, transl = [], []
+    poses = []
+    transl = []
     for actor in stage.actors:
         pose = actor.pose.copy()
         pose[0] = (turn * Rotation.from_rotvec(pose[0])).as_rotvec()
-        # The root turns about the pelvis, so the pelvis goes where the camera sees it, whatever the turn.
+        # The root turns about the pelvis, so the pelvis goes where the camera sees it, whatever the
+        # turn.
         _, joints = pose_body(model, actor.pose, actor.betas, actor.transl)
         rest_pelvis = joints[0] - actor.transl
         poses.append(pose.astype(np.float32))
@@ -135,11 +154,15 @@ def pose_world_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Ske
         expression=np.zeros((len(rows), model.num_expression), np.float32),
         transl=np.stack(transl),
     )
-    landmarks = {skeleton.name: _landmarks(model, vertices, joints, skeleton) for skeleton in skeletons}
+    landmarks = {
+        skeleton.name: _landmarks(model, vertices, joints, skeleton) for skeleton in skeletons
+    }
     return WorldBodies(parameters, vertices, joints, landmarks)
 
 
-def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: Skeleton) -> FloatArray:
+def _landmarks(
+    model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: Skeleton
+) -> FloatArray:
     """Return the landmarks (N, J, 3) of a skeleton, with a fixed order of summation."""
     regressor = model.regressor(skeleton)
     ends = np.concatenate([joints, vertices[:, regressor.vertex_ids.numpy()]], axis=1)
@@ -164,11 +187,20 @@ def render_pictures(
         images: the photos with and without people, if they are known.
     """
     intrinsics = stage.intrinsics
-    shell, occupied = (_RoomMesh(*stage.room.mesh(occupied=with_people)) for with_people in (False, True))
-    scene, furnished = (_scene_mesh(stage.camera.to_camera(part.vertices), part.faces) for part in (shell, occupied))
+    shell, occupied = (
+        _RoomMesh(*stage.room.mesh(occupied=with_people)) for with_people in (False, True)
+    )
+    scene, furnished = (
+        _scene_mesh(stage.camera.to_camera(part.vertices), part.faces) for part in (shell, occupied)
+    )
     everything = _with_people(furnished, model, vertices)
     shown = [
-        _Shown(mesh, room, caster := RayCaster(mesh.vertices, mesh.faces), render_view(mesh, caster, intrinsics))
+        _Shown(
+            mesh,
+            room,
+            caster := RayCaster(mesh.vertices, mesh.faces),
+            render_view(mesh, caster, intrinsics),
+        )
         for mesh, room in ((everything, occupied), (scene, shell))
     ]
     image, empty_image = images or _shaded(model, stage, vertices, rng, shown)
@@ -176,14 +208,22 @@ def render_pictures(
     owner = _person_ids(everything, seen)
 
     def labels_of(surface: NDArray[np.int64], seen: RenderedView) -> UInt8Array:
-        names = np.array([SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8)
+        names = np.array(
+            [SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8
+        )
         number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
-        nothing = np.where(seen.face >= 0, SURFACE_NAMES.index("person"), SURFACE_NAMES.index("sky"))
+        nothing = np.where(
+            seen.face >= 0, SURFACE_NAMES.index("person"), SURFACE_NAMES.index("sky")
+        )
         return np.where(surface >= 0, names[np.maximum(number, 0)], nothing).astype(np.uint8)
 
-    surface, empty_surface = _surface_ids(occupied, seen), _surface_ids(shell, empty)
+    surface = _surface_ids(occupied, seen)
+    empty_surface = _surface_ids(shell, empty)
     of_item = [
-        np.isin((surface - 6) // 6, [i for i, block in enumerate(stage.room.blocks) if block.item == item])
+        np.isin(
+            (surface - 6) // 6,
+            [i for i, block in enumerate(stage.room.blocks) if block.item == item],
+        )
         for item in stage.room.items
     ]
 
@@ -193,7 +233,9 @@ def render_pictures(
         seen=seen,
         empty=empty,
         masks=np.stack([owner == i for i in range(len(vertices))]),
-        unoccluded_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
+        unoccluded_masks=np.stack(
+            [_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]
+        ),
         floor_mask=surface == 0,
         empty_floor_mask=empty_surface == 0,
         surfaces=labels_of(surface, seen),
@@ -205,12 +247,20 @@ def render_pictures(
 
 
 def _shaded(
-    model: BodyModel, stage: StagedScene, vertices: FloatArray, rng: np.random.Generator, shown: Sequence[_Shown]
+    model: BodyModel,
+    stage: StagedScene,
+    vertices: FloatArray,
+    rng: np.random.Generator,
+    shown: Sequence[_Shown],
 ) -> list[UInt8Array]:
-    """Return the photos (H, W, 3) of the scene with and without people, with the exposure of the first."""
+    """Return the photos (H, W, 3) of the scene with and without people, with the exposure of the
+    first.
+    """
     intrinsics = stage.intrinsics
-    surfaces, clothes = SurfaceColours(stage.room), [Clothes(model, rng) for _ in vertices]
-    sky_seed, per_person = int(rng.integers(1 << 30)), len(model.faces)
+    surfaces = SurfaceColours(stage.room)
+    clothes = [Clothes(model, rng) for _ in vertices]
+    sky_seed = int(rng.integers(1 << 30))
+    per_person = len(model.faces)
     lighting = _lighting(stage, vertices, rng)
     noise = rng.normal(0, _SENSOR_NOISE, (intrinsics.height, intrinsics.width, 3))
 
@@ -231,19 +281,26 @@ def _shaded(
 
     def overhead(rays: FloatArray) -> FloatArray:
         x, y, z = (apply(stage.camera.rotation.T, rays) / norm(rays)[:, None]).T
-        # The picture's own brightness is not yet set: the sky is as light as a white wall in the sun.
-        light = _OVERCAST * sky(np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), np.random.default_rng(sky_seed))
+        # The picture's own brightness is not yet set: the sky is as light as a white wall in the
+        # sun.
+        light = _OVERCAST * sky(
+            np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), np.random.default_rng(sky_seed)
+        )
         return light
 
     lights = [
-        render_shaded(part.mesh, part.caster, intrinsics, part.view, lighting, albedo(part.room), overhead)
+        render_shaded(
+            part.mesh, part.caster, intrinsics, part.view, lighting, albedo(part.room), overhead
+        )
         for part in shown
     ]
     gain = exposure_gain(lights[0])
     return [to_srgb(light, gain, noise) for light in lights]
 
 
-def _silhouette(vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics) -> BoolArray:
+def _silhouette(
+    vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics
+) -> BoolArray:
     """Return the mask (H, W) of one person without occluders."""
     mask = np.zeros((intrinsics.height, intrinsics.width), bool)
     front = vertices[vertices[:, 2] > 1e-2]
@@ -260,22 +317,30 @@ def _silhouette(vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intr
 def _lighting(stage: StagedScene, vertices: FloatArray, rng: np.random.Generator) -> Lighting:
     """Draw two ceiling lamps and ambient light, or sun and sky."""
     people = stage.camera.to_room(vertices).reshape(-1, 3)
-    middle, walls = people.mean(axis=0), stage.room.walls
+    middle = people.mean(axis=0)
+    walls = stage.room.walls
     if walls is None:
         # Rather from behind the first camera than into it.
         back = np.arctan2(*(stage.first_camera.position - middle)[[0, 2]]) + rng.uniform(-2.0, 2.0)
         high = np.radians(rng.uniform(25, 65))
-        sun = 200 * np.array([np.sin(back) * np.cos(high), np.sin(high), np.cos(back) * np.cos(high)])
+        sun = 200 * np.array(
+            [np.sin(back) * np.cos(high), np.sin(high), np.cos(back) * np.cos(high)]
+        )
         warm = np.array([1.0, rng.uniform(0.90, 1.0), rng.uniform(0.78, 0.98)])
         power = rng.choice([0.25, 0.6, 0.9])  # clouds, haze, sun
         radius = 2.0 if power > 0.5 else 60.0
-        lamp = AreaLight(stage.camera.to_camera(middle + sun), radius, float(power), warm, distant=True)
+        lamp = AreaLight(
+            stage.camera.to_camera(middle + sun), radius, float(power), warm, distant=True
+        )
         return Lighting((lamp,), ambient=0.45, fill=0.08)
     lamps = []
-    low, high = np.array(walls.low) + 0.5, np.array(walls.high) - 0.5
+    low = np.array(walls.low) + 0.5
+    high = np.array(walls.high) - 0.5
     for power in (1.5, 1.0):
         x, _, z = walls.to_local(middle) + rng.uniform(-1.6, 1.6, 3)
-        local = np.array([np.clip(x, low[0], high[0]), walls.height - 0.25, np.clip(z, low[1], high[1])])
+        local = np.array(
+            [np.clip(x, low[0], high[0]), walls.height - 0.25, np.clip(z, low[1], high[1])]
+        )
         position = stage.camera.to_camera(apply(yaw_matrix(walls.yaw), local))
         warm = np.array([1.0, rng.uniform(0.88, 1.0), rng.uniform(0.76, 1.0)])
         lamps.append(AreaLight(position, 0.25, power * float(rng.uniform(0.7, 1.3)), warm))
@@ -292,8 +357,9 @@ def visible_landmarks(
 ) -> BoolArray:
     """Return whether each landmark is visible in the photo.
 
-    A landmark is visible if it lies in the image and is hidden only by the skin above it or by its own limb: the hip
-    of a sitting person behind the thigh is visible, a hand behind the back is not.
+    A landmark is visible if it lies in the image and is hidden only by the skin above it or by its
+    own limb: the hip of a sitting person behind the thigh is visible, a hand behind the back is
+    not.
 
     Args:
         model: body model of the people.
@@ -320,7 +386,9 @@ def visible_landmarks(
         face = np.maximum(hits.face, 0)
         in_front = (1 - np.minimum(hits.distance, 1)) * norm(person)
         own = pictures.mesh.thing[face] == i
-        corner = np.where(own, pictures.mesh.faces[face, 0] - first_person - i * vertices.shape[1], 0)
+        corner = np.where(
+            own, pictures.mesh.faces[face, 0] - first_person - i * vertices.shape[1], 0
+        )
         own_limb = (limb != "") & (limb_of_part[model.part_of_vertex.numpy()[corner]] == limb)
         # Half as deep again: the nearest vertex is rarely the one towards the camera.
         visible[i] &= (in_front < 0.01) | (own & (own_limb | (in_front < 1.5 * depth + 0.03)))
@@ -330,7 +398,10 @@ def visible_landmarks(
 _LIMB_OF_PART = {"torso": "trunk"} | {
     f"{side}_{part}": f"{side}_{limb}"
     for side in ("left", "right")
-    for limb, parts in (("leg", ("upper_leg", "lower_leg", "foot")), ("arm", ("upper_arm", "lower_arm", "hand")))
+    for limb, parts in (
+        ("leg", ("upper_leg", "lower_leg", "foot")),
+        ("arm", ("upper_arm", "lower_arm", "hand")),
+    )
     for part in parts
 }
 _LEG_POINTS = ("hip", "knee", "ankle", "foot", "heel", "big_toe", "small_toe", "foot_tip")
@@ -349,7 +420,8 @@ def _limb_of_landmark(name: str) -> str:
 
 def project(points: FloatArray, intrinsics: Intrinsics) -> FloatArray:
     """Project points (..., 3) in the camera frame to pixels (..., 2)."""
-    focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
+    focal = np.array([intrinsics.fx, intrinsics.fy])
+    centre = np.array([intrinsics.cx, intrinsics.cy])
     uv: FloatArray = points[..., :2] / points[..., 2:] * focal + centre
     return uv
 

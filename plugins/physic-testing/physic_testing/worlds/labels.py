@@ -1,7 +1,7 @@
 """World name and seed, hidden in the lowest bits of the corner pixels of a photo.
 
-Each corner contains the complete label, so that one remains if the others are inpainted. Lossy compression destroys the
-label, which its checksum detects.
+Each corner contains the complete label, so that one remains if the others are inpainted. Lossy
+compression destroys the label, which its checksum detects.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ SMALLEST_PX = 2 * _SIDE
 
 
 def embed_label(image: UInt8Array, name: str, seed: int) -> UInt8Array:
-    """Return a copy of the image with the label in each corner; no channel changes by more than one grey level.
+    """Return a copy of the image with the label in each corner; no channel changes by more than one
+    grey level.
 
     Args:
         image: (H, W, 3) uint8, at least SMALLEST_PX high and wide.
@@ -44,7 +45,9 @@ def embed_label(image: UInt8Array, name: str, seed: int) -> UInt8Array:
     """
     text = name.encode()
     if not 0 < len(text) <= LONGEST_NAME or 0 in text:
-        raise InputError(f"A label holds a name of 1 to {LONGEST_NAME} bytes without zeros, got {name!r}.")
+        raise InputError(
+            f"A label holds a name of 1 to {LONGEST_NAME} bytes without zeros, got {name!r}."
+        )
     if not 0 <= seed < 2**64:
         raise InputError(f"A label holds a seed from 0 to 2^64 - 1, got {seed}.")
     if not _holds_labels(image):
@@ -63,17 +66,24 @@ def embed_label(image: UInt8Array, name: str, seed: int) -> UInt8Array:
 
 
 def read_label(image: UInt8Array) -> tuple[str, int] | None:
-    """Return the world name and seed of an image's label; None without a valid label, or if two corners differ."""
+    """Return the world name and seed of an image's label; None without a valid label, or if two
+    corners differ.
+    """
     if not _holds_labels(image):
         return None
-    found = {label for rows, columns in _corners() if (label := _decode(image[rows, columns])) is not None}
+    found = {
+        label
+        for rows, columns in _corners()
+        if (label := _decode(image[rows, columns])) is not None
+    }
     return found.pop() if len(found) == 1 else None
 
 
 def _decode(corner: UInt8Array) -> tuple[str, int] | None:
     """Return the name and seed of one corner's label; None if it is invalid."""
     label = np.packbits((corner & 1).reshape(-1)[:_BITS]).tobytes()
-    fields, checksum = label[: _FIELDS.size], label[_FIELDS.size :]
+    fields = label[: _FIELDS.size]
+    checksum = label[_FIELDS.size :]
     magic, text, seed = _FIELDS.unpack(fields)
     if magic != _MAGIC or _CHECKSUM.unpack(checksum)[0] != zlib.crc32(fields):
         return None
@@ -88,4 +98,9 @@ def _corners() -> list[tuple[slice, slice]]:
 
 def _holds_labels(image: UInt8Array) -> bool:
     """Return whether an image is 8-bit RGB and large enough for labels."""
-    return image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3 and min(image.shape[:2]) >= SMALLEST_PX
+    return (
+        image.dtype == np.uint8
+        and image.ndim == 3
+        and image.shape[2] == 3
+        and min(image.shape[:2]) >= SMALLEST_PX
+    )

@@ -1,6 +1,7 @@
 """Linear blend skinning of one body, bit-identical on every CPU.
 
-The model's own product of matrices differs in the last bit between kernels, and decisions of a world would amplify it.
+The model's own product of matrices differs in the last bit between kernels, and decisions of a
+world would amplify it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ __all__ = ["pose_body", "rest_body"]
 
 
 def rest_body(model: BodyModel, betas: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-    """Return vertices (V, 3) and joints (55, 3) of the T-pose, m, of a shape (K,); by default the mean shape."""
+    """Return vertices (V, 3) and joints (55, 3) of the T-pose, m, of a shape (K,); by default the
+    mean shape.
+    """
     shape = np.zeros(model.num_betas) if betas is None else betas
     return pose_body(model, np.zeros((55, 3)), shape, np.zeros(3))
 
@@ -45,13 +48,18 @@ def pose_body(
         Vertices (V, 3) and joints (55, 3), m.
     """
     rig = _rig_of(model)
-    shaped, rest = rig.template, rig.joints
-    for beta, vertices, joints in zip(np.asarray(betas, np.float64), rig.directions, rig.joint_directions, strict=True):
-        shaped, rest = shaped + beta * vertices, rest + beta * joints
+    shaped = rig.template
+    rest = rig.joints
+    for beta, vertices, joints in zip(
+        np.asarray(betas, np.float64), rig.directions, rig.joint_directions, strict=True
+    ):
+        shaped = shaped + beta * vertices
+        rest = rest + beta * joints
     offsets = rest - rest[rig.parents]
     offsets[0] = rest[0]
     offsets = np.concatenate([offsets[:1], apply(rig.bind[rig.parents[1:]], offsets[1:])])
-    world, places = rotation_matrix(np.asarray(pose, np.float64)), offsets.copy()
+    world = rotation_matrix(np.asarray(pose, np.float64))
+    places = offsets.copy()
     for joints, parents in rig.levels:
         places[joints] = places[parents] + apply(world[parents], offsets[joints])
         world[joints] = matmul(world[parents], world[joints])
@@ -94,21 +102,32 @@ class _Rig:
 @lru_cache(maxsize=4)
 def _rig_of(model: BodyModel) -> _Rig:
     """Return the arrays of a body model; recent ones are cached."""
-    skin, kinematics, shapes = model.skin, model.kinematics, model.num_betas
+    skin = model.skin
+    kinematics = model.kinematics
+    shapes = model.num_betas
     if len(skin.directions) > shapes + model.num_expression:
-        raise ValueError(f"Worlds pose bodies without pose correctives: the {model.name} body has some.")
+        raise ValueError(
+            f"Worlds pose bodies without pose correctives: the {model.name} body has some."
+        )
     weights = np.ascontiguousarray(skin.weights.double().numpy().T)
     most = int((weights > 0).sum(axis=1).max())
     bones = np.argsort(-weights, axis=1, kind="stable")[:, :most]
-    count, parents = weights.shape[1], kinematics.parents.numpy()
+    count = weights.shape[1]
+    parents = kinematics.parents.numpy()
     depth = np.zeros(count, np.int64)
     for joint in range(1, count):
         depth[joint] = depth[parents[joint]] + 1
     levels = [np.flatnonzero(depth == level) for level in range(1, int(depth.max()) + 1)]
-    bind = np.tile(np.eye(3), (count, 1, 1)) if kinematics.bind_rot is None else kinematics.bind_rot.double().numpy()
+    bind = (
+        np.tile(np.eye(3), (count, 1, 1))
+        if kinematics.bind_rot is None
+        else kinematics.bind_rot.double().numpy()
+    )
     return _Rig(
         template=np.ascontiguousarray(skin.template.double().numpy().T),
-        directions=np.ascontiguousarray(skin.directions[:shapes].double().numpy().transpose(0, 2, 1)),
+        directions=np.ascontiguousarray(
+            skin.directions[:shapes].double().numpy().transpose(0, 2, 1)
+        ),
         bones=bones,
         weights=np.take_along_axis(weights, bones, axis=1),
         joints=kinematics.template.double().numpy(),

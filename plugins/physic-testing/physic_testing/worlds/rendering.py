@@ -59,7 +59,9 @@ class WorldMesh:
         """Outward unit normals (F, 3) of the faces."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
-        unit: FloatArray = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        unit: FloatArray = normals / np.maximum(
+            np.linalg.norm(normals, axis=1, keepdims=True), 1e-12
+        )
         return unit
 
 
@@ -163,15 +165,21 @@ def render_shaded(
         there = hits.face >= 0
         if not there.all():
             light[~there] += sky(all_rays[~there])
-        hits, rays = RayHits(hits.face[there], hits.distance[there], hits.corners[there]), all_rays[there]
+        hits = RayHits(hits.face[there], hits.distance[there], hits.corners[there])
+        rays = all_rays[there]
         points = rays * hits.distance[:, None]
         flat = _face_normals(mesh, hits, rays)
         normals = _shading_normals(mesh, hits, flat)
         length = np.linalg.norm(rays, axis=1)
         head_on = np.clip(-dot(normals, rays) / length, 0, None)
-        strength = np.repeat((lighting.ambient * openness[there] + lighting.fill * head_on)[:, None], 3, axis=1)
+        strength = np.repeat(
+            (lighting.ambient * openness[there] + lighting.fill * head_on)[:, None], 3, axis=1
+        )
         for lamp in lighting.lamps:
-            strength += _light_from(caster, points, flat, normals, lamp, np.pi * (k + 0.5) / 2)[:, None] * lamp.colour
+            strength += (
+                _light_from(caster, points, flat, normals, lamp, np.pi * (k + 0.5) / 2)[:, None]
+                * lamp.colour
+            )
         # Seen at a slant a pixel covers more, but not along the whole slant.
         blur = hits.distance / intrinsics.fx / np.maximum(np.sqrt(head_on), 0.15)
         light[there] += albedo(hits, points, blur) * strength
@@ -179,9 +187,13 @@ def render_shaded(
 
 
 def to_srgb(light: FloatArray, gain: float, noise: FloatArray) -> UInt8Array:
-    """Convert linear light (H, W, 3) times ``gain`` to 8-bit sRGB, with highlight compression and sensor noise."""
+    """Convert linear light (H, W, 3) times ``gain`` to 8-bit sRGB, with highlight compression and
+    sensor noise.
+    """
     bright = gain * light
-    shown = np.where(bright < 0.7, bright, 0.7 + 0.3 * (1 - np.exp(-(np.maximum(bright, 0.7) - 0.7) / 0.3)))
+    shown = np.where(
+        bright < 0.7, bright, 0.7 + 0.3 * (1 - np.exp(-(np.maximum(bright, 0.7) - 0.7) / 0.3))
+    )
     picture = 255 * np.clip(shown, 0, 1) ** (1 / 2.2) + noise
     return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
@@ -192,9 +204,16 @@ def exposure_gain(light: FloatArray) -> float:
 
 
 def _light_from(
-    caster: RayCaster, points: FloatArray, flat: FloatArray, normals: FloatArray, lamp: AreaLight, angle: float
+    caster: RayCaster,
+    points: FloatArray,
+    flat: FloatArray,
+    normals: FloatArray,
+    lamp: AreaLight,
+    angle: float,
 ) -> FloatArray:
-    """Return the light (n,) of a lamp at points; each sub-pixel samples another point of the lamp."""
+    """Return the light (n,) of a lamp at points; each sub-pixel samples another point of the
+    lamp.
+    """
     source = lamp.position + lamp.radius * np.array([np.cos(angle), 0.0, np.sin(angle)])
     away = source - points
     distance = np.linalg.norm(away, axis=1)
@@ -206,18 +225,23 @@ def _light_from(
     return np.where(facing, cosine * lamp.power * falloff, 0.0)
 
 
-def _ambient_visibility(caster: RayCaster, intrinsics: Intrinsics, seen: RenderedView) -> FloatArray:
+def _ambient_visibility(
+    caster: RayCaster, intrinsics: Intrinsics, seen: RenderedView
+) -> FloatArray:
     """Return the unoccluded share (H, W) of the hemisphere above each pixel's surface, smoothed."""
     height, width = seen.face.shape
     normals = seen.normals.reshape(-1, 3)
     there = seen.face.reshape(-1) >= 0
     depth = np.where(there, seen.depth.reshape(-1), 1.0)
     points = pixel_rays(intrinsics) * depth[:, None] + 2e-3 * normals
-    # Each pixel of a block of 4 x 4 looks into four directions of its own; the block together covers the hemisphere.
+    # Each pixel of a block of 4 x 4 looks into four directions of its own; the block together
+    # covers the hemisphere.
     spiral = np.arange(64)
     z = np.sqrt(1 - (spiral + 0.5) / 64)  # cosine-weighted
     turn = spiral * np.pi * (3 - np.sqrt(5))
-    sphere = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    sphere = np.stack(
+        [np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1
+    )
     v, u = np.mgrid[:height, :width]
     block = ((u % 4) + 4 * (v % 4)).reshape(-1)
     side = np.where(np.abs(normals[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -234,9 +258,11 @@ def _ambient_visibility(caster: RayCaster, intrinsics: Intrinsics, seen: Rendere
 
 def _smoothed(values: FloatArray, seen: RenderedView) -> FloatArray:
     """Average over 4 x 4 px, only over pixels of similar depth and normal."""
-    total, weight = np.zeros(values.shape), np.full(values.shape, 1e-9)
+    total = np.zeros(values.shape)
+    weight = np.full(values.shape, 1e-9)
     padded = [
-        np.pad(x, ((2, 2), (2, 2), *([(0, 0)] * (x.ndim - 2))), "edge") for x in (values, seen.depth, seen.normals)
+        np.pad(x, ((2, 2), (2, 2), *([(0, 0)] * (x.ndim - 2))), "edge")
+        for x in (values, seen.depth, seen.normals)
     ]
     height, width = values.shape
     depth = np.where(np.isfinite(seen.depth), seen.depth, 0.0)

@@ -1,8 +1,8 @@
 """Vector and rotation functions with bit-identical results on every CPU and number of threads.
 
-BLAS, ``einsum`` and sines of arrays differ in the last bit between kernels, and decisions of a world amplify one bit to
-centimetres. All functions here use only sums, products, quotients and square roots in a fixed order,
-whose rounding IEEE 754 defines.
+BLAS, ``einsum`` and sines of arrays differ in the last bit between kernels, and decisions of a
+world amplify one bit to centimetres. All functions here use only sums, products, quotients and
+square roots in a fixed order, whose rounding IEEE 754 defines.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ _SERIES: NDArray[np.float64] = np.array(
 def round_to_grid(values: FloatArray | float) -> FloatArray:
     """Round values to multiples of 2^-30.
 
-    The C library's sines and powers may differ in the last bit between machines; rounded values do not.
+    The C library's sines and powers may differ in the last bit between machines; rounded values do
+    not.
     """
     rounded: FloatArray = np.round(np.asarray(values, np.float64) * _GRID) / _GRID
     return rounded
@@ -90,19 +91,27 @@ def sin_cos(angle: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     rest = angle - quarter * _QUARTER_TURN[0] - quarter * _QUARTER_TURN[1]
     square = rest * rest
     a, b = _series(square)
-    sine, cosine = rest * a, 1 - square * b
+    sine = rest * a
+    cosine = 1 - square * b
     turn = np.mod(quarter, 4)
     choice = [turn == 0, turn == 1, turn == 2]
-    return np.select(choice, [sine, cosine, -sine], -cosine), np.select(choice, [cosine, -sine, -cosine], sine)
+    return np.select(choice, [sine, cosine, -sine], -cosine), np.select(
+        choice, [cosine, -sine, -cosine], sine
+    )
 
 
 def arctan2(y: FloatArray | float, x: FloatArray | float) -> FloatArray:
-    """Return the angle of (x, y) from the x axis, radians in [-pi, pi], with an error of 1e-15; 0 at the origin."""
-    y, x = np.asarray(y, np.float64), np.asarray(x, np.float64)
-    tangent = y / np.maximum(np.sqrt(x * x + y * y) + np.abs(x), 1e-300)  # of half the angle from the nearer half axis
+    """Return the angle of (x, y) from the x axis, radians in [-pi, pi], with an error of 1e-15; 0
+    at the origin.
+    """
+    y = np.asarray(y, np.float64)
+    x = np.asarray(x, np.float64)
+    # of half the angle from the nearer half axis
+    tangent = y / np.maximum(np.sqrt(x * x + y * y) + np.abs(x), 1e-300)
     for _ in range(2):
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
-    square, total = tangent * tangent, np.zeros_like(tangent)
+    square = tangent * tangent
+    total = np.zeros_like(tangent)
     for k in range(12, -1, -1):
         total = total * square + (-1) ** k / (2 * k + 1)
     angle = 8 * tangent * total
@@ -131,7 +140,9 @@ def _series(square: FloatArray) -> FloatArray:
 def _cross_matrix(vectors: FloatArray) -> FloatArray:
     """Return the cross-product matrices (..., 3, 3) of vectors."""
     matrix = np.zeros((*vectors.shape, 3))
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    x = vectors[..., 0]
+    y = vectors[..., 1]
+    z = vectors[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
     matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
     return matrix

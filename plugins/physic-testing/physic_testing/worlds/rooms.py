@@ -1,6 +1,7 @@
 """A furnished room or open ground: mesh, exact signed distance and surface colours.
 
-The room's own frame: metres, x right, y up, z towards the camera's side, the ground through the origin.
+The room's own frame: metres, x right, y up, z towards the camera's side, the ground through the
+origin.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class Walls:
         high: maximum x and z, m.
         height: height of the ceiling, m.
         yaw: rotation of the walls about +y, radians.
-        decorations: decorations of the left (-x), right (+x), back (-z) and front (+z) wall; u is along x or z, v up.
+        decorations: decorations of the left (-x), right (+x), back (-z) and front (+z) wall; u is
+            along x or z, v up.
     """
 
     low: tuple[float, float]
@@ -58,9 +60,13 @@ class Walls:
         return apply(yaw_matrix(self.yaw).T, points)
 
     def signed_distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance (...) of points (..., 3) to the nearest wall or ceiling, negative outside."""
+        """Return the signed distance (...) of points (..., 3) to the nearest wall or ceiling,
+        negative outside.
+        """
         local = self.to_local(points)
-        across = np.minimum(local[..., [0, 2]] - np.array(self.low), np.array(self.high) - local[..., [0, 2]])
+        across = np.minimum(
+            local[..., [0, 2]] - np.array(self.low), np.array(self.high) - local[..., [0, 2]]
+        )
         distance: FloatArray = np.minimum(across.min(axis=-1), self.height - local[..., 1])
         return distance
 
@@ -91,9 +97,11 @@ class Room:
         return tuple(dict.fromkeys(block.item for block in self.blocks if block.item))
 
     def signed_distance(self, points: FloatArray, *, dented: bool = True) -> FloatArray:
-        """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids.
+        """Return the signed distance (...) of points (..., 3) to the nearest surface, negative
+        inside solids.
 
-        Small objects are not a surface of the room. Soft blocks have their dents, unless ``dented`` is False.
+        Small objects are not a surface of the room. Soft blocks have their dents, unless ``dented``
+        is False.
         """
         bent = {dent.block: dent for dent in self.dents} if dented else {}
         rigid = [block for i, block in enumerate(self.blocks) if not block.item and i not in bent]
@@ -102,19 +110,29 @@ class Room:
         for i, dent in bent.items():
             to_dent = dented_distance(self.blocks[i], dent.depth, flat).reshape(distance.shape)
             distance = np.minimum(distance, to_dent)
-        return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
+        return (
+            distance
+            if self.walls is None
+            else np.minimum(distance, self.walls.signed_distance(points))
+        )
 
     def nearest_surface(self, points: FloatArray) -> NDArray[np.uint8]:
-        """Return the surface nearest to each point (n, 3): (n,), index into ``physic_core.types.SURFACE_NAMES``."""
+        """Return the surface nearest to each point (n, 3): (n,), index into
+        ``physic_core.types.SURFACE_NAMES``.
+        """
         names = self.surface_names()
         scene = [i for i, block in enumerate(self.blocks) if not block.item]
-        distance = SolidDistances([self.blocks[i].pressed() for i in scene], self.ground).distances(points)
+        distance = SolidDistances([self.blocks[i].pressed() for i in scene], self.ground).distances(
+            points
+        )
         number = np.array([*(i + 6 for i in scene), 0])[distance.argmin(axis=0)]
         if self.walls is not None:
             local = self.walls.to_local(points)
             beside = self.walls.signed_distance(points)
             number = np.where(beside < distance.min(axis=0), 1, number)
-            number = np.where((number == 1) & (self.walls.height - local[:, 1] <= beside), 5, number)
+            number = np.where(
+                (number == 1) & (self.walls.height - local[:, 1] <= beside), 5, number
+            )
         lookup = np.array([SURFACE_NAMES.index(name) for name in names], np.uint8)
         found: NDArray[np.uint8] = lookup[number]
         return found
@@ -122,10 +140,20 @@ class Room:
     def surface_names(self) -> tuple[str, ...]:
         """Return the name of the ground, four walls, the ceiling and each block, in this order."""
         ground = "floor" if self.walls is not None else "ground"
-        return (ground, "wall", "wall", "wall", "wall", "ceiling", *(block.surface for block in self.blocks))
+        return (
+            ground,
+            "wall",
+            "wall",
+            "wall",
+            "wall",
+            "ceiling",
+            *(block.surface for block in self.blocks),
+        )
 
     def surface_normals(self, points: FloatArray) -> FloatArray:
-        """Return the normal (n, 3) of the surface nearest to each of n points; of undented blocks."""
+        """Return the normal (n, 3) of the surface nearest to each of n points; of undented
+        blocks.
+        """
         blocks = [block for block in self.blocks if not block.item]
         solid = SolidDistances([block.pressed() for block in blocks], self.ground)
         distance = solid.distances(points)
@@ -136,24 +164,29 @@ class Room:
             normals[wall] = apply(yaw_matrix(self.walls.yaw), np.array([1.0, 0.0, 0.0]))
         return normals
 
-    def mesh(self, *, occupied: bool = False) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-        """Return vertices (V, 3), faces (F, 3), counter-clockwise from the air side, and surface index (F,) per face.
+    def mesh(
+        self, *, occupied: bool = False
+    ) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+        """Return vertices (V, 3), faces (F, 3), counter-clockwise from the air side, and surface
+        index (F,) per face.
 
-        Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k is side k of block
-        i, in the order of ``solids.BOX_QUADS``. With ``occupied`` the mesh has dents and small objects, as in the photo
-        of the people; without it has neither.
+        Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k
+        is side k of block i, in the order of ``solids.BOX_QUADS``. With ``occupied`` the mesh has
+        dents and small objects, as in the photo of the people; without it has neither.
         """
         vertices, faces, side = self._blocks_mesh(occupied=occupied)
         if self.walls is None:
-            shell, quads, outer = _ground_corners(self.ground), np.array([[0, 1, 2, 3]]), np.array([0])
+            shell = _ground_corners(self.ground)
+            quads = np.array([[0, 1, 2, 3]])
+            outer = np.array([0])
         else:
             walls = self.walls
-            low, high = (
-                np.array([walls.low[0], 0.0, walls.low[1]]),
-                np.array([walls.high[0], walls.height, walls.high[1]]),
-            )
+            low = np.array([walls.low[0], 0.0, walls.low[1]])
+            high = np.array([walls.high[0], walls.height, walls.high[1]])
             shell = apply(yaw_matrix(walls.yaw), box_corners(low, high))
-            quads, outer = BOX_QUADS[:, ::-1], np.array([1, 2, 0, 5, 3, 4])  # seen from inside
+            # seen from inside
+            quads = BOX_QUADS[:, ::-1]
+            outer = np.array([1, 2, 0, 5, 3, 4])
         inner = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
         return (
             np.concatenate([shell, vertices]),
@@ -161,17 +194,24 @@ class Room:
             np.concatenate([np.repeat(outer, 2), 6 + side]),
         )
 
-    def _blocks_mesh(self, *, occupied: bool) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    def _blocks_mesh(
+        self, *, occupied: bool
+    ) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
         """Return vertices, faces and sides of all blocks, in the order of the blocks."""
         bent = {dent.block: dent for dent in self.dents} if occupied else {}
-        parts, count = [], 0
+        parts = []
+        count = 0
         for i, block in enumerate(self.blocks):
             if block.item and not occupied:
                 continue
-            vertices, faces, side = dented_mesh(block, bent[i].depth) if i in bent else blocks_mesh((block,))
+            vertices, faces, side = (
+                dented_mesh(block, bent[i].depth) if i in bent else blocks_mesh((block,))
+            )
             parts.append((vertices, faces + count, side + 6 * i))
             count += len(vertices)
-        vertices, faces, side = (np.concatenate(part) for part in zip(blocks_mesh(()), *parts, strict=True))
+        vertices, faces, side = (
+            np.concatenate(part) for part in zip(blocks_mesh(()), *parts, strict=True)
+        )
         return vertices, faces, side
 
 
@@ -184,8 +224,12 @@ class SurfaceColours:
         self._wall_seeds = rng.integers(0, 1 << 30, 2)  # walls of one room are often of two colours
         self._person_ids = _block_seeds(room.blocks, room.seed)
 
-    def albedo(self, points: FloatArray, surface: NDArray[np.int64], blur: FloatArray) -> FloatArray:
-        """Return the colours (n, 3) of points (n, 3) on surfaces (n,), with pixel footprint ``blur`` (n,) in metres."""
+    def albedo(
+        self, points: FloatArray, surface: NDArray[np.int64], blur: FloatArray
+    ) -> FloatArray:
+        """Return the colours (n, 3) of points (n, 3) on surfaces (n,), with pixel footprint
+        ``blur`` (n,) in metres.
+        """
         colours = np.zeros((len(points), 3))
         order = np.argsort(surface, kind="stable")
         numbers, starts = np.unique(surface[order], return_index=True)
@@ -207,10 +251,15 @@ class SurfaceColours:
             if surface == 5:
                 return Patch("ceiling", room.seed), x, z
             seed = int(self._wall_seeds[0 if surface < 4 else 1])
-            return Patch("wall", seed, room.walls.decorations[surface - 1]), (z if surface < 3 else x), y
+            return (
+                Patch("wall", seed, room.walls.decorations[surface - 1]),
+                (z if surface < 3 else x),
+                y,
+            )
         index, side = divmod(surface - 6, 6)
         block = room.blocks[index]
-        local, half = block.to_local(points), np.array(block.half)
+        local = block.to_local(points)
+        half = np.array(block.half)
         u, v = ([2, 1], [0, 2], [0, 1])[side // 2]
         if block.material in ("wood", "metal") and half[v] > half[u]:
             u, v = v, u  # grain runs along the board
@@ -218,10 +267,13 @@ class SurfaceColours:
 
 
 def _block_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
-    """Return a colour seed per block; blocks of one material whose bounding boxes are within 5 cm share it."""
+    """Return a colour seed per block; blocks of one material whose bounding boxes are within 5 cm
+    share it.
+    """
     seeds = [seed + 101 * i for i in range(len(blocks))]
     corners = np.array([block.corners() for block in blocks]).reshape(-1, 8, 3)
-    low, high = corners.min(axis=1), corners.max(axis=1) + 0.05
+    low = corners.min(axis=1)
+    high = corners.max(axis=1) + 0.05
     beside = ((low[:, None] < high) & (low < high[:, None])).all(axis=2)
     for i, block in enumerate(blocks):
         for j in range(i):
@@ -233,5 +285,10 @@ def _block_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
 
 def _ground_corners(ground: Ground) -> FloatArray:
     """Return the corners of the open ground's quad."""
-    corners = [(-_HORIZON, -_HORIZON), (-_HORIZON, _HORIZON), (_HORIZON, _HORIZON), (_HORIZON, -_HORIZON)]
+    corners = [
+        (-_HORIZON, -_HORIZON),
+        (-_HORIZON, _HORIZON),
+        (_HORIZON, _HORIZON),
+        (_HORIZON, -_HORIZON),
+    ]
     return np.array([(x, ground.height_at(x, z), z) for x, z in corners])

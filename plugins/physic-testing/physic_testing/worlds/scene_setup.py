@@ -36,7 +36,8 @@ class StagedScene:
     """A room or outdoor place with posed people and a camera.
 
     Attributes:
-        first_camera: that of view 0, which the light depends on; ``camera`` in a world of one camera.
+        first_camera: that of view 0, which the light depends on; ``camera`` in a world of one
+            camera.
     """
 
     room: Room
@@ -49,7 +50,8 @@ class StagedScene:
 def set_up_scene(
     model: BodyModel, name: str, seed: int, size: tuple[int, int], view: int | None = None
 ) -> tuple[BodyModel, StagedScene]:
-    """Choose action scenes until a camera shows everybody, then build the surroundings; return them with their body.
+    """Choose action scenes until a camera shows everybody, then build the surroundings; return them
+    with their body.
 
     Args:
         model: embedded body in float64.
@@ -64,12 +66,17 @@ def set_up_scene(
     for take in range(_ATTEMPTS):
         # Each matter has its own numbers, so that another photo size does not change the people.
         act, look, place = (
-            np.random.default_rng([seed, zlib.crc32(name.encode()), take, matter]) for matter in range(3)
+            np.random.default_rng([seed, zlib.crc32(name.encode()), take, matter])
+            for matter in range(3)
         )
         action_scene = load_action(name, model, POOLS[seed % len(POOLS)], act)
-        posed = [pose_body(action_scene.model, a.pose, a.betas, a.transl) for a in action_scene.actors]
+        posed = [
+            pose_body(action_scene.model, a.pose, a.betas, a.transl) for a in action_scene.actors
+        ]
         vertices, joints = (np.stack(part) for part in zip(*posed, strict=True))
-        subject = PhotoSubjects(vertices, joints, model.faces.numpy(), action_scene.blocks, action_scene.ground)
+        subject = PhotoSubjects(
+            vertices, joints, model.faces.numpy(), action_scene.blocks, action_scene.ground
+        )
         shot = find_camera(
             subject,
             look,
@@ -91,14 +98,21 @@ def set_up_scene(
             room = _build_surroundings(action_scene, subject.sparse, shots, place)
             stage = StagedScene(room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
             return action_scene.model, stage
-    raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
+    raise RuntimeError(
+        f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px."
+    )
 
 
 def _build_surroundings(
-    action_scene: ActionScene, people: FloatArray, shots: Sequence[CameraShot], rng: np.random.Generator
+    action_scene: ActionScene,
+    people: FloatArray,
+    shots: Sequence[CameraShot],
+    rng: np.random.Generator,
 ) -> Room:
     """Build the room or the outdoor place of an action scene."""
     seed = int(rng.integers(1 << 30))
     if action_scene.outdoors:
-        return build_outdoor_place(people, action_scene.blocks, action_scene.ground, shots, rng, seed)
+        return build_outdoor_place(
+            people, action_scene.blocks, action_scene.ground, shots, rng, seed
+        )
     return build_room(people, action_scene.blocks, shots, rng, seed)

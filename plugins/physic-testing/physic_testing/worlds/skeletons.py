@@ -11,11 +11,20 @@ __all__ = ["BLAZEPOSE", "SKELETONS"]
 _SHARES = (
     *(("hip", "same knee", 0.06), ("hip", "other hip", 0.08), ("ankle", "same knee", 0.10)),
     *(("shoulder", "other shoulder", 0.055), ("shoulder", "same hip", -0.055)),
-    *(("heel", "same ankle", 0.16), ("foot_tip", "same heel", 0.085), ("foot_tip", "same ankle", 0.26)),
+    *(
+        ("heel", "same ankle", 0.16),
+        ("foot_tip", "same heel", 0.085),
+        ("foot_tip", "same ankle", 0.26),
+    ),
     *(("ear_surface", "nose", 0.14), ("eye_surface", "nose", 0.05)),
-    *(("pinky1", "same wrist", 0.23), ("index1", "same wrist", 0.21), ("thumb2", "same wrist", 0.12)),
+    *(
+        ("pinky1", "same wrist", 0.23),
+        ("index1", "same wrist", 0.21),
+        ("thumb2", "same wrist", 0.12),
+    ),
 )
-"""Calibration of BlazePose: body point, point towards which the network shifts it, and share of the way.
+"""Calibration of BlazePose: body point, point towards which the network shifts it, and share of the
+way.
 
 It is part of the definition of the worlds: a new calibration of a detector does not change it.
 """

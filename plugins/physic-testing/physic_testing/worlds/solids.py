@@ -60,13 +60,15 @@ class Block:
         half: half extents along the box's axes, m.
         yaw: rotation about +y, radians.
         material: one of BLOCK_MATERIALS.
-        pitch: rotation about the box's own +x before the yaw, radians; positive tips the top towards its own +z.
+        pitch: rotation about the box's own +x before the yaw, radians; positive tips the top
+            towards its own +z.
         surface: what the box is part of, one of ``physic_core.types.SURFACE_NAMES``.
-        rounding: radius of the edges, m, at most the smallest half extent; a cube of this half extent is a ball.
-        soft: depth by which the top gives way under a person, m; 0 for a rigid block. Only blocks without pitch and
-            rounding give way.
-        item: name of the small object that the block is part of, such as "ball"; "" for a block of the scene. Items
-            belong to the photo of people, not to the empty scene.
+        rounding: radius of the edges, m, at most the smallest half extent; a cube of this half
+            extent is a ball.
+        soft: depth by which the top gives way under a person, m; 0 for a rigid block. Only blocks
+            without pitch and rounding give way.
+        item: name of the small object that the block is part of, such as "ball"; "" for a block of
+            the scene. Items belong to the photo of people, not to the empty scene.
     """
 
     centre: tuple[float, float, float]
@@ -94,7 +96,9 @@ class Block:
         return matmul(yaw_matrix(self.yaw), np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
 
     def to_local(self, points: FloatArray) -> FloatArray:
-        """Transform points (..., 3) from the room frame to the block's axes, with the origin at its centre."""
+        """Transform points (..., 3) from the room frame to the block's axes, with the origin at its
+        centre.
+        """
         return apply(self.rotation.T, points - np.array(self.centre))
 
     def corners(self) -> FloatArray:
@@ -146,18 +150,24 @@ class SolidDistances:
         self._rotation = np.array([block.rotation for block in blocks]).reshape(count, 3, 3)
         self._centre = np.array([block.centre for block in blocks], np.float64).reshape(count, 3)
         self._rounding = np.array([block.rounding for block in blocks], np.float64)
-        self._half = np.array([block.half for block in blocks], np.float64).reshape(count, 3) - self._rounding[:, None]
+        self._half = (
+            np.array([block.half for block in blocks], np.float64).reshape(count, 3)
+            - self._rounding[:, None]
+        )
         self._normal = np.array(ground.normal, np.float64)
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Return signed distances (b + 1, n) of points (n, 3) to the b blocks and the ground (last row)."""
+        """Return signed distances (b + 1, n) of points (n, 3) to the b blocks and the ground (last
+        row).
+        """
         found = np.empty((len(self._half) + 1, len(points)))
         found[-1] = dot(points, self._normal)
         if len(self._half):
             shifted = [points[:, i] - self._centre[:, i, None] for i in range(3)]
             turn = self._rotation[..., None]
             local = [
-                shifted[0] * turn[:, 0, j] + shifted[1] * turn[:, 1, j] + shifted[2] * turn[:, 2, j] for j in range(3)
+                shifted[0] * turn[:, 0, j] + shifted[1] * turn[:, 1, j] + shifted[2] * turn[:, 2, j]
+                for j in range(3)
             ]
             x, y, z = (np.abs(local[j]) - self._half[:, j, None] for j in range(3))
             inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
@@ -166,7 +176,9 @@ class SolidDistances:
         return found
 
     def normals(self, points: FloatArray, which: NDArray[np.int64]) -> FloatArray:
-        """Return the distance gradients (n, 3) at points (n, 3), each for one row (n,) of :meth:`distances`."""
+        """Return the distance gradients (n, 3) at points (n, 3), each for one row (n,) of
+        :meth:`distances`.
+        """
         normals = np.repeat(self._normal[None], len(points), axis=0)
         boxes = np.flatnonzero(which < len(self._half))
         if len(boxes):
@@ -177,13 +189,16 @@ class SolidDistances:
             away: FloatArray = np.maximum(beyond, 0)
             outside = away.max(axis=1) > 0
             deepest = np.eye(3)[beyond.argmax(axis=1)]
-            direction = np.where(outside[:, None], away / np.maximum(norm(away), 1e-300)[:, None], deepest)
+            direction = np.where(
+                outside[:, None], away / np.maximum(norm(away), 1e-300)[:, None], deepest
+            )
             normals[boxes] = apply(turn, np.where(local < 0, -direction, direction))
         return normals
 
 
 def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground) -> FloatArray:
-    """Return the signed distance of points (..., 3) to the union of blocks and ground; exact outside the solids.
+    """Return the signed distance of points (..., 3) to the union of blocks and ground; exact
+    outside the solids.
 
     Inside it is the depth below the surface of the one thing in which the point lies deepest.
 
@@ -207,26 +222,33 @@ def blocks_mesh(blocks: Sequence[Block]) -> tuple[FloatArray, NDArray[np.int64],
     """Return the mesh of blocks.
 
     Returns:
-        Vertices (V, 3), faces (F, 3), counter-clockwise from outside, and the side (F,) of each face: 6 i + k for side
-        k of block i, in the order of BOX_QUADS.
+        Vertices (V, 3), faces (F, 3), counter-clockwise from outside, and the side (F,) of each
+        face: 6 i + k for side k of block i, in the order of BOX_QUADS.
     """
     vertices: list[FloatArray] = [np.zeros((0, 3))]
     faces: list[NDArray[np.int64]] = [np.zeros((0, 3), np.int64)]
     sides: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
     count = 0
     for i, block in enumerate(blocks):
-        corners, quads, side = _rounded_box(block) if block.rounding else (block.corners(), BOX_QUADS, np.arange(6))
+        corners, quads, side = (
+            _rounded_box(block) if block.rounding else (block.corners(), BOX_QUADS, np.arange(6))
+        )
         vertices.append(corners)
-        faces.append(np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3) + count)
+        faces.append(
+            np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3) + count
+        )
         sides.append(np.repeat(6 * i + side, 2))
         count += len(corners)
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(sides)
 
 
 def _rounded_box(block: Block) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-    """Return vertices (V, 3) in the room frame, quads (Q, 4) and the side (Q,) of each, of a box with round edges."""
+    """Return vertices (V, 3) in the room frame, quads (Q, 4) and the side (Q,) of each, of a box
+    with round edges.
+    """
     core = np.array(block.half) - block.rounding
-    # Along each axis the round edges in steps of equal angle; between them the flat part as one step.
+    # Along each axis the round edges in steps of equal angle; between them the flat part as one
+    # step.
     bend, _ = sin_cos(np.linspace(0, np.pi / 4, _ROUND_STEPS + 1))
     edge = bend / np.sqrt(1 - bend * bend)
     line = np.concatenate([-edge[::-1], edge])
@@ -238,7 +260,9 @@ def _rounded_box(block: Block) -> tuple[FloatArray, NDArray[np.int64], NDArray[n
     vertices = []
     for quad in BOX_QUADS:
         a, b, _, d = box_corners(-np.ones(3), np.ones(3))[quad]
-        middle, u, v = (b + d) / 2, (b - a) / 2, (d - a) / 2
+        middle = (b + d) / 2
+        u = (b - a) / 2
+        v = (d - a) / 2
         cube = middle + line[rows, None] * u + line[columns, None] * v
         inner = (middle + flat[rows, None] * u + flat[columns, None] * v) * core
         vertices.append(inner + block.rounding * cube / norm(cube)[:, None])
@@ -252,7 +276,9 @@ def _rounded_box(block: Block) -> tuple[FloatArray, NDArray[np.int64], NDArray[n
 
 @lru_cache(maxsize=1024)
 def yaw_matrix(yaw: float) -> FloatArray:
-    """Return the rotation matrix (3, 3) about +y by an angle in radians; read-only, as matrices are cached."""
+    """Return the rotation matrix (3, 3) about +y by an angle in radians; read-only, as matrices are
+    cached.
+    """
     s, c = (float(part) for part in sin_cos(yaw))
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     turn.setflags(write=False)

@@ -1,4 +1,5 @@
-"""Worlds of the conformance kit whose scenes and photos ship with the package, so that nothing is shaded for them.
+"""Worlds of the conformance kit whose scenes and photos ship with the package, so that nothing is
+shaded for them.
 
 ``tools/store_worlds.py`` writes them; all else of a world is computed from its scene.
 """
@@ -61,6 +62,18 @@ def load_stored(name: str, seed: int, size: tuple[int, int]) -> StoredWorld | No
         DamagedFileError: the file is damaged.
     """
     file = file_of(name, seed, size)
-    scene = (StagedScene, ActionPose, RoomCamera, Intrinsics, Room, Walls, Dent, Ground, Block, Patch, Decoration)
+    scene = (
+        StagedScene,
+        ActionPose,
+        RoomCamera,
+        Intrinsics,
+        Room,
+        Walls,
+        Dent,
+        Ground,
+        Block,
+        Patch,
+        Decoration,
+    )
     found: StoredWorld | None = read_value(file, (StoredWorld, *scene)) if file.exists() else None
     return found

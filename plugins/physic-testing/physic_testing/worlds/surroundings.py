@@ -31,7 +31,8 @@ _MAX_HIDDEN = 0.01  # share of a person's vertices that an added piece may hide
 _MAX_HIDDEN_LEGS = 0.15  # the same of legs, where a piece may stand in front
 _TALL = 1.6  # m; a block this high is a wall that the room lies along
 
-_SURFACES = {"hedge": "vegetation", "wood": "vegetation"}  # outdoors, by material; all others are walls
+# outdoors, by material; all others are walls
+_SURFACES = {"hedge": "vegetation", "wood": "vegetation"}
 
 Blocks = tuple[Block, ...]
 Place = tuple[float, float]
@@ -41,7 +42,11 @@ class _FreeSpace:
     """Tests whether added furniture keeps clear of people, cameras and other furniture."""
 
     def __init__(
-        self, people: FloatArray, blocks: Sequence[Block], shots: Sequence[CameraShot], rng: np.random.Generator
+        self,
+        people: FloatArray,
+        blocks: Sequence[Block],
+        shots: Sequence[CameraShot],
+        rng: np.random.Generator,
     ) -> None:
         self.people = people
         self.positions = [shot.camera.position for shot in shots]
@@ -59,10 +64,14 @@ class _FreeSpace:
         if min(distance_to(block, self.people).min() for block in blocks) < _PEOPLE_CLEARANCE:
             return False
         eyes = self.positions
-        if min(float(distance_to(block, eye)) for block in blocks for eye in eyes) < _CAMERA_CLEARANCE:
+        if (
+            min(float(distance_to(block, eye)) for block in blocks for eye in eyes)
+            < _CAMERA_CLEARANCE
+        ):
             return False
         hidden = np.stack([hidden_by(blocks, eye, self.people) for eye in eyes])
-        share, legs_alone = hidden.mean(axis=2).max(axis=0), not (hidden & ~self._legs).any()
+        share = hidden.mean(axis=2).max(axis=0)
+        legs_alone = not (hidden & ~self._legs).any()
         if (share > _MAX_HIDDEN).any():
             if not (self._before_legs and legs_alone and (share < _MAX_HIDDEN_LEGS).all()):
                 return False
@@ -72,7 +81,11 @@ class _FreeSpace:
 
 
 def build_room(
-    people: FloatArray, blocks: Blocks, shots: Sequence[CameraShot], rng: np.random.Generator, seed: int
+    people: FloatArray,
+    blocks: Blocks,
+    shots: Sequence[CameraShot],
+    rng: np.random.Generator,
+    seed: int,
 ) -> Room:
     """Build a closed room with random furniture around an action.
 
@@ -90,12 +103,19 @@ def build_room(
         piece = _against_a_wall(walls, rng) if rng.random() < 0.7 else _free(people, walls, rng)
         if piece is not None and _inside(piece, walls) and clear.admit(piece):
             added += piece
-    floor = Patch(str(rng.choice(["planks", "planks", "tiles", "carpet"])), seed, _rugs(people, walls, rng))
+    floor = Patch(
+        str(rng.choice(["planks", "planks", "tiles", "carpet"])), seed, _rugs(people, walls, rng)
+    )
     return Room(Ground(), (*blocks, *added), walls, floor, seed)
 
 
 def build_outdoor_place(
-    people: FloatArray, blocks: Blocks, ground: Ground, shots: Sequence[CameraShot], rng: np.random.Generator, seed: int
+    people: FloatArray,
+    blocks: Blocks,
+    ground: Ground,
+    shots: Sequence[CameraShot],
+    rng: np.random.Generator,
+    seed: int,
 ) -> Room:
     """Build open ground with random benches, hedges, walls, trees and houses.
 
@@ -107,24 +127,37 @@ def build_outdoor_place(
         rng: random generator.
         seed: seed of the colours.
     """
-    clear, shot = _FreeSpace(people, blocks, shots, rng), shots[0]
-    middle, position = people.reshape(-1, 3).mean(axis=0), shot.camera.position
+    clear = _FreeSpace(people, blocks, shots, rng)
+    shot = shots[0]
+    middle = people.reshape(-1, 3).mean(axis=0)
+    position = shot.camera.position
     away = np.arctan2(middle[0] - position[0], middle[2] - position[2])
     half_field = np.arctan(shot.intrinsics.width / 2 / shot.intrinsics.fx)
     added: list[Block] = []
-    far, near = (_hedge, _garden_wall, _house, _tree), (_bench, _railing, _tree, _hedge, _box)
+    far = (_hedge, _garden_wall, _house, _tree)
+    near = (_bench, _railing, _tree, _hedge, _box)
     for i in range(rng.integers(16, 28)):
         kinds, reach = (far, (4.0, 30.0)) if i < 9 else (near, (1.0, 7.0))
-        distance = float(np.hypot(*(middle - position)[[0, 2]]) + reach[0] * (reach[1] / reach[0]) ** rng.random())
+        distance = float(
+            np.hypot(*(middle - position)[[0, 2]])
+            + reach[0] * (reach[1] / reach[0]) ** rng.random()
+        )
         side = away + rng.uniform(-1.1, 1.1) * half_field
-        place = (float(position[0] + distance * np.sin(side)), float(position[2] + distance * np.cos(side)))
+        place = (
+            float(position[0] + distance * np.sin(side)),
+            float(position[2] + distance * np.cos(side)),
+        )
         make = kinds[rng.integers(len(kinds))]
         yaw = float(away + rng.choice([0.0, np.pi / 2]) + rng.normal(0, 0.3))
         piece = _lower_onto_ground(make(rng, place, yaw), ground)
         if clear.admit(piece):
             added += piece
     slanted = ground.normal[1] < 0.999
-    kind = str(rng.choice(["grass", "grass", "asphalt"] if slanted else ["grass", "paving", "asphalt", "paving"]))
+    kind = str(
+        rng.choice(
+            ["grass", "grass", "asphalt"] if slanted else ["grass", "paving", "asphalt", "paving"]
+        )
+    )
     return Room(ground, (*blocks, *added), None, Patch(kind, seed), seed)
 
 
@@ -139,32 +172,55 @@ def hidden_by(blocks: Sequence[Block], eye: FloatArray, points: FloatArray) -> B
     """Return whether (...) a block intersects the segment from the eye (3,) to points (..., 3)."""
     hidden = np.zeros(points.shape[:-1], bool)
     for block in blocks:
-        start, end = block.to_local(eye), block.to_local(points)
+        start = block.to_local(eye)
+        end = block.to_local(points)
         along = end - start
         along = np.where(np.abs(along) < 1e-9, 1e-9, along)
-        one, two = (-np.array(block.half) - start) / along, (np.array(block.half) - start) / along
-        enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
+        one = (-np.array(block.half) - start) / along
+        two = (np.array(block.half) - start) / along
+        enter = np.minimum(one, two).max(axis=-1)
+        leave = np.maximum(one, two).min(axis=-1)
         hidden |= (enter < np.minimum(leave, 1.0)) & (leave > 0)
     return hidden
 
 
-def _walls(people: FloatArray, blocks: Blocks, shots: Sequence[CameraShot], rng: np.random.Generator) -> Walls:
-    """Draw walls around people, blocks and cameras; a tall block of the action becomes part of a wall."""
-    tall = [block for block in blocks if 2 * block.half[1] > _TALL and max(block.half[0], block.half[2]) > 0.5]
+def _walls(
+    people: FloatArray, blocks: Blocks, shots: Sequence[CameraShot], rng: np.random.Generator
+) -> Walls:
+    """Draw walls around people, blocks and cameras; a tall block of the action becomes part of a
+    wall.
+    """
+    tall = [
+        block
+        for block in blocks
+        if 2 * block.half[1] > _TALL and max(block.half[0], block.half[2]) > 0.5
+    ]
     yaw = tall[0].yaw if tall else rng.uniform(-0.5, 0.5)
     turn = yaw_matrix(yaw)
-    corners = [_wall_front(block).corners() if block in tall else block.corners() for block in blocks]
+    corners = [
+        _wall_front(block).corners() if block in tall else block.corners() for block in blocks
+    ]
     things = apply(turn.T, np.concatenate([people.reshape(-1, 3), *corners]))
     cameras = apply(turn.T, np.stack([shot.camera.position for shot in shots]))
-    low, high = things.min(axis=0), things.max(axis=0)
+    low = things.min(axis=0)
+    high = things.max(axis=0)
     border = np.zeros((2, 2))
     for k, axis in enumerate((0, 2)):
-        margins = np.array([0.0 if _backs_onto(tall, turn, axis, side) else rng.uniform(0.25, 1.8) for side in (-1, 1)])
+        margins = np.array(
+            [
+                0.0 if _backs_onto(tall, turn, axis, side) else rng.uniform(0.25, 1.8)
+                for side in (-1, 1)
+            ]
+        )
         border[k] = (
             min(low[axis] - margins[0], cameras[:, axis].min() - rng.uniform(0.5, 0.9)),
             max(high[axis] + margins[1], cameras[:, axis].max() + rng.uniform(0.5, 0.9)),
         )
-    height = max(rng.uniform(2.4, 3.0), cameras[:, 1].max() + _CAMERA_CLEARANCE, float(people[..., 1].max()) + 0.25)
+    height = max(
+        rng.uniform(2.4, 3.0),
+        cameras[:, 1].max() + _CAMERA_CLEARANCE,
+        float(people[..., 1].max()) + 0.25,
+    )
     (x0, x1), (z0, z1) = border.tolist()
     walls = Walls((x0, z0), (x1, z1), float(height), float(yaw))
     return replace(walls, decorations=_decorations(walls, rng))
@@ -175,7 +231,9 @@ def _wall_front(block: Block) -> Block:
     x, y, z = block.half
     normal = block.rotation[:, 2]
     centre = np.array(block.centre) + normal * (z - 0.015)
-    return replace(block, centre=(float(centre[0]), float(centre[1]), float(centre[2])), half=(x, y, 0.015))
+    return replace(
+        block, centre=(float(centre[0]), float(centre[1]), float(centre[2])), half=(x, y, 0.015)
+    )
 
 
 def _backs_onto(tall: Sequence[Block], turn: FloatArray, axis: int, side: int) -> bool:
@@ -187,7 +245,8 @@ def _decorations(walls: Walls, rng: np.random.Generator) -> tuple[tuple[Decorati
     """Draw pictures and windows for each wall."""
     sides = []
     for axis in (1, 1, 0, 0):
-        low, high = walls.low[axis], walls.high[axis]
+        low = walls.low[axis]
+        high = walls.high[axis]
         found: list[Decoration] = []
         along = low + rng.uniform(0.2, 0.8)
         while along < high - 0.5:
@@ -201,7 +260,11 @@ def _decorations(walls: Walls, rng: np.random.Generator) -> tuple[tuple[Decorati
                 break
             level = rng.uniform(1.35, 1.75) if kind == "picture" else rng.uniform(1.4, 1.6)
             level = min(level, walls.height - half[1] - 0.1)
-            found.append(Decoration(kind, (float(along + half[0]), float(level)), half, int(rng.integers(1 << 30))))
+            found.append(
+                Decoration(
+                    kind, (float(along + half[0]), float(level)), half, int(rng.integers(1 << 30))
+                )
+            )
             along += 2 * half[0] + rng.uniform(0.2, 1.6)
         sides.append(tuple(found))
     return tuple(sides)
@@ -214,7 +277,10 @@ def _rugs(people: FloatArray, walls: Walls, rng: np.random.Generator) -> tuple[D
     x, _, z = walls.to_local(people.reshape(-1, 3).mean(axis=0)) + rng.normal(0, 0.4, 3)
     return (
         Decoration(
-            "rug", (float(x), float(z)), (rng.uniform(0.7, 1.4), rng.uniform(0.5, 1.1)), int(rng.integers(1 << 30))
+            "rug",
+            (float(x), float(z)),
+            (rng.uniform(0.7, 1.4), rng.uniform(0.5, 1.1)),
+            int(rng.integers(1 << 30)),
         ),
     )
 
@@ -231,11 +297,14 @@ def _against_a_wall(walls: Walls, rng: np.random.Generator) -> Blocks | None:
         furniture.chair,
         furniture.counter,
     )
-    make, own = makers[rng.integers(len(makers))], int(rng.integers(1 << 30))
+    make = makers[rng.integers(len(makers))]
+    own = int(rng.integers(1 << 30))
     x0, _, z0, x1, _, _ = _extent(make(np.random.default_rng(own), (0.0, 0.0), 0.0))
-    side, gap = int(rng.integers(4)), rng.uniform(0.01, 0.06)
+    side = int(rng.integers(4))
+    gap = rng.uniform(0.01, 0.06)
     turn = side * np.pi / 2  # facing +z, +x, -z, -x of the room
-    low, high = np.array(walls.low), np.array(walls.high)
+    low = np.array(walls.low)
+    high = np.array(walls.high)
     length = (high - low)[side % 2]
     if length < (x1 - x0) + 0.1:
         return None
@@ -261,8 +330,12 @@ def _free(people: FloatArray, walls: Walls, rng: np.random.Generator) -> Blocks:
     )
     make = makers[rng.integers(len(makers))]
     middle = people.reshape(-1, 3).mean(axis=0)
-    angle, distance = rng.uniform(-np.pi, np.pi), rng.uniform(0.7, 2.2)
-    place = (float(middle[0] + distance * np.sin(angle)), float(middle[2] + distance * np.cos(angle)))
+    angle = rng.uniform(-np.pi, np.pi)
+    distance = rng.uniform(0.7, 2.2)
+    place = (
+        float(middle[0] + distance * np.sin(angle)),
+        float(middle[2] + distance * np.cos(angle)),
+    )
     return make(rng, place, float(rng.uniform(-np.pi, np.pi)))
 
 
@@ -278,18 +351,29 @@ def _lower_onto_ground(blocks: Blocks, ground: Ground) -> Blocks:
     base = corners[:, 1].min()
     feet = corners[corners[:, 1] < base + 0.05]
     lift = min(ground.height_at(float(x), float(z)) for x, _, z in feet) - base
-    return tuple(replace(block, centre=(block.centre[0], block.centre[1] + lift, block.centre[2])) for block in blocks)
+    return tuple(
+        replace(block, centre=(block.centre[0], block.centre[1] + lift, block.centre[2]))
+        for block in blocks
+    )
 
 
-def _upright(place: Place, size: tuple[float, float, float], yaw: float, material: str, low: float = 0.0) -> Block:
+def _upright(
+    place: Place, size: tuple[float, float, float], yaw: float, material: str, low: float = 0.0
+) -> Block:
     """Return an upright box that stands at a place."""
     x, y, z = size
     surface = _SURFACES.get(material, "wall")
-    return Block((place[0], low + y / 2, place[1]), (x / 2, y / 2, z / 2), yaw, material, surface=surface)
+    return Block(
+        (place[0], low + y / 2, place[1]), (x / 2, y / 2, z / 2), yaw, material, surface=surface
+    )
 
 
 def _hedge(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
-    return (_upright(place, (rng.uniform(1.5, 9), rng.uniform(0.7, 2.2), rng.uniform(0.5, 1.0)), yaw, "hedge"),)
+    return (
+        _upright(
+            place, (rng.uniform(1.5, 9), rng.uniform(0.7, 2.2), rng.uniform(0.5, 1.0)), yaw, "hedge"
+        ),
+    )
 
 
 def _garden_wall(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
@@ -319,13 +403,22 @@ def _house(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
 
 
 def _tree(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
-    tall, thick, wide = rng.uniform(1.2, 2.4), rng.uniform(0.15, 0.35), rng.uniform(0.9, 2.2)
+    tall = rng.uniform(1.2, 2.4)
+    thick = rng.uniform(0.15, 0.35)
+    wide = rng.uniform(0.9, 2.2)
     trunk = _upright(place, (thick, tall + 0.4, thick), yaw, "wood")
     crown = [
         replace(
-            _upright(place, (wide * s, wide * 0.8 * s, wide * s), yaw + turn, "hedge", tall + wide * lift), pitch=tip
+            _upright(
+                place, (wide * s, wide * 0.8 * s, wide * s), yaw + turn, "hedge", tall + wide * lift
+            ),
+            pitch=tip,
         )
-        for s, turn, tip, lift in ((1.0, 0.2, 0.2, 0.0), (0.85, 0.9, -0.3, 0.25), (0.6, 0.5, 0.4, 0.6))
+        for s, turn, tip, lift in (
+            (1.0, 0.2, 0.2, 0.0),
+            (0.85, 0.9, -0.3, 0.25),
+            (0.6, 0.5, 0.4, 0.6),
+        )
     ]
     return (trunk, *crown)
 
@@ -356,7 +449,9 @@ def _footprint(blocks: Blocks) -> FloatArray:
     turn = yaw_matrix(blocks[0].yaw)
     local = apply(turn.T, np.concatenate([block.corners() for block in blocks]))
     (x0, _, z0), (x1, _, z1) = local.min(axis=0), local.max(axis=0)
-    corners: FloatArray = apply(turn, np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]))[:, [0, 2]]
+    corners: FloatArray = apply(
+        turn, np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]])
+    )[:, [0, 2]]
     return corners
 
 

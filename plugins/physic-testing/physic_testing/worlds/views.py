@@ -1,7 +1,7 @@
 """Worlds that several cameras show at the same moment: their names, and their cameras.
 
-Each view is a world of its own, with its own photo and camera. People, room and light are the same in all of them;
-``World.camera`` puts their truth into one frame, that of the room.
+Each view is a world of its own, with its own photo and camera. People, room and light are the same
+in all of them; ``World.camera`` puts their truth into one frame, that of the room.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class CameraShots:
 def view_names(name: str, count: int = VIEWS) -> tuple[str, ...]:
     """Return the names of the worlds that show one moment from ``count`` cameras.
 
-    The cameras are 15 to 180 degrees apart about the people, less only where walls or furniture leave no other place.
+    The cameras are 15 to 180 degrees apart about the people, less only where walls or furniture
+    leave no other place.
 
     Args:
         name: of a world, such as "sit_on_chair"; the seed is chosen as for any world.
@@ -55,7 +56,12 @@ def split_name(name: str) -> tuple[str, int | None]:
 
 
 def find_views(
-    subject: PhotoSubjects, rng: np.random.Generator, size: tuple[int, int], first: CameraShot, *, outdoors: bool
+    subject: PhotoSubjects,
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    first: CameraShot,
+    *,
+    outdoors: bool,
 ) -> CameraShots:
     """Draw the other cameras of a world with several views; all of them show everybody.
 
@@ -70,10 +76,13 @@ def find_views(
         RuntimeError: no camera at any angle shows everybody.
     """
     middle = subject.sparse.reshape(-1, 3).mean(axis=0)
-    shots, least = [first], _LEAST_ANGLE
+    shots = [first]
+    least = _LEAST_ANGLE
     while len(shots) < VIEWS:
         for _ in range(_DRAWS):
-            shot = find_camera(subject, rng, size, (-180.0, 180.0), may_cut=first.cut, outdoors=outdoors)
+            shot = find_camera(
+                subject, rng, size, (-180.0, 180.0), may_cut=first.cut, outdoors=outdoors
+            )
             if shot is None:
                 raise RuntimeError("No camera shows everybody.")
             if min(_angle(shot.camera, other.camera, middle) for other in shots) >= least:

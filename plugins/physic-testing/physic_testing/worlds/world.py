@@ -1,8 +1,8 @@
 """Synthetic scenes of people ("worlds") with ground truth for all estimates of PhySIC.
 
-Name, seed and size determine a world completely. All values are in the camera frame (OpenCV: x right, y down, z
-forward), in metres, unless stated as "room". The scene is ground, walls and furniture: contact and signed distance
-refer to the scene, not to other people.
+Name, seed and size determine a world completely. All values are in the camera frame (OpenCV: x
+right, y down, z forward), in metres, unless stated as "room". The scene is ground, walls and
+furniture: contact and signed distance refer to the scene, not to other people.
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ CONTACT_WORLDS: tuple[str, ...] = (
     "back_to_back",
     "child_on_lap",
 )
-"""Names of the worlds whose people touch themselves, each other, hidden or soft supports, or small objects."""
+"""Names of the worlds whose people touch themselves, each other, hidden or soft supports, or small
+objects.
+"""
 
 RAISED_FEET_WORLDS: tuple[str, ...] = ("jump", "raise_foot", "vault", "hold_bar", "sit_high")
 """Names of the worlds whose people have one or both feet 5 to 40 cm over the ground, on nothing."""
@@ -101,13 +103,19 @@ CHILD_WORLDS: tuple[str, ...] = (
     "child_sits_by_adult",
     "child_by_the_hand",
 )
-"""Names of the worlds with a child of 1 to 15 years, alone or with an adult; the bodies of the children are Anny's."""
+"""Names of the worlds with a child of 1 to 15 years, alone or with an adult; the bodies of the
+children are Anny's.
+"""
 
 OTHER_BODIES = "+other"
-"""At the end of a world's name: its people have other proportions and skin than any shape of the body model."""
+"""At the end of a world's name: its people have other proportions and skin than any shape of the
+body model.
+"""
 
 CONTACT_DISTANCE = 0.02
-"""Maximum distance of a contact vertex to a surface, m; vertices inside count too (rule of the paper's code)."""
+"""Maximum distance of a contact vertex to a surface, m; vertices inside count too (rule of the
+paper's code).
+"""
 
 
 @dataclass(frozen=True)
@@ -117,11 +125,12 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing, or one of
-            CHILD_WORLDS; then a view of ``view_names`` or nothing.
+        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or
+            nothing, or one of CHILD_WORLDS; then a view of ``view_names`` or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
-        empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
+        empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same
+            label.
         intrinsics: camera intrinsics.
         camera: camera pose in the room frame.
         room: ground, walls and furniture in the room frame; no walls outdoors.
@@ -131,18 +140,22 @@ class World:
         normals: (H, W, 3) float32 unit, towards the camera; zero in the sky.
         empty_normals: (H, W, 3) float32, normals of the scene without people.
         masks: (N, H, W) bool, visible pixels.
-        unoccluded_masks: (N, H, W) bool, pixels of each person without occluders, cropped by the image.
+        unoccluded_masks: (N, H, W) bool, pixels of each person without occluders, cropped by the
+            image.
         boxes: (N, 4) float64 px, x0 y0 x1 y1 of ``masks``, end exclusive.
         floor_mask: (H, W) bool, visible ground.
         empty_floor_mask: (H, W) bool, visible ground without people.
-        surfaces: (H, W) uint8, what each pixel shows, index into ``physic_core.types.SURFACE_NAMES``.
+        surfaces: (H, W) uint8, what each pixel shows, index into
+            ``physic_core.types.SURFACE_NAMES``.
         empty_surfaces: (H, W) uint8, the same without people.
         floor: plane of the ground.
         keypoints: skeleton name -> (N, J, 2) float64 px.
-        visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own skin or limb.
+        visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own
+            skin or limb.
         joints_visible: (N, 55) bool, the same for the body joints.
-        parameters: parameters of the N bodies; of OTHER_BODIES, those of the body model in the same pose and with the
-            same pelvis, whose vertices are not ``vertices``. The same holds for children of CHILD_WORLDS.
+        parameters: parameters of the N bodies; of OTHER_BODIES, those of the body model in the same
+            pose and with the same pelvis, whose vertices are not ``vertices``. The same holds for
+            children of CHILD_WORLDS.
         ages: (N,) float32 years of the children of CHILD_WORLDS, NaN for the others.
         body_model: name of the body model.
         topology: name of its mesh topology.
@@ -151,14 +164,17 @@ class World:
         vertices: (N, V, 3) float32.
         joints: (N, 55, 3) float32.
         contact: (N, V) bool, outer vertices within CONTACT_DISTANCE of the scene.
-        touched_surface: (N, V) uint8, the surface that a vertex in ``contact`` touches, index into ``SURFACE_NAMES``; 0
-            ("unknown") for the others.
-        touched_own_part: (N, V) int16, part of the own body, index into ``parts``, that an outer vertex touches; -1 for
-            none.
+        touched_surface: (N, V) uint8, the surface that a vertex in ``contact`` touches, index into
+            ``SURFACE_NAMES``; 0 ("unknown") for the others.
+        touched_own_part: (N, V) int16, part of the own body, index into ``parts``, that an outer
+            vertex touches; -1 for none.
         touched_person: (N, V) int16, other person whom an outer vertex touches; -1 for none.
-        touched_item: (N, V) int16, small object within CONTACT_DISTANCE, index into ``items``; -1 for none.
-        support: (N, V) bool, vertices that carry the person (``body_contacts.supporting_vertices``).
-        dent: (N, V) float32 m, depth of each vertex below the undented surface of a soft block; 0 elsewhere.
+        touched_item: (N, V) int16, small object within CONTACT_DISTANCE, index into ``items``; -1
+            for none.
+        support: (N, V) bool, vertices that carry the person
+            (``body_contacts.supporting_vertices``).
+        dent: (N, V) float32 m, depth of each vertex below the undented surface of a soft block; 0
+            elsewhere.
         parts: names of the body parts.
         items: names of the small objects, which belong to the photo and not to the empty scene.
         item_masks: (K, H, W) bool, visible pixels of each small object.
@@ -213,7 +229,9 @@ class World:
         depth = self.depth if people else self.empty_depth
         rays = pixel_rays(self.intrinsics).reshape(*depth.shape, 3)
         with np.errstate(invalid="ignore"):  # a ray of x = 0 into the sky
-            points: FloatArray = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.inf)
+            points: FloatArray = np.where(
+                np.isfinite(depth)[..., None], rays * depth[..., None], np.inf
+            )
         return points.astype(np.float32)
 
 
@@ -221,11 +239,11 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
-        name: one of WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS; with OTHER_BODIES after one of the
-            first three, people have bodies that no shape of the body model has. Names of ``view_names`` show one
-            moment from several cameras.
-        seed: chooses a posed scene, and draws furniture, camera, light and colours; from 0 to 2^64 - 1. Seeds with
-            another remainder divided by 3 have no posed scene in common.
+        name: one of WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS; with OTHER_BODIES
+            after one of the first three, people have bodies that no shape of the body model has.
+            Names of ``view_names`` show one moment from several cameras.
+        seed: chooses a posed scene, and draws furniture, camera, light and colours; from 0 to 2^64
+            - 1. Seeds with another remainder divided by 3 have no posed scene in common.
         size: width and height of the photo, px.
 
     Raises:
@@ -254,18 +272,28 @@ def is_world(name: str) -> bool:
 
 
 def world_of(image: UInt8Array) -> World | None:
-    """Return the world whose photo, with or without people, has the label of this image; None without such a label."""
+    """Return the world whose photo, with or without people, has the label of this image; None
+    without such a label.
+    """
     label = labels.read_label(image)
-    return build_world(*label, (image.shape[1], image.shape[0])) if label and is_world(label[0]) else None
+    return (
+        build_world(*label, (image.shape[1], image.shape[0]))
+        if label and is_world(label[0])
+        else None
+    )
 
 
-def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> tuple[tuple[str, int], ...]:
-    """Return names and seeds of ``count`` benchmark worlds: all names in cyclic order, with random seeds.
+def benchmark_worlds(
+    count: int, seed: int, names: tuple[str, ...] = WORLDS
+) -> tuple[tuple[str, int], ...]:
+    """Return names and seeds of ``count`` benchmark worlds: all names in cyclic order, with random
+    seeds.
 
     Args:
         count: of worlds.
-        seed: of the seeds. Its remainder divided by 3 is that of all of them, and says which pool of posed scenes they
-            choose from: 1 for development, 2 to choose settings, 0 to confirm them.
+        seed: of the seeds. Its remainder divided by 3 is that of all of them, and says which pool
+            of posed scenes they choose from: 1 for development, 2 to choose settings, 0 to confirm
+            them.
         names: WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS.
     """
     numbers = np.random.default_rng(seed).integers(0, (1 << 31) // 3, count)
@@ -284,7 +312,19 @@ def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
     world = disk_cache.load_or_build(
         disk_cache.cache_key("world", name, seed, *size),
         World,
-        (Intrinsics, RoomCamera, Room, Walls, Dent, Ground, Block, Patch, Decoration, Plane, BodyParameters),
+        (
+            Intrinsics,
+            RoomCamera,
+            Room,
+            Walls,
+            Dent,
+            Ground,
+            Block,
+            Patch,
+            Decoration,
+            Plane,
+            BodyParameters,
+        ),
         lambda: _build(name, seed, size),
     )
     _make_read_only(world)
@@ -305,7 +345,12 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     )
     from physic_testing.worlds.children import age_of
     from physic_testing.worlds.dents import press_dents
-    from physic_testing.worlds.ground_truth import pose_world_bodies, project, render_pictures, visible_landmarks
+    from physic_testing.worlds.ground_truth import (
+        pose_world_bodies,
+        project,
+        render_pictures,
+        visible_landmarks,
+    )
     from physic_testing.worlds.reproducible_math import apply, dot
     from physic_testing.worlds.scene_setup import set_up_scene
     from physic_testing.worlds.stored_worlds import load_stored
@@ -313,15 +358,20 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     fitted = load_body("embedded").to(dtype=torch.float64)
     base, view = split_name(name)
     stored = load_stored(name, seed, size)
-    model, stage = (fitted, stored.stage) if stored else set_up_scene(fitted, base, seed, size, view)
+    model, stage = (
+        (fitted, stored.stage) if stored else set_up_scene(fitted, base, seed, size, view)
+    )
     intrinsics = stage.intrinsics
     rng = np.random.default_rng([seed, zlib.crc32(base.encode()), _COLOUR_STREAM])
     bodies = pose_world_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = bodies.parameters if model is fitted else _with_same_pelvis(fitted, bodies)
-    in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
+    in_room = stage.camera.to_room(bodies.vertices)
+    outer = model.outer.numpy()
     dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
     stage = replace(stage, room=replace(stage.room, dents=dents))
-    pictures = render_pictures(model, stage, bodies.vertices, rng, stored.images if stored else None)
+    pictures = render_pictures(
+        model, stage, bodies.vertices, rng, stored.images if stored else None
+    )
     distance = stage.room.signed_distance(in_room)
     contact = (distance <= CONTACT_DISTANCE) & outer
     person = touched_people(model, in_room, CONTACT_DISTANCE)
@@ -352,7 +402,9 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         empty_surfaces=pictures.empty_surfaces,
         floor=Plane(apply(stage.camera.rotation, up), float(dot(stage.camera.position, up))),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
-        visible={name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()},
+        visible={
+            name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()
+        },
         joints_visible=seen(bodies.joints, model.joint_names),
         parameters=parameters,
         ages=np.array([age_of(actor.betas) for actor in stage.actors], np.float32),
@@ -367,7 +419,9 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         touched_own_part=touched_own_part(model, in_room, CONTACT_DISTANCE),
         touched_person=person,
         touched_item=touched_item(stage.room, outer, in_room, CONTACT_DISTANCE),
-        support=supporting_vertices(stage.room, model, in_room, stage.camera.to_room(bodies.joints), contact, person),
+        support=supporting_vertices(
+            stage.room, model, in_room, stage.camera.to_room(bodies.joints), contact, person
+        ),
         dent=_dent(stage.room, in_room).astype(np.float32),
         parts=model.part_names,
         items=stage.room.items,
@@ -377,7 +431,9 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
 
 
 def _dent(room: Room, vertices: FloatArray) -> FloatArray:
-    """Return the depth (N, V) of vertices (N, V, 3) below the undented surfaces of soft blocks, m."""
+    """Return the depth (N, V) of vertices (N, V, 3) below the undented surfaces of soft blocks,
+    m.
+    """
     if not room.dents:
         return np.zeros(vertices.shape[:2])
     depth = np.maximum(-room.signed_distance(vertices, dented=False), 0)
@@ -385,17 +441,24 @@ def _dent(room: Room, vertices: FloatArray) -> FloatArray:
 
 
 def _with_same_pelvis(model: BodyModel, bodies: WorldBodies) -> BodyParameters:
-    """Return the parameters of bodies of another model, moved so that this model has the pelvis at the same place."""
+    """Return the parameters of bodies of another model, moved so that this model has the pelvis at
+    the same place.
+    """
     from physic_testing.worlds.posing import rest_body
 
     betas = bodies.parameters.betas[:, : model.num_betas]
     rest = [rest_body(model, row)[1][0] for row in betas]
-    return replace(bodies.parameters, betas=betas, transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32))
+    return replace(
+        bodies.parameters,
+        betas=betas,
+        transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32),
+    )
 
 
 def _box(mask: BoolArray) -> FloatArray:
     """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
 
 

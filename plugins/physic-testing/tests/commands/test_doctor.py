@@ -82,7 +82,10 @@ def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
     done = physic("plugins", "doctor", "lacking", "--json")
     assert done.exit_code == 0
     (finding,) = json.loads(done.stdout)
-    assert (finding["state"], finding["message"]) == ("missing", "no checkpoint at /x: get it from /y")
+    assert (finding["state"], finding["message"]) == (
+        "missing",
+        "no checkpoint at /x: get it from /y",
+    )
 
 
 def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):

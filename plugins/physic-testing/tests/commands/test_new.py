@@ -28,7 +28,11 @@ def test_a_scaffolded_backend_passes_the_kit(interface: str):
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_a_scaffold_uses_the_names_that_its_author_gives(interface: str):
     written = plugin_files(PluginNames("my-2nd.thing", interface), "0.1.0")
-    assert list(written) == ["pyproject.toml", "physic_my_2nd_thing.py", "tests/test_conformance.py"]
+    assert list(written) == [
+        "pyproject.toml",
+        "physic_my_2nd_thing.py",
+        "tests/test_conformance.py",
+    ]
     for path, text in written.items():
         assert "Template" not in text, path
         assert "{" not in text or path.endswith(".py"), path
@@ -49,14 +53,18 @@ def test_two_files_are_a_plugin(tmp_path):
 
 
 def test_a_new_package_names_nothing_that_an_index_does_not_have_yet():
-    """Whoever registers such a name could run code on the machines of users; the host checks the versions."""
+    """Whoever registers such a name could run code on the machines of users; the host checks the
+    versions.
+    """
     text = plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0")["pyproject.toml"]
     own = tomllib.loads(text)["project"]
     assert (own["dependencies"], own["optional-dependencies"]) == (
         ["numpy>=2.0", "pydantic>=2.9"],
         {"test": ["pytest>=8.2"]},
     )
-    released = tomllib.loads(re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", text))["project"]
+    released = tomllib.loads(re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", text))[
+        "project"
+    ]
     assert "physic-core>=0.1.0" in released["dependencies"]
     assert "physic-testing>=0.1.0" in released["optional-dependencies"]["test"]
 
@@ -71,7 +79,9 @@ def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     new = ("plugins", "new")
     assert "Did you mean 'metric_depth'?" in refusal(*new, "my-depth", "--interface", "metric_dept")
-    assert "(physic-opencv 0.1.0) is installed already" in refusal(*new, "telea", "--interface", "inpainter")
+    assert "(physic-opencv 0.1.0) is installed already" in refusal(
+        *new, "telea", "--interface", "inpainter"
+    )
     assert "a-z, 0-9 and hyphens" in refusal(*new, "My Depth", "--interface", "metric_depth")
     Path("physic-mine").mkdir()
     assert "physic-mine exists already" in refusal(*new, "mine", "--interface", "inpainter")

@@ -1,4 +1,6 @@
-"""Faults that a wrapper of a network may have without an error, as changes of what a mock returns."""
+"""Faults that a wrapper of a network may have without an error, as changes of what a mock
+returns.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,15 @@ def moved(array: np.ndarray, right: int, down: int, empty: Any = None) -> np.nda
     return found
 
 
-# ---- segmenter -------------------------------------------------------------------------------------------------------
+# ---- segmenter
+# --------------------------------------------------------------------------------------------------
 
 
 def boxes_of(masks: np.ndarray) -> np.ndarray:
     found = []
     for mask in masks:
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        rows = np.flatnonzero(mask.any(axis=1))
+        columns = np.flatnonzero(mask.any(axis=0))
         found.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
     return np.array(found, float).reshape(-1, 4)
 
@@ -56,7 +60,8 @@ def in_one_mask(people: Any, *_: Any) -> Any:
     return replace(people, masks=masks, boxes=boxes_of(masks), scores=people.scores[:1])
 
 
-# ---- keypoints -------------------------------------------------------------------------------------------------------
+# ---- keypoints
+# --------------------------------------------------------------------------------------------------
 
 
 def with_points(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., Any]:
@@ -72,15 +77,24 @@ def with_points(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Calla
 def exchanged(keypoints: Keypoints, *names: tuple[str, str]) -> Keypoints:
     order = list(range(len(keypoints.joint_set)))
     for first, second in names:
-        i, j = keypoints.joint_set.names.index(first), keypoints.joint_set.names.index(second)
+        i = keypoints.joint_set.names.index(first)
+        j = keypoints.joint_set.names.index(second)
         order[i], order[j] = j, i
-    return replace(keypoints, points=keypoints.points[:, order], confidence=keypoints.confidence[:, order])
+    return replace(
+        keypoints, points=keypoints.points[:, order], confidence=keypoints.confidence[:, order]
+    )
 
 
 def with_world(keypoints: Any, image: Any, people: Any, *, right: int) -> Any:
     tall = (people.boxes[:, 3] - people.boxes[:, 1]).reshape(-1, 1, 1)
-    flat = (keypoints.points - keypoints.points[:, 23:25].mean(axis=1, keepdims=True)) * 1.7 / np.maximum(tall, 1)
-    return replace(keypoints, world=np.concatenate([flat * [right, 1], np.zeros_like(flat[..., :1])], axis=2))
+    flat = (
+        (keypoints.points - keypoints.points[:, 23:25].mean(axis=1, keepdims=True))
+        * 1.7
+        / np.maximum(tall, 1)
+    )
+    return replace(
+        keypoints, world=np.concatenate([flat * [right, 1], np.zeros_like(flat[..., :1])], axis=2)
+    )
 
 
 def of_a_lens(keypoints: Any, image: Any, people: Any) -> Any:
@@ -93,7 +107,8 @@ def of_a_lens(keypoints: Any, image: Any, people: Any) -> Any:
 _LEGS = [(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")]
 
 
-# ---- depth -----------------------------------------------------------------------------------------------------------
+# ---- depth
+# --------------------------------------------------------------------------------------------------
 
 
 def with_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
@@ -112,8 +127,16 @@ def along_rays(depth: Any, *_: Any) -> Any:
 def with_camera(**by: float) -> Callable[..., Any]:
     def changed(result: Any, *_: Any) -> Any:
         camera = result.intrinsics
-        factors = {name: getattr(camera, name) * value for name, value in by.items() if name.startswith("f")}
-        offsets = {name: getattr(camera, name) + value for name, value in by.items() if name.startswith("c")}
+        factors = {
+            name: getattr(camera, name) * value
+            for name, value in by.items()
+            if name.startswith("f")
+        }
+        offsets = {
+            name: getattr(camera, name) + value
+            for name, value in by.items()
+            if name.startswith("c")
+        }
         return replace(result, intrinsics=replace(camera, **factors, **offsets))
 
     return changed
@@ -141,7 +164,8 @@ def bent(pointmap: Any, *_: Any) -> Any:
     return replace(pointmap, points=points.astype(np.float32), unknown="scale_shift")
 
 
-# ---- inpainter -------------------------------------------------------------------------------------------------------
+# ---- inpainter
+# --------------------------------------------------------------------------------------------------
 
 
 def with_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
@@ -177,7 +201,8 @@ def moved_picture(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np
     return moved(filled, 1, 0) if mask.any() else filled
 
 
-# ---- bodies ----------------------------------------------------------------------------------------------------------
+# ---- bodies
+# --------------------------------------------------------------------------------------------------
 
 _MIRRORED = np.array(mirrored_order(tuple(JOINT_INDEX)[1:22]))
 _FLIP = np.array([1, -1, -1])
@@ -186,7 +211,9 @@ _FLIP = np.array([1, -1, -1])
 def with_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
     def changed(bodies: Any, *_: Any) -> Any:
         p = bodies.parameters
-        values = {name: np.asarray(v, np.float32) for name, v in change(p).items()} if len(p) else {}
+        values = (
+            {name: np.asarray(v, np.float32) for name, v in change(p).items()} if len(p) else {}
+        )
         return replace(bodies, parameters=replace(p, **values))
 
     return changed
@@ -198,7 +225,9 @@ def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
             return bodies
         pelvis = embedded_surface(bodies)[1][:, 0]
         place = bodies.parameters.transl + change(pelvis) - pelvis
-        return replace(bodies, parameters=replace(bodies.parameters, transl=place.astype(np.float32)))
+        return replace(
+            bodies, parameters=replace(bodies.parameters, transl=place.astype(np.float32))
+        )
 
     return changed
 
@@ -219,7 +248,10 @@ def pose_of(p: Any, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.
 def of_mirrored_person(p: Any) -> dict[str, np.ndarray]:
     root = Rotation.from_euler("x", np.pi) * Rotation.from_rotvec(p.global_orient)
     mirrored = Rotation.from_euler("x", -np.pi) * Rotation.from_rotvec(root.as_rotvec() * _FLIP)
-    return {"global_orient": mirrored.as_rotvec(), **pose_of(p, lambda pose: pose[:, _MIRRORED] * _FLIP)}
+    return {
+        "global_orient": mirrored.as_rotvec(),
+        **pose_of(p, lambda pose: pose[:, _MIRRORED] * _FLIP),
+    }
 
 
 def with_joints(order: Callable[[list[int]], list[int]]) -> Callable[..., Any]:
@@ -247,12 +279,14 @@ def knees_for_ankles(order: list[int]) -> list[int]:
 def of_pose(*pairs: tuple[str, str]) -> Callable[[np.ndarray], np.ndarray]:
     order = list(range(21))
     for first, second in pairs:
-        i, j = JOINT_INDEX[first] - 1, JOINT_INDEX[second] - 1
+        i = JOINT_INDEX[first] - 1
+        j = JOINT_INDEX[second] - 1
         order[i], order[j] = j, i
     return lambda pose: pose[:, order]
 
 
-# ---- hands, contact --------------------------------------------------------------------------------------------------
+# ---- hands, contact
+# --------------------------------------------------------------------------------------------------
 
 
 def with_fingers(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
@@ -276,7 +310,11 @@ def euler(rotvecs: np.ndarray) -> np.ndarray:
 
 
 def eroded(mask: np.ndarray) -> np.ndarray:
-    return cv2.erode(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0 if mask.sum() > 400 else mask
+    return (
+        cv2.erode(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        if mask.sum() > 400
+        else mask
+    )
 
 
 def eight_bit(z: np.ndarray) -> np.ndarray:
@@ -289,7 +327,9 @@ def of_half_a_grid(z: np.ndarray) -> np.ndarray:
 
 
 def with_sky(depth: Any, *_: Any) -> Any:
-    return replace(depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32))
+    return replace(
+        depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32)
+    )
 
 
 def canonical(depth: Any, *_: Any) -> Any:
@@ -314,13 +354,20 @@ def both_sides(keypoints: Any, image: Any, *_: Any) -> Any:
     """The mean with the output for the mirrored photo, left and right not exchanged."""
     names = keypoints.joint_set.names
     swap = {"left": "right", "right": "left"}
-    other = [names.index("_".join([swap.get(n.split("_")[0], n.split("_")[0]), *n.split("_")[1:]])) for n in names]
+    other = [
+        names.index("_".join([swap.get(n.split("_")[0], n.split("_")[0]), *n.split("_")[1:]]))
+        for n in names
+    ]
     return replace(keypoints, points=(keypoints.points + keypoints.points[:, other]) / 2)
 
 
 def in_box(keypoints: Any, image: Any, people: Any) -> Any:
-    low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
-    return replace(keypoints, points=np.clip(keypoints.points, low + 0.1 * (high - low), high - 0.1 * (high - low)))
+    low = people.boxes[:, None, :2]
+    high = people.boxes[:, None, 2:]
+    return replace(
+        keypoints,
+        points=np.clip(keypoints.points, low + 0.1 * (high - low), high - 0.1 * (high - low)),
+    )
 
 
 def square_crop(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
@@ -331,7 +378,9 @@ def in_cells(keypoints: Any, image: Any, people: Any) -> Any:
     """Points at the upper left corner of a cell of a heat map of 48 x 64."""
     sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(1, initial=0)[:, None, None] / 48
     low = people.boxes[:, None, :2]
-    return replace(keypoints, points=low + np.floor((keypoints.points - low) / np.maximum(sides, 1e-6)) * sides)
+    return replace(
+        keypoints, points=low + np.floor((keypoints.points - low) / np.maximum(sides, 1e-6)) * sides
+    )
 
 
 def at_a_wide_angle(bodies: Any, image: Any, people: Any, camera: Any, *_: Any) -> Any:
@@ -345,7 +394,9 @@ def seen_by_the_crop(bodies: Any, *_: Any) -> Any:
         return bodies
     ray = embedded_surface(bodies)[1][:, 0]
     axis = np.stack([-ray[:, 1], ray[:, 0], 0 * ray[:, 0]], 1)
-    angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-9)
+    angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2]) / np.maximum(
+        np.linalg.norm(axis, axis=1), 1e-9
+    )
     root = Rotation.from_rotvec(-angle[:, None] * axis) * Rotation.from_rotvec(p.global_orient)
     return replace(bodies, parameters=replace(p, global_orient=root.as_rotvec().astype(np.float32)))
 
@@ -368,7 +419,9 @@ def blended(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarr
 def soft_rim(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     share = np.clip(inside / 8, 0, 1)[..., None]
-    return np.where(mask[..., None], np.rint(share * filled + (1 - share) * image), image).astype(np.uint8)
+    return np.where(mask[..., None], np.rint(share * filled + (1 - share) * image), image).astype(
+        np.uint8
+    )
 
 
 def faded(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -376,7 +429,9 @@ def faded(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray
 
 
 def changed_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
-    return lambda filled, image, mask: np.where(mask[..., None], change(filled), image).astype(np.uint8)
+    return lambda filled, image, mask: np.where(mask[..., None], change(filled), image).astype(
+        np.uint8
+    )
 
 
 def on_floor(people: Any, *_: Any) -> Any:
@@ -385,16 +440,20 @@ def on_floor(people: Any, *_: Any) -> Any:
 
 
 def floor_of(people: Any, right: int) -> Any:
-    return None if people.floor is None else moved(people.floor, right, 0) & ~people.masks.any(axis=0)
+    return (
+        None if people.floor is None else moved(people.floor, right, 0) & ~people.masks.any(axis=0)
+    )
 
 
 def flip_mean_of_z(points: np.ndarray, camera: Any) -> np.ndarray:
-    z, other = points[..., 2], points[:, ::-1, 2]
+    z = points[..., 2]
+    other = points[:, ::-1, 2]
     return on_same_rays(points, np.where(np.isfinite(other), (z + other) / 2, z))
 
 
 def next_row(points: np.ndarray, camera: Any) -> np.ndarray:
-    z, below = points[..., 2], moved(points[..., 2], 0, -1)
+    z = points[..., 2]
+    below = moved(points[..., 2], 0, -1)
     return on_same_rays(points, np.where(np.isfinite(below), below, z))
 
 
@@ -405,7 +464,11 @@ _MEAN_HAND = np.radians(np.tile([5.0, 3.0, 20.0], (15, 1)))
 
 FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     "MockSegmenter": (
-        ("masks of the mirrored photo", "mirror", lambda p, *_: with_masks(p, lambda m: m[:, ::-1])),
+        (
+            "masks of the mirrored photo",
+            "mirror",
+            lambda p, *_: with_masks(p, lambda m: m[:, ::-1]),
+        ),
         ("padding left", "padding", lambda p, *_: with_masks(p, lambda m: moved(m, 0, 6, False))),
         ("masks 3 px too small", "dilated", lambda p, *_: with_masks(p, eroded)),
         ("masks 3 % too large", "resized", lambda p, *_: with_masks(p, enlarged)),
@@ -426,7 +489,11 @@ FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("one pixel to the right", "padding", with_depth(lambda z: moved(z, 1, 0))),
     ),
     "MockRelativePointmap": (
-        ("ray length", "sqrt", with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c)))),
+        (
+            "ray length",
+            "sqrt",
+            with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c))),
+        ),
         ("sky valid", "sky", sky_valid),
         ("rays of a square photo", "aspect", with_points_of_map(rays_of_a_square)),
         ("half a pixel off", "u \\+ 0.5", with_points_of_map(half_a_pixel_right)),
@@ -434,7 +501,11 @@ FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     ),
     "MockKeypointDetector": (
         ("half a pixel off", "pixel", with_points(lambda p, _: p + 0.5)),
-        ("sigmoid twice", "sigmoid", lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence)))),
+        (
+            "sigmoid twice",
+            "sigmoid",
+            lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence))),
+        ),
         ("mean with the mirrored photo", "mirror", both_sides),
         ("clipped", "clipped", in_box),
         ("stretched crop", "aspect", with_points(square_crop)),
@@ -442,15 +513,27 @@ FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     ),
     "MockBodyEstimator": (
         ("Euler angles", "Euler", with_parameters(lambda p: pose_of(p, euler))),
-        ("inverse root", "transposed", with_parameters(lambda p: {"global_orient": -p.global_orient})),
+        (
+            "inverse root",
+            "transposed",
+            with_parameters(lambda p: {"global_orient": -p.global_orient}),
+        ),
         ("distance for a focal length of 250 px", "focal", at_a_wide_angle),
         ("seen by the camera of a crop", "crop", seen_by_the_crop),
         ("mean with the mirrored photo", "mirror", with_parameters(flip_mean)),
         ("0.25 m too low", "transl", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
     ),
     "MockHandEstimator": (
-        ("left hand not mirrored", "mirror", with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None])),
-        ("thumb first", "order", with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()])),
+        (
+            "left hand not mirrored",
+            "mirror",
+            with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]),
+        ),
+        (
+            "thumb first",
+            "order",
+            with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
+        ),
         ("inverse", "transposed|mirror", with_fingers(np.negative)),
         ("degrees", "degrees", with_fingers(np.degrees)),
     ),
@@ -461,15 +544,29 @@ FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("mirrored", "mirror", with_contact(mirrored_contact)),
     ),
 }
-"""Mock -> faults, each in words, with a word of a right hint, and as ``change(result, *arguments)``."""
+"""Mock -> faults, each in words, with a word of a right hint, and as ``change(result,
+*arguments)``.
+"""
 
 FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     "MockSegmenter": (
-        ("masks one pixel to the right", "padding", lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False))),
-        ("boxes with the last pixel", "exclusive", lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1])),
+        (
+            "masks one pixel to the right",
+            "padding",
+            lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False)),
+        ),
+        (
+            "boxes with the last pixel",
+            "exclusive",
+            lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
+        ),
         ("floor one pixel to the right", "padding", lambda p, *_: replace(p, floor=floor_of(p, 1))),
         ("everybody in one mask", "semantic", in_one_mask),
-        ("boxes in another order", "same row", lambda p, *_: replace(p, boxes=p.boxes[::-1].copy())),
+        (
+            "boxes in another order",
+            "same row",
+            lambda p, *_: replace(p, boxes=p.boxes[::-1].copy()),
+        ),
     ),
     "MockInpainter": (
         ("whole picture one pixel to the right", "np.where", moved_picture),
@@ -477,7 +574,11 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("blended at its border", "blended", soft_rim),
         ("10 % darker", "range", with_fill(lambda image: 0.9 * image)),
         ("one pixel of the border of people left", "shrunk", rim_left(1)),
-        ("without colour", "range", with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1])),
+        (
+            "without colour",
+            "range",
+            with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1]),
+        ),
     ),
     "MockMetricDepth": (
         ("principal point half a pixel off", "centre", with_camera(cx=0.5, cy=0.5)),
@@ -490,7 +591,11 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("y up", "OpenGL", with_points_of_map(lambda p, _: p * [1, -1, 1])),
         ("OpenGL camera", "", with_points_of_map(lambda p, _: p * [1, -1, -1])),
         ("offset of z not declared", "offset", with_points_of_map(lambda p, _: farther(p))),
-        ("rays of a focal length 2 % longer", "intrinsics", with_points_of_map(lambda p, _: p / [1.02, 1.02, 1])),
+        (
+            "rays of a focal length 2 % longer",
+            "intrinsics",
+            with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
+        ),
         ("z of the next row", "padding", with_points_of_map(next_row)),
         ("principal point W / 2", "centre", with_camera(cx=0.5, cy=0.5)),
         ("offset of 1 / z declared as one of z", "unknown=", bent),
@@ -513,15 +618,25 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         (
             "8 degrees turned about the vertical",
             "crop",
-            with_parameters(lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}),
+            with_parameters(
+                lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}
+            ),
         ),
-        ("collars for shoulders", "order", with_parameters(lambda p: pose_of(p, of_pose(*_COLLARS)))),
+        (
+            "collars for shoulders",
+            "order",
+            with_parameters(lambda p: pose_of(p, of_pose(*_COLLARS))),
+        ),
         ("inverse rotations", "transposed", with_parameters(lambda p: pose_of(p, np.negative))),
     ),
     "MockHandEstimator": (
         ("always flat", "rest", with_fingers(np.zeros_like)),
         ("relative to a relaxed hand", "MANO", with_fingers(lambda r: r - _MEAN_HAND)),
-        ("joints from tip to palm", "order", with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()])),
+        (
+            "joints from tip to palm",
+            "order",
+            with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]),
+        ),
     ),
     "MockContactPrior": (
         ("vertices reversed", "reversed", with_contact(lambda p: p[:, ::-1].copy())),
@@ -548,11 +663,16 @@ FOUND_BY = {
     ("MockKeypointDetector", "half a pixel off"): "joints_are_not_shifted_or_scaled",
     ("MockKeypointDetector", "world points with x to the left"): "world_points_are_metres",
     ("MockBodyEstimator", "inverse root"): "bodies_face_the_right_way",
-    ("MockBodyEstimator", "distance for a focal length of 250 px"): "distance_does_not_depend_on_the_crop",
+    (
+        "MockBodyEstimator",
+        "distance for a focal length of 250 px",
+    ): "distance_does_not_depend_on_the_crop",
     ("MockBodyEstimator", "Euler angles"): "joints_turn_as_in_the_photo",
     ("MockBodyEstimator", "joints with left and right exchanged"): "pose_is_not_turned_or_mirrored",
     ("MockHandEstimator", "left hand not mirrored"): "hands_are_those_of_the_person",
     ("MockContactPrior", "constant"): "contact_is_more_likely_where_bodies_touch",
     ("MockContactPrior", "second half reversed"): "vertices_are_in_order",
 }
-"""Mock and fault -> the check that finds it, for the checks that no wrong backend of ``wrong_backends.py`` is for."""
+"""Mock and fault -> the check that finds it, for the checks that no wrong backend of
+``wrong_backends.py`` is for.
+"""

@@ -1,4 +1,6 @@
-"""Backends that know the answers: what every wrong backend is made from, and the proof that a right one passes."""
+"""Backends that know the answers: what every wrong backend is made from, and the proof that a right
+one passes.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError
-from physic_core.types import Bodies, ContactProbability, DepthMap, Hands, Keypoints, People, Pointmap
+from physic_core.types import (
+    Bodies,
+    ContactProbability,
+    DepthMap,
+    Hands,
+    Keypoints,
+    People,
+    Pointmap,
+)
 from physic_testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
 
 SIZE = (160, 120)
@@ -87,9 +97,13 @@ class RightMetricDepth(Knowing, interfaces.MetricDepth):
 class RightPointmap(Knowing, interfaces.RelativePointmap):
     def infer(self, image, hints):
         case, there, poor = self.look_up(image)
-        points = (case.original if there else case.scene).points * (bent(image.shape)[..., None] if poor else 1)
+        points = (case.original if there else case.scene).points * (
+            bent(image.shape)[..., None] if poor else 1
+        )
         valid = np.isfinite(points).all(axis=2)
-        return Pointmap(points.astype(np.float32), valid, "scale", hints.intrinsics or case.intrinsics)
+        return Pointmap(
+            points.astype(np.float32), valid, "scale", hints.intrinsics or case.intrinsics
+        )
 
 
 class RightKeypoints(Knowing, interfaces.KeypointDetector):
@@ -101,7 +115,10 @@ class RightKeypoints(Knowing, interfaces.KeypointDetector):
         flat = (points - points[:, 23:25].mean(axis=1, keepdims=True)) * 1.7 / np.maximum(tall, 1)
         world = np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=2)
         return Keypoints(
-            points + POOR / 2 * tall * poor, case.keypoints.confidence[rows], case.keypoints.skeleton, world
+            points + POOR / 2 * tall * poor,
+            case.keypoints.confidence[rows],
+            case.keypoints.skeleton,
+            world,
         )
 
 
@@ -110,7 +127,8 @@ class RightBodies(Knowing, interfaces.BodyEstimator):
         case, _, _ = self.look_up(image)
         rows = self.rows(case, people)
         parameters = replace(
-            case.bodies.parameters, **{name: value[rows] for name, value in vars(case.bodies.parameters).items()}
+            case.bodies.parameters,
+            **{name: value[rows] for name, value in vars(case.bodies.parameters).items()},
         )
         return Bodies(parameters, "embedded", case.bodies.observed[rows])
 
@@ -118,7 +136,8 @@ class RightBodies(Knowing, interfaces.BodyEstimator):
 class RightHands(Knowing, interfaces.HandEstimator):
     def infer(self, image, people, keypoints):
         case, _, _ = self.look_up(image)
-        rows, truth = self.rows(case, people), case.bodies.parameters
+        rows = self.rows(case, people)
+        truth = case.bodies.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
         seen = case.bodies.observed[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]]
         return Hands(both[rows], np.where(seen, 0.9, 0.2)[rows])
@@ -127,7 +146,9 @@ class RightHands(Knowing, interfaces.HandEstimator):
 class RightContact(Knowing, interfaces.ContactPrior):
     def infer(self, image, people, bodies):
         case, _, _ = self.look_up(image)
-        world = build_case("several people" if case.name == "several people" else "one person", SIZE).truth
+        world = build_case(
+            "several people" if case.name == "several people" else "one person", SIZE
+        ).truth
         touching = world.contact if case.world is None else case.world.contact
         return ContactProbability(0.1 + 0.8 * touching[self.rows(case, people)], world.topology)
 

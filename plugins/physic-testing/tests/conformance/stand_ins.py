@@ -1,4 +1,6 @@
-"""Mocks in place of networks, with a fault of the wrapper; they know the changed photos of the kit, too."""
+"""Mocks in place of networks, with a fault of the wrapper; they know the changed photos of the kit,
+too.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,10 @@ def changed_photos(interface: str) -> dict[int, tuple[Case, Change]]:
     for case in (build_case(name, SIZE) for name in PAIRED.get(interface, PAIRED[""])):
         for change in (change_of(case, name) for name in CHANGES):
             other = changed_case(case, change)
-            found |= {zlib.crc32(picture.tobytes()): (case, change) for picture in (other.photo, other.empty)}
+            found |= {
+                zlib.crc32(picture.tobytes()): (case, change)
+                for picture in (other.photo, other.empty)
+            }
     return found
 
 
@@ -50,10 +55,19 @@ def as_changed(answer: Any, case: Case, change: Change) -> Any:
         depth = answer.depth * (rays_of(case.intrinsics) @ change.axes[2])
         return replace(answer, depth=change.of_picture(depth), intrinsics=change.camera)
     if kind == "Hands" and change.mirrors:
-        return replace(answer, rotvecs=answer.rotvecs[:, ::-1] * [1, -1, -1], confidence=answer.confidence[:, ::-1])
+        return replace(
+            answer,
+            rotvecs=answer.rotvecs[:, ::-1] * [1, -1, -1],
+            confidence=answer.confidence[:, ::-1],
+        )
     if kind == "ContactProbability" and change.mirrors:
         return replace(answer, probability=answer.probability[:, mirrored_vertices()])
-    place = {"People": "people", "Keypoints": "keypoints", "Bodies": "bodies", "Pointmap": "scene"}.get(kind)
+    place = {
+        "People": "people",
+        "Keypoints": "keypoints",
+        "Bodies": "bodies",
+        "Pointmap": "scene",
+    }.get(kind)
     if place is None:
         return answer
     changed = getattr(changed_case(replace(case, **{place: answer}), change), place)
@@ -69,7 +83,13 @@ def with_own_errors(answer: Any, rng: np.random.Generator) -> Any:
     kind = type(answer).__name__
     if kind in ("DepthMap", "Pointmap"):
         shape = (answer.depth if kind == "DepthMap" else answer.points).shape[:2]
-        waves = 1 + 0.02 * np.sin(rng.uniform(0, 6, 2)[0] + np.linspace(0, rng.uniform(3, 9), shape[1]))[None, :, None]
+        waves = (
+            1
+            + 0.02
+            * np.sin(rng.uniform(0, 6, 2)[0] + np.linspace(0, rng.uniform(3, 9), shape[1]))[
+                None, :, None
+            ]
+        )
         if kind == "DepthMap":
             return replace(answer, depth=(answer.depth * waves[..., 0]).astype(np.float32))
         return replace(answer, points=(answer.points * waves).astype(np.float32))
@@ -78,14 +98,16 @@ def with_own_errors(answer: Any, rng: np.random.Generator) -> Any:
     if kind == "Bodies":
         p = answer.parameters
         turned = {
-            name: (Rotation.from_rotvec(np.radians(3) * rng.normal(size=(getattr(p, name).size // 3, 3)))
-                   * Rotation.from_rotvec(getattr(p, name).reshape(-1, 3))).as_rotvec().reshape(getattr(p, name).shape)
+            name: (Rotation.from_rotvec(np.radians(3) * rng.normal(size=(getattr(p, name).size // 3, 3)))  # noqa: E501
+                   * Rotation.from_rotvec(getattr(p, name).reshape(-1, 3))).as_rotvec().reshape(getattr(p, name).shape)  # noqa: E501
             for name in ("global_orient", "body_pose")
         }  # fmt: skip
         transl = p.transl * (1 + 0.02 * rng.normal(size=(len(p), 1)))
         return replace(answer, parameters=replace(p, transl=transl.astype(np.float32), **turned))
     if kind == "Hands":
-        return replace(answer, rotvecs=answer.rotvecs + np.radians(3) * rng.normal(size=answer.rotvecs.shape))
+        return replace(
+            answer, rotvecs=answer.rotvecs + np.radians(3) * rng.normal(size=answer.rotvecs.shape)
+        )
     return answer
 
 
@@ -95,7 +117,10 @@ _OF_PHOTOS: dict[str, dict[Any, Any]] = {}  # of the last mock
 
 def answer_of(kind: type[Any], own: Any, arguments: tuple[Any, ...]) -> Any:
     """The mock's answer, each of which is computed once."""
-    parts = [v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode() for _, v in named_values(arguments)]
+    parts = [
+        v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode()
+        for _, v in named_values(arguments)
+    ]
     key = (kind, own.options.model_dump_json(), zlib.crc32(b"".join(parts)))
     if key not in _ANSWERS:
         _ANSWERS[key] = kind.infer(own, *arguments)
@@ -112,12 +137,16 @@ def of_changed_photo(kind: type[Any], own: str, photo: int, seed: int) -> Any:
     return with_own_errors(answer, np.random.default_rng(zlib.crc32(how.name.encode()) + seed))
 
 
-def run_checks(mock: str, change: Callable[..., Any] | None = None, *, noise: float = 0, seed: int = 0) -> CheckRun:
+def run_checks(
+    mock: str, change: Callable[..., Any] | None = None, *, noise: float = 0, seed: int = 0
+) -> CheckRun:
     """All checks of a mock whose result is changed by ``change(result, *arguments)``."""
     kind = getattr(mocks, mock)
 
     def infer(self: Any, *arguments: Any) -> Any:
-        if noise and (photo := zlib.crc32(arguments[0].tobytes())) in changed_photos(kind.interface):
+        if noise and (photo := zlib.crc32(arguments[0].tobytes())) in changed_photos(
+            kind.interface
+        ):
             answer = of_changed_photo(kind, self.options.model_dump_json(), photo, seed)
         else:
             answer = answer_of(kind, self, arguments)
@@ -128,4 +157,6 @@ def run_checks(mock: str, change: Callable[..., Any] | None = None, *, noise: fl
     if mock not in _OF_PHOTOS:
         _OF_PHOTOS.clear()
     shared = _OF_PHOTOS.setdefault(mock, {})
-    return start_checks(find_backend(type(mock, (kind,), {"infer": infer}), None, options=options, of_photos=shared))
+    return start_checks(
+        find_backend(type(mock, (kind,), {"infer": infer}), None, options=options, of_photos=shared)
+    )

@@ -31,13 +31,20 @@ def turned_back(answer: Any, image: Any) -> Any:
 
 
 def scaled_pose(answer: Any, image: Any) -> Any:
-    return replace(answer, parameters=replace(answer.parameters, body_pose=0.9 * answer.parameters.body_pose))
+    return replace(
+        answer, parameters=replace(answer.parameters, body_pose=0.9 * answer.parameters.body_pose)
+    )
 
 
 @pytest.mark.parametrize(
     ("mock", "change", "settings", "words"),
     [
-        (mocks.MockMetricDepth, lambda a, _: replace(a, depth=a.depth**1.05), {}, "the power 1.05 of the depth"),
+        (
+            mocks.MockMetricDepth,
+            lambda a, _: replace(a, depth=a.depth**1.05),
+            {},
+            "the power 1.05 of the depth",
+        ),
         (
             mocks.MockMetricDepth,
             lambda a, _: replace(a, depth=np.minimum(a.depth, 4.6)),
@@ -49,7 +56,9 @@ def scaled_pose(answer: Any, image: Any) -> Any:
     ],
     ids=["power", "saturated", "turned", "scale"],
 )
-def test_a_perfect_network_in_a_wrong_wrapper_is_explained(mock: type, change: Any, settings: Any, words: str):
+def test_a_perfect_network_in_a_wrong_wrapper_is_explained(
+    mock: type, change: Any, settings: Any, words: str
+):
     result = is_exact(mock, change, **settings)
     assert result.outcome == "failed"
     assert words in f"{result.got} {result.hint}"

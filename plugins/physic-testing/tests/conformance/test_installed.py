@@ -13,7 +13,8 @@ from physic_testing.conformance.cases import SIZE
 
 pytestmark = pytest.mark.slow
 
-# Contracts do not depend on how much a network sees: small inputs, one look and one thread are enough.
+# Contracts do not depend on how much a network sees: small inputs, one look and one thread are
+# enough.
 OPTIONS: dict[tuple[str, str], OptionsFor] = {
     ("segmenter", "embedded"): {"tile_fractions": [], "threads": 1},
     ("relative_pointmap", "embedded"): {"short_side": 154, "threads": 1},
@@ -24,16 +25,22 @@ OPTIONS: dict[tuple[str, str], OptionsFor] = {
 
 SMALL = (160, 120)
 ON_SMALL_PHOTOS = ("inpainter", "relative_pointmap", "body_estimator")
-"""Interfaces whose checks hold on small photos of any network; the others need people of some size, or the truth."""
+"""Interfaces whose checks hold on small photos of any network; the others need people of some size,
+or the truth.
+"""
 
 
-@pytest.mark.parametrize("offer", list_backends(), ids=lambda offer: f"{offer.interface}-{offer.name}")
+@pytest.mark.parametrize(
+    "offer", list_backends(), ids=lambda offer: f"{offer.interface}-{offer.name}"
+)
 def test_an_installed_backend_does_what_its_interface_promises(offer: Any):
     report = check_backend(
         f"{offer.distribution}:{offer.name}",
         offer.interface,
         options=OPTIONS.get((offer.interface, offer.name)),
-        size=SMALL if offer.interface in ON_SMALL_PHOTOS or offer.distribution == "physic-mock" else SIZE,
+        size=SMALL
+        if offer.interface in ON_SMALL_PHOTOS or offer.distribution == "physic-mock"
+        else SIZE,
     )
     print(report.summary)
     if report.not_run_reason and not report.failures:

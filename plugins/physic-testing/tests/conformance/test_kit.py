@@ -13,7 +13,9 @@ from physic_testing.conformance import Report, Result, checks_for
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.compare import compare
 
-CENTIMETRES = next(m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth")
+CENTIMETRES = next(
+    m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth"
+)
 NO_WEIGHTS = "my-depth needs weights.onnx: fetch it from https://example.org and set options.path"
 
 
@@ -53,7 +55,8 @@ def outcome(report: Report, check: str) -> Result:
     return next(r for r in report.results if r.check == check)
 
 
-# ---- which backend ---------------------------------------------------------------------------------------------------
+# ---- which backend
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend(site):
@@ -78,13 +81,19 @@ def test_a_name_of_several_interfaces_needs_the_interface(site):
         check_backend("right", "depth")
 
 
-# ---- what comes of it ------------------------------------------------------------------------------------------------
+# ---- what comes of it
+# ------------------------------------------------------------------------------------------------
 
 
 def test_a_failure_states_expected_and_found_value_unit_and_reference():
     (failure,) = check_backend(CENTIMETRES, size=SIZE).failures
     assert failure.message.startswith("depth_is_in_metres\n")
-    for words in (failure.expected, failure.got, "Is it centimetres?", "physic_core.types.DepthMap"):
+    for words in (
+        failure.expected,
+        failure.got,
+        "Is it centimetres?",
+        "physic_core.types.DepthMap",
+    ):
         assert words in failure.message
     assert failure.expected == "metres"
     assert "but of 0 if it is centimetres" in failure.got
@@ -104,21 +113,27 @@ def test_the_last_line_says_whether_the_backend_passed():
 
 
 def test_mistakes_that_errors_of_the_network_hide_are_named_and_counted():
-    hidden = Result("depth_is_in_metres", "passed", unseen=("to the right, by less than 0.5 px", "inverted"))
+    hidden = Result(
+        "depth_is_in_metres", "passed", unseen=("to the right, by less than 0.5 px", "inverted")
+    )
     report = Report("metric_depth", "my-depth", "my-plugin", (hidden,))
     assert all(mistake in report.text for mistake in hidden.unseen)
     assert "2 possible mistakes" in report.verdict
 
 
 def test_an_expected_failure_is_no_failure():
-    report = check_backend(CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
+    report = check_backend(
+        CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"}
+    )
     assert report.ok
     assert outcome(report, "depth_is_in_metres").outcome == "xfailed"
     assert "1 failed as expected" in report.summary
 
 
 def test_an_expected_failure_that_passes_is_a_failure():
-    report = check_backend(RightMetricDepth, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
+    report = check_backend(
+        RightMetricDepth, size=SIZE, expected_failures={"depth_is_in_metres": "known"}
+    )
     assert not report.ok
     assert "it passes" in report.failures[0].message
 
@@ -144,7 +159,8 @@ def test_a_backend_may_bring_the_options_that_it_needs():
     assert report.ok, report.text
 
 
-# ---- capabilities ----------------------------------------------------------------------------------------------------
+# ---- capabilities
+# --------------------------------------------------------------------------------------------------
 
 
 def test_capabilities_choose_checks():
@@ -161,12 +177,15 @@ def test_a_backend_that_needs_a_gpu_is_not_called_without_one():
     assert report.not_run_reason == "needs a GPU: pass device='cuda'"
 
 
-# ---- accuracy --------------------------------------------------------------------------------------------------------
+# ---- accuracy
+# --------------------------------------------------------------------------------------------------
 
 
 def test_backends_are_compared_in_one_table():
     worlds = (("stand", 1), ("group", 1))
-    found = compare("metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)
+    found = compare(
+        "metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE
+    )
     right, hundred, missing = found.rows
     assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
     assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
@@ -177,11 +196,14 @@ def test_backends_are_compared_in_one_table():
     assert "*" in first
     assert third.endswith("0 of 2")
     assert note.endswith(f": not ready: {NO_WEIGHTS}")
-    assert about.startswith("metric_depth on synthetic worlds of 160 x 120 px: stand 1, group 1; people")
+    assert about.startswith(
+        "metric_depth on synthetic worlds of 160 x 120 px: stand 1, group 1; people"
+    )
     json.dumps(found.as_dict(), allow_nan=False)
 
 
-# ---- pytest ----------------------------------------------------------------------------------------------------------
+# ---- pytest
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -213,7 +235,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytes
         )
         def test_right(check):
             check()
-        """.format(folder=str(__import__("pathlib").Path(__file__).parent))
+        """.format(folder=str(__import__("pathlib").Path(__file__).parent))  # noqa: E501
     )
     done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:randomly", "-rf")
     total = len(checks_for("metric_depth")) + 1

@@ -1,4 +1,6 @@
-"""Faults of wrappers are found, in perfect networks and in real ones, and backends without a fault pass."""
+"""Faults of wrappers are found, in perfect networks and in real ones, and backends without a fault
+pass.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,12 @@ UNSEEN = {
     ("MockContactPrior", "mirrored"),
 }
 """Faults that are lost among errors as large as those of a network."""
-NOISY = [(mock, fault) for mock, faults in FORTY.items() for fault in faults if (mock, fault[0]) not in UNSEEN]
+NOISY = [
+    (mock, fault)
+    for mock, faults in FORTY.items()
+    for fault in faults
+    if (mock, fault[0]) not in UNSEEN
+]
 
 
 def name_of(value: Any) -> str:
@@ -38,14 +45,21 @@ def name_of(value: Any) -> str:
 
 def failures(run: CheckRun) -> Iterator[Result]:
     """The failures and warnings; a check runs when its result is asked for."""
-    names = ["returns_valid_output", *(check.name for check in accuracy_checks(run.subject.interface))]
+    names = [
+        "returns_valid_output",
+        *(check.name for check in accuracy_checks(run.subject.interface)),
+    ]
     return (found for name in names if (found := run.result(name)).outcome in ("failed", "warned"))
 
 
 @pytest.mark.parametrize(("mock", "fault"), ALL, ids=name_of)
 def test_a_fault_is_found_and_named_in_a_perfect_network(mock: str, fault: Fault):
     words, hint, change = fault
-    named = (failure.check for failure in failures(run_checks(mock, change)) if re.search(hint, failure.message))
+    named = (
+        failure.check
+        for failure in failures(run_checks(mock, change))
+        if re.search(hint, failure.message)
+    )
     first = next(named, None)
     assert first is not None
     assert first == FOUND_BY.get((mock, words), first)
@@ -64,7 +78,9 @@ def test_a_mock_without_a_fault_passes(mock: str, noise: int):
         assert list(failures(run_checks(mock, noise=noise, seed=seed))) == []
 
 
-@pytest.mark.parametrize("fault", [*FORTY["MockHandEstimator"], *FURTHER["MockHandEstimator"]], ids=name_of)
+@pytest.mark.parametrize(
+    "fault", [*FORTY["MockHandEstimator"], *FURTHER["MockHandEstimator"]], ids=name_of
+)
 def test_faults_of_hands_are_found_in_backends_that_see_no_small_hand(fault: Fault):
     """As networks do that leave hands below 32 px, those of a person of 400 px, as they are."""
 

@@ -1,4 +1,6 @@
-"""Shares of mistakes in what outputs are off by, and photos that are changed with all that belongs to them."""
+"""Shares of mistakes in what outputs are off by, and photos that are changed with all that belongs
+to them.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def test_a_changed_photo_shows_the_changed_bodies_keypoints_and_points(name: str
     other = changed_case(case, change)
     assert other.photo.shape[:2] == (change.camera.height, change.camera.width)
     order = mirrored_order(JOINT_NAMES[:22]) if change.mirrors else list(range(22))
-    before, after = (project(embedded_surface(one.bodies)[1][:, :22], one.intrinsics) for one in (case, other))
+    before, after = (
+        project(embedded_surface(one.bodies)[1][:, :22], one.intrinsics) for one in (case, other)
+    )
     np.testing.assert_allclose(after, change.of_pixels(before)[:, order], atol=0.3)
     rows, columns = np.nonzero(other.scene.valid)
     pixels = project(other.scene.points[rows, columns].astype(np.float64), other.intrinsics)

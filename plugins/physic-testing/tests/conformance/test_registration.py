@@ -42,7 +42,8 @@ def offer(site):
     """Install a depth plugin whose module of hooks imports something first."""
 
     def install(distribution: str, metres: float, first: str = "") -> None:
-        name, module = distribution.removeprefix("physic-"), f"{distribution.replace('-', '_')}_backend"
+        name = distribution.removeprefix("physic-")
+        module = f"{distribution.replace('-', '_')}_backend"
         (site.folder / f"{module}.py").write_text(DEPTH.format(metres=metres))
         hooks = f"[physic.plugins]\n{name} = {distribution.replace('-', '_')}\n"
         entry = f"{hooks}[physic.metric_depth]\n{name} = {module}:B\n"
@@ -72,7 +73,11 @@ def test_torch_imported_by_a_module_of_hooks_is_caught(offer):
 
 
 def test_a_module_of_hooks_that_computes_is_caught(offer):
-    offer("physic-busy", 3.0, "import time\nend = time.process_time() + 0.8\nwhile time.process_time() < end: pass")
+    offer(
+        "physic-busy",
+        3.0,
+        "import time\nend = time.process_time() + 0.8\nwhile time.process_time() < end: pass",
+    )
     result = registration("busy")
     assert result.outcome == "failed"
     assert "0.5 s of processor time" in result.expected
@@ -93,7 +98,10 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
 def test_check_says_what_is_wrong_with_its_arguments(offer):
     offer("physic-flat", 3.0)
     assert "Did you mean 'flat'?" in physic("plugins", "check", "flatt").stderr
-    assert "--option gain: write KEY=VALUE" in physic("plugins", "check", "flat", "--option", "gain").stderr
+    assert (
+        "--option gain: write KEY=VALUE"
+        in physic("plugins", "check", "flat", "--option", "gain").stderr
+    )
     done = physic("plugins", "check", "flat", "--option", "gain=2")
     assert done.exit_code == 2
     assert "Error: metric_depth 'flat': gain: unknown option\n" in done.stderr
@@ -107,7 +115,9 @@ def test_compare_prints_a_table_and_json(offer):
     head, flat, far, _ = done.stdout.splitlines()
     assert [line.split()[0] for line in (head, flat, far)] == ["backend", "flat", "far"]
     assert "1 of 1" in flat
-    done = physic("plugins", "compare", "metric_depth", "flat", "far", "--world", "stand:0", "--json")
+    done = physic(
+        "plugins", "compare", "metric_depth", "flat", "far", "--world", "stand:0", "--json"
+    )
     read = json.loads(done.stdout)
     assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
     assert read["worlds"] == [["stand", 0]]

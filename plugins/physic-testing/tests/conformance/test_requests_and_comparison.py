@@ -19,8 +19,14 @@ def test_rounding_is_no_difference():
     assert describe_difference(DepthMap(DEPTH), DepthMap(1.01 * DEPTH)).startswith("depth: ")
     holes = np.where(DEPTH > 3, np.nan, DEPTH)
     assert describe_difference(DepthMap(holes), DepthMap(holes)) == ""
-    assert describe_difference(DepthMap(DEPTH), DepthMap(DEPTH[:10])) == "depth: shapes (20, 30) and (10, 30)"
-    assert describe_difference(DepthMap(DEPTH, scale_sigma=0.1), DepthMap(DEPTH)) == "scale_sigma: 0.1 and None"
+    assert (
+        describe_difference(DepthMap(DEPTH), DepthMap(DEPTH[:10]))
+        == "depth: shapes (20, 30) and (10, 30)"
+    )
+    assert (
+        describe_difference(DepthMap(DEPTH, scale_sigma=0.1), DepthMap(DEPTH))
+        == "scale_sigma: 0.1 and None"
+    )
 
 
 def test_a_few_pixels_are_no_difference_but_more_are():
@@ -34,7 +40,10 @@ def test_a_few_pixels_are_no_difference_but_more_are():
 
 def test_no_network_is_reached_by_name_or_by_number():
     with no_network() as asked, socket.socket() as line:
-        with pytest.raises(OSError, match=r"^network access is blocked in this check: weights.example was requested$"):
+        with pytest.raises(
+            OSError,
+            match=r"^network access is blocked in this check: weights.example was requested$",
+        ):
             socket.create_connection(("weights.example", 443))
         with pytest.raises(OSError, match=r"192\.0\.2\.1:80"):
             line.connect(("192.0.2.1", 80))
@@ -48,10 +57,13 @@ def test_memory_that_is_held_is_seen():
     assert resident_megabytes() - before > 0.7 * held.nbytes / 1e6
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators are not asked to return free memory")
+@pytest.mark.skipif(
+    platform.libc_ver()[0] != "glibc", reason="other allocators are not asked to return free memory"
+)
 def test_memory_that_the_allocator_had_kept_is_seen():
     mebibyte = 2**20 // 8
-    np.ones(30 * mebibyte)  # A larger block that was freed puts smaller ones onto the heap, which stays resident.
+    # A larger block that was freed puts smaller ones onto the heap, which stays resident.
+    np.ones(30 * mebibyte)
     blocks = [np.ones(20 * mebibyte) for _ in range(30)]
     above = bytes(100_000)
     del blocks
@@ -63,7 +75,11 @@ def test_memory_that_the_allocator_had_kept_is_seen():
 
 @pytest.mark.parametrize(
     ("unknown", "relative"),
-    [("scale", DEPTH / 3), ("scale_shift", (DEPTH - 0.5) / 3), ("inverse_scale_shift", 3 / (1 / DEPTH + 0.2))],
+    [
+        ("scale", DEPTH / 3),
+        ("scale_shift", (DEPTH - 0.5) / 3),
+        ("inverse_scale_shift", 3 / (1 / DEPTH + 0.2)),
+    ],
 )
 def test_alignment_ignores_some_wrong_pixels(unknown, relative):
     spoilt = relative.copy()

@@ -1,4 +1,6 @@
-"""What a backend needs is stated: its default weights in a manifest, its packages in the requirements."""
+"""What a backend needs is stated: its default weights in a manifest, its packages in the
+requirements.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,17 @@ license = "Apache-2.0"
 commercial = true
 files = [{path = "b.onnx", source = "https://example.org/b.onnx"}]
 """
-WEIGHTS, PACKAGES = "default_weights_are_listed", "packages_are_required"
+WEIGHTS = "default_weights_are_listed"
+PACKAGES = "packages_are_required"
 
 
 def result(check: str) -> Result:
     return start_checks(find_backend("own", "metric_depth")).result(check)
 
 
-@pytest.mark.parametrize(("default", "outcome"), [("free", "passed"), ("fre", "failed"), ("", "skipped")])
+@pytest.mark.parametrize(
+    ("default", "outcome"), [("free", "passed"), ("fre", "failed"), ("", "skipped")]
+)
 def test_the_default_weights_are_a_set_that_the_plugin_lists(site: Any, default: str, outcome: str):
     class Options(MockMetricDepth.Options):
         weights: str = Field(default, description="a set")
@@ -53,8 +58,12 @@ class Own(MockMetricDepth):
     ("stated", "outcome", "got"),
     [((), "warned", "physic_mock, pytest in neither"), (("pytest", "physic_mock"), "passed", "")],
 )
-def test_a_package_that_nothing_requires_is_caught(site: Any, stated: tuple[str, ...], outcome: str, got: str):
+def test_a_package_that_nothing_requires_is_caught(
+    site: Any, stated: tuple[str, ...], outcome: str, got: str
+):
     more = f"    def requirements(self):\n        return (Packages({stated}),)\n"
-    site.install("physic-own", OWN + more, entry="own = physic_own:Own", group="physic.metric_depth")
+    site.install(
+        "physic-own", OWN + more, entry="own = physic_own:Own", group="physic.metric_depth"
+    )
     found = result(PACKAGES)
     assert (found.outcome, found.got) == (outcome, got)

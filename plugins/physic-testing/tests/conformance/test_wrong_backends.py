@@ -42,7 +42,10 @@ def start(mistake: Wrong, site: Any) -> CheckRun:
         return start_checks(find_backend(mistake.kind, None, size=SIZE))
     mistake.kind.written_for = 1
     target = f"{mistake.kind.__module__}:{mistake.kind.__name__}"
-    entry = f"[physic.plugins]\nwrong = physic_wrong\n[physic.{mistake.kind.interface}]\nheavy = {target}\n"
+    entry = (
+        f"[physic.plugins]\nwrong = physic_wrong\n[physic.{mistake.kind.interface}]\nheavy = "
+        f"{target}\n"
+    )
     site.install("physic-wrong", mistake.plugin, entry=entry)
     return start_checks(find_backend("heavy", mistake.kind.interface, size=SIZE))
 

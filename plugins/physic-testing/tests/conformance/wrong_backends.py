@@ -1,4 +1,6 @@
-"""One wrong backend for each way of being wrong: a right one with one mistake, and the check that must catch it."""
+"""One wrong backend for each way of being wrong: a right one with one mistake, and the check that
+must catch it.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,9 @@ def altered(right: type[Any], mistake: str, check: str, change: Callable[..., An
     WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
 
 
-def restless(right: type[Any], mistake: str, check: str, fails: Callable[..., bool], error: Exception) -> None:
+def restless(
+    right: type[Any], mistake: str, check: str, fails: Callable[..., bool], error: Exception
+) -> None:
     """A right backend that raises where ``fails(*arguments)``."""
 
     def infer(self: Any, *arguments: Any) -> Any:
@@ -82,7 +86,8 @@ def restless(right: type[Any], mistake: str, check: str, fails: Callable[..., bo
     WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
 
 
-# ---- the class and its options ---------------------------------------------------------------------------------------
+# ---- the class and its options
+# ---------------------------------------------------------------------------------------
 
 
 WRONG.append(
@@ -90,7 +95,8 @@ WRONG.append(
         "torch imported at registration",
         RightMetricDepth,
         "registration_is_light",
-        "import torch\nfrom physic_core import hookimpl\n@hookimpl\ndef physic_commands():\n    return []\n",
+        "import torch\nfrom physic_core import hookimpl\n@hookimpl\ndef physic_commands():\n    "
+        "return []\n",
     )
 )
 
@@ -130,7 +136,8 @@ class Unwritable(RightMetricDepth):
         dtype: Any = Field(np.float32, description="Type of the answer.")
 
 
-# ---- construction, weights -------------------------------------------------------------------------------------------
+# ---- construction, weights
+# -------------------------------------------------------------------------------------------
 
 
 @wrong("download in the constructor", "constructs_offline")
@@ -215,23 +222,43 @@ class LoadsOnce(RightMetricDepth):
         self.ever = True
 
 
-# ---- the form of answers ---------------------------------------------------------------------------------------------
+# ---- the form of answers
+# ---------------------------------------------------------------------------------------------
 
 FORM = "returns_valid_output"
-altered(RightMetricDepth, "depth as float16 text", FORM, lambda a, *_: replace(a, depth=a.depth.astype(str)))
-altered(RightKeypoints, "confidence in percent", FORM, lambda a, *_: replace(a, confidence=100 * a.confidence))
+altered(
+    RightMetricDepth,
+    "depth as float16 text",
+    FORM,
+    lambda a, *_: replace(a, depth=a.depth.astype(str)),
+)
+altered(
+    RightKeypoints,
+    "confidence in percent",
+    FORM,
+    lambda a, *_: replace(a, confidence=100 * a.confidence),
+)
 altered(
     RightSegmenter,
     "boxes x y w h",
     FORM,
-    lambda a, *_: replace(a, boxes=np.concatenate([a.boxes[:, :2], a.boxes[:, 2:] - a.boxes[:, :2]], axis=1)),
+    lambda a, *_: replace(
+        a, boxes=np.concatenate([a.boxes[:, :2], a.boxes[:, 2:] - a.boxes[:, :2]], axis=1)
+    ),
 )
 altered(RightInpainter, "an image of floats", FORM, lambda a, *_: (a / 255).astype(np.float32))
 altered(RightBodies, "rotation matrices", FORM, lambda a, *_: replace(
     a, parameters=replace(a.parameters, body_pose=np.zeros((len(a.parameters), 21, 3, 3)))
 ))  # fmt: skip
-altered(RightHands, "confidence above 1", FORM, lambda a, *_: replace(a, confidence=a.confidence + 1))
-altered(RightContact, "a probability below 0", FORM, lambda a, *_: replace(a, probability=a.probability - 0.5))
+altered(
+    RightHands, "confidence above 1", FORM, lambda a, *_: replace(a, confidence=a.confidence + 1)
+)
+altered(
+    RightContact,
+    "a probability below 0",
+    FORM,
+    lambda a, *_: replace(a, probability=a.probability - 0.5),
+)
 
 altered(
     RightContact,
@@ -245,7 +272,9 @@ altered(
     "rows_do_not_depend_on_other_people",
     lambda a, *_: replace(
         a,
-        probability=np.concatenate([a.probability[:1], np.round(a.probability[1:] * 20).astype(np.float32) / 20 * 0.9]),
+        probability=np.concatenate(
+            [a.probability[:1], np.round(a.probability[1:] * 20).astype(np.float32) / 20 * 0.9]
+        ),
     ),
 )
 restless(
@@ -269,7 +298,11 @@ def padded(answer: Any, *_: Any) -> Any:
 
 
 def lying(answer: Any, *_: Any) -> Any:
-    return replace(answer, depth=answer.depth.T) if answer.depth.shape[0] > answer.depth.shape[1] else answer
+    return (
+        replace(answer, depth=answer.depth.T)
+        if answer.depth.shape[0] > answer.depth.shape[1]
+        else answer
+    )
 
 
 altered(RightMetricDepth, "padded to a multiple of 8", "accepts_an_odd_size", padded)
@@ -311,7 +344,8 @@ restless(
 )
 
 
-# ---- asking changes nothing ------------------------------------------------------------------------------------------
+# ---- asking changes nothing
+# ------------------------------------------------------------------------------------------
 
 
 @wrong("writes into the photo", "does_not_modify_its_input")
@@ -326,7 +360,9 @@ class Writing(RightMetricDepth):
 class Random(RightMetricDepth):
     def infer(self, image, hints):
         answer = super().infer(image, hints)
-        return replace(answer, depth=answer.depth * np.random.default_rng().normal(1, 0.01, answer.depth.shape))
+        return replace(
+            answer, depth=answer.depth * np.random.default_rng().normal(1, 0.01, answer.depth.shape)
+        )
 
 
 @wrong("a mean over photos", "keeps_no_state_between_photos")
@@ -335,7 +371,8 @@ class Remembering(RightMetricDepth):
 
     def infer(self, image, hints):
         answer = super().infer(image, hints)
-        seen, self.scale = self.scale, self.scale * 1.01
+        seen = self.scale
+        self.scale = self.scale * 1.01
         return replace(answer, depth=answer.depth * np.float32(seen))
 
     def close(self):
@@ -400,7 +437,8 @@ class Printing(RightMetricDepth):
 @wrong("a list of all photos", "needs_no_more_memory_in_later_calls")
 class Hoarding(RightMetricDepth):
     def infer(self, image, hints):
-        pages = np.frombuffer(mmap.mmap(-1, 8_000_000))  # always new memory; that of an array may be some freed before
+        # always new memory; that of an array may be some freed before
+        pages = np.frombuffer(mmap.mmap(-1, 8_000_000))
         pages[:] = 1
         self.__dict__.setdefault("seen", []).append(pages)
         return super().infer(image, hints)
@@ -434,7 +472,8 @@ restless(
 )
 
 
-# ---- depth -----------------------------------------------------------------------------------------------------------
+# ---- depth
+# --------------------------------------------------------------------------------------------------
 
 
 def of_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
@@ -454,15 +493,29 @@ def only_corner(z: np.ndarray) -> np.ndarray:
 
 
 def normalised_camera(answer: Any, *_: Any) -> Any:
-    return replace(answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2))
+    return replace(
+        answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2)
+    )
 
 
 altered(RightMetricDepth, "only a corner", "depth_is_where_it_can_be_known", of_depth(only_corner))
 altered(RightMetricDepth, "transposed", "depth_is_along_z_and_upright", of_depth(transposed))
-altered(RightMetricDepth, "upside down", "depth_is_along_z_and_upright", of_depth(lambda z: z[::-1]))
-altered(RightMetricDepth, "disparity", "depth_is_along_z_and_upright", of_depth(lambda z: np.median(z) ** 2 / z))
+altered(
+    RightMetricDepth, "upside down", "depth_is_along_z_and_upright", of_depth(lambda z: z[::-1])
+)
+altered(
+    RightMetricDepth,
+    "disparity",
+    "depth_is_along_z_and_upright",
+    of_depth(lambda z: np.median(z) ** 2 / z),
+)
 altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
-altered(RightMetricDepth, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
+altered(
+    RightMetricDepth,
+    "a focal length in shares of the width",
+    "intrinsics_fit_the_photo",
+    normalised_camera,
+)
 altered(
     RightMetricDepth,
     "a sigma in percent",
@@ -489,7 +542,9 @@ class Forgetful(RightMetricDepth):
 def bgr(right: type[Any]) -> None:
     def infer(self: Any, image: Any, *rest: Any) -> Any:
         # The lookup that a network trained on RGB would be sees blue where red is.
-        return right.infer(self, image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image, *rest)
+        return right.infer(
+            self, image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image, *rest
+        )
 
     infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
     kind = type(f"Bgr{right.__name__}", (right,), {"infer": infer})
@@ -500,7 +555,8 @@ for right in (RightSegmenter, RightMetricDepth, RightPointmap, RightKeypoints):
     bgr(right)
 
 
-# ---- point maps ------------------------------------------------------------------------------------------------------
+# ---- point maps
+# --------------------------------------------------------------------------------------------------
 
 
 restless(
@@ -526,7 +582,8 @@ restless(
 )
 
 
-# ---- people ----------------------------------------------------------------------------------------------------------
+# ---- people
+# --------------------------------------------------------------------------------------------------
 
 
 def inverted(answer: Any, *_: Any) -> Any:
@@ -548,13 +605,17 @@ def shares(answer: Any, *_: Any) -> Any:
 
 
 def floor_over_people(answer: Any, *_: Any) -> Any:
-    return replace(answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0))
+    return replace(
+        answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0)
+    )
 
 
 def dilated(answer, *_):
     import cv2
 
-    grown = [cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0 for mask in answer.masks]
+    grown = [
+        cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0 for mask in answer.masks
+    ]
     others = answer.masks.sum(axis=0) - answer.masks
     masks = np.array(grown, bool).reshape(answer.masks.shape) & (others == 0)
     free = np.cumsum(masks, axis=0) == 1
@@ -578,7 +639,8 @@ altered(
 altered(RightSegmenter, "people who are floor", "floor_mask_excludes_people", floor_over_people)
 
 
-# ---- inpainting ------------------------------------------------------------------------------------------------------
+# ---- inpainting
+# --------------------------------------------------------------------------------------------------
 
 
 restless(
@@ -597,7 +659,8 @@ restless(
 )
 
 
-# ---- keypoints -------------------------------------------------------------------------------------------------------
+# ---- keypoints
+# --------------------------------------------------------------------------------------------------
 
 
 def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
@@ -618,7 +681,9 @@ altered(
     RightKeypoints,
     "points that lie nowhere on a body",
     "skeleton_is_known",
-    lambda a, *_: replace(a, skeleton=Skeleton("dots", tuple(f"dot{i}" for i in range(a.points.shape[1])))),
+    lambda a, *_: replace(
+        a, skeleton=Skeleton("dots", tuple(f"dot{i}" for i in range(a.points.shape[1])))
+    ),
 )
 altered(
     RightKeypoints,
@@ -630,7 +695,8 @@ for right in (RightKeypoints, RightBodies, RightHands, RightContact):
     altered(right, "rows from left to right", "rows_follow_the_people", sorted_rows)
 
 
-# ---- bodies, hands, contact ------------------------------------------------------------------------------------------
+# ---- bodies, hands, contact
+# ------------------------------------------------------------------------------------------
 
 
 def of_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
@@ -649,13 +715,25 @@ def placed(p: Any, move: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.nda
     from physic_core.body.bones import rotations_from_parameters
 
     with torch.no_grad():
-        out = load_body("embedded")(rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl))
+        out = load_body("embedded")(
+            rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl)
+        )
     pelvis = out.joints[:, 0].numpy()
     return {"transl": (p.transl + move(pelvis) - pelvis).astype(np.float32)}
 
 
-altered(RightBodies, "an unknown body", "body_model_is_known", lambda a, *_: replace(a, body_model="mhr"))
-altered(RightBodies, "degrees", "angles_are_radians", of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}))
+altered(
+    RightBodies,
+    "an unknown body",
+    "body_model_is_known",
+    lambda a, *_: replace(a, body_model="mhr"),
+)
+altered(
+    RightBodies,
+    "degrees",
+    "angles_are_radians",
+    of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}),
+)
 altered(RightBodies, "an OpenGL camera", "bodies_are_in_front", of_parameters(opengl))
 altered(
     RightBodies,
@@ -688,8 +766,18 @@ altered(
     "confidence_is_that_of_each_hand",
     lambda a, *_: replace(a, confidence=a.confidence[:, ::-1].copy()),
 )
-altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
-altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))
+altered(
+    RightHands,
+    "degrees",
+    "angles_are_radians",
+    lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)),
+)
+altered(
+    RightContact,
+    "another mesh",
+    "topology_is_that_of_the_bodies",
+    lambda a, *_: replace(a, topology="smplx"),
+)
 
 
 @wrong("a placeholder that looks at the image", "ignores_the_image")
@@ -699,7 +787,9 @@ class Looking(RightKeypoints):
     def infer(self, image, people):
         if image.std() == 0 and len(people):
             case = build_case("one person", SIZE)
-            return replace(super().infer(case.photo, people), confidence=np.zeros((len(people), 33)))
+            return replace(
+                super().infer(case.photo, people), confidence=np.zeros((len(people), 33))
+            )
         return super().infer(image, people)
 
 

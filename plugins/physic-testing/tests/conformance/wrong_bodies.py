@@ -1,4 +1,6 @@
-"""Bodies of other models, contact on other meshes and hands with wrists: right ones, and for each check a wrong one."""
+"""Bodies of other models, contact on other meshes and hands with wrists: right ones, and for each
+check a wrong one.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 
 @lru_cache(maxsize=1)
 def shuffled() -> tuple[RestMesh, np.ndarray]:
-    """The embedded body's mesh with another name and order of vertices, and the old number of each."""
+    """The embedded body's mesh with another name and order of vertices, and the old number of
+    each.
+    """
     rest = rest_mesh_of_model(load_body("embedded"))
     order = np.random.default_rng(0).permutation(len(rest.vertices))
     return RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces]), order
@@ -33,7 +37,9 @@ class OtherBodies(RightBodies):
         correct = super().infer(image, people, intrinsics, keypoints, hints)
         p = replace(correct.parameters, betas=np.zeros((len(correct.parameters), 10), np.float32))
         with torch.no_grad():
-            given = (torch.from_numpy(v) for v in (correct.parameters.betas, correct.parameters.transl))
+            given = (
+                torch.from_numpy(v) for v in (correct.parameters.betas, correct.parameters.transl)
+            )
             out = load_body("embedded")(rotations_from_parameters(correct.parameters), *given)
         joints = out.joints.numpy().copy()
         joints[:, 22:] = np.nan
@@ -61,9 +67,14 @@ class OtherContact(RightContact):
 class WristHands(RightHands):
     def infer(self, image, people, keypoints):
         case, _, _ = self.look_up(image)
-        world = rotations_from_tpose(rotations_from_parameters(case.bodies.parameters).double().numpy())
+        world = rotations_from_tpose(
+            rotations_from_parameters(case.bodies.parameters).double().numpy()
+        )
         correct = super().infer(image, people, keypoints)
-        return replace(correct, wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
+        return replace(
+            correct,
+            wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)],
+        )
 
 
 RIGHT: tuple[type[interfaces.Backend], ...] = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
@@ -99,7 +110,9 @@ altered(
     "rest_mesh_is_a_t_pose",
     lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
 )
-altered(WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_frame", against_the_forearm)
+altered(
+    WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_frame", against_the_forearm
+)
 altered(
     WristHands,
     "wrists exchanged",

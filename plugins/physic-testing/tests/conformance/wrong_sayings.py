@@ -1,4 +1,6 @@
-"""Backends that say something wrong of themselves before they are loaded: for each check of that, wrong ones."""
+"""Backends that say something wrong of themselves before they are loaded: for each check of that,
+wrong ones.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,8 @@ import time
 from right_backends import RightMetricDepth
 from wrong_backends import wrong
 
-MISSING, FINGERPRINT = "missing_is_fast_and_repeatable", "fingerprint_works_before_load"
+MISSING = "missing_is_fast_and_repeatable"
+FINGERPRINT = "fingerprint_works_before_load"
 
 
 def work() -> None:

@@ -1,4 +1,6 @@
-"""Posed scenes of the file: whose they are, and that mirroring and turning keep contacts and joint limits."""
+"""Posed scenes of the file: whose they are, and that mirroring and turning keep contacts and joint
+limits.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,13 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.body import hinge_angles
 from physic_testing import worlds
-from physic_testing.worlds import CHILD_WORLDS, CONTACT_WORLDS, OTHER_BODIES, RAISED_FEET_WORLDS, WORLDS
+from physic_testing.worlds import (
+    CHILD_WORLDS,
+    CONTACT_WORLDS,
+    OTHER_BODIES,
+    RAISED_FEET_WORLDS,
+    WORLDS,
+)
 from physic_testing.worlds.action_scenes import POOLS, ActionScene, load_action
 from physic_testing.worlds.posing import pose_body
 from physic_testing.worlds.solids import signed_distance
@@ -30,7 +38,9 @@ def _load(name: str, seed: int, pool: str = "development") -> ActionScene:
 
 
 def _posed(scene: ActionScene) -> list[np.ndarray]:
-    return [pose_body(scene.model, actor.pose, actor.betas, actor.transl)[0] for actor in scene.actors]
+    return [
+        pose_body(scene.model, actor.pose, actor.betas, actor.transl)[0] for actor in scene.actors
+    ]
 
 
 def test_the_file_is_below_1_mb() -> None:
@@ -39,14 +49,22 @@ def test_the_file_is_below_1_mb() -> None:
 
 def test_every_world_has_scenes_in_each_pool_and_no_scene_is_in_two() -> None:
     with np.load(_FILE) as file:
-        scenes, people = file["scenes"], file["people"]
-    held = {(str(name), str(pool)) for name, pool in zip(scenes["name"], scenes["pool"], strict=True)}
+        scenes = file["scenes"]
+        people = file["people"]
+    held = {
+        (str(name), str(pool)) for name, pool in zip(scenes["name"], scenes["pool"], strict=True)
+    }
     assert held == {(name, pool) for name in _NAMES for pool in POOLS}
-    of_pool = [{row.tobytes() for row in people["pose"][scenes["pool"][people["scene"]] == pool]} for pool in POOLS]
+    of_pool = [
+        {row.tobytes() for row in people["pose"][scenes["pool"][people["scene"]] == pool]}
+        for pool in POOLS
+    ]
     assert all(not one & other for one, other in combinations(of_pool, 2))
 
 
-@pytest.mark.parametrize("name", ["stand", "lie", "sit_on_chair+other", "slope", "sit_high", "child_sits"])
+@pytest.mark.parametrize(
+    "name", ["stand", "lie", "sit_on_chair+other", "slope", "sit_high", "child_sits"]
+)
 @pytest.mark.parametrize("seed", range(3))
 def test_people_touch_the_scene_and_enter_nothing(name: str, seed: int) -> None:
     scene = _load(name, seed)
@@ -62,12 +80,15 @@ def test_people_touch_the_scene_and_enter_nothing(name: str, seed: int) -> None:
 
 def test_a_seed_mirrors_and_turns_a_scene() -> None:
     scenes = [_load("lean_on_wall", seed) for seed in range(24)]
-    left, right = JOINT_INDEX["left_elbow"], JOINT_INDEX["right_elbow"]
+    left = JOINT_INDEX["left_elbow"]
+    right = JOINT_INDEX["right_elbow"]
     found = set()
     for one, other in combinations(scenes, 2):
         if np.array_equal(one.actors[0].betas, other.actors[0].betas):
-            a, b = one.actors[0].pose, other.actors[0].pose
-            same, mirrored = np.allclose(a[left], b[left]), np.allclose(a[left], b[right] * (1, -1, -1))
+            a = one.actors[0].pose
+            b = other.actors[0].pose
+            same = np.allclose(a[left], b[left])
+            mirrored = np.allclose(a[left], b[right] * (1, -1, -1))
             assert same != mirrored
             found.add(mirrored)
             a, b = (np.sort(_posed(scene)[0][:, 1]) for scene in (one, other))
@@ -78,6 +99,9 @@ def test_a_seed_mirrors_and_turns_a_scene() -> None:
 
 
 def test_the_same_numbers_give_the_same_scene() -> None:
-    one, other = _load("hug", 3), _load("hug", 3)
+    one = _load("hug", 3)
+    other = _load("hug", 3)
     assert one.blocks == other.blocks
-    assert all(np.array_equal(a.pose, b.pose) for a, b in zip(one.actors, other.actors, strict=True))
+    assert all(
+        np.array_equal(a.pose, b.pose) for a, b in zip(one.actors, other.actors, strict=True)
+    )

@@ -1,4 +1,6 @@
-"""True contacts: which item, other person and own part a vertex touches, within the reach and for outer skin alone."""
+"""True contacts: which item, other person and own part a vertex touches, within the reach and for
+outer skin alone.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,19 @@ def t_pose() -> FloatArray:
 
 def test_an_item_is_touched_within_the_reach_by_outer_vertices() -> None:
     ball, cup = (
-        Block((x, 1.0, 0.0), (0.1, 0.1, 0.1), rounding=0.1, item=name) for x, name in ((0.0, "ball"), (1.0, "cup"))
+        Block((x, 1.0, 0.0), (0.1, 0.1, 0.1), rounding=0.1, item=name)
+        for x, name in ((0.0, "ball"), (1.0, "cup"))
     )
     table = Block((2.0, 0.4, 0.0), (0.3, 0.4, 0.3))
     room = Room(LEVEL_GROUND, (table, ball, cup), None, Patch("wood", 0))
-    at = [(0.0, 1.115, 0.0), (0.0, 1.13, 0.0), (1.1, 1.0, 0.0), (2.0, 0.8, 0.0), (0.0, 1.0, 0.0), (0.0, 1.1, 0.0)]
+    at = [
+        (0.0, 1.115, 0.0),
+        (0.0, 1.13, 0.0),
+        (1.1, 1.0, 0.0),
+        (2.0, 0.8, 0.0),
+        (0.0, 1.0, 0.0),
+        (0.0, 1.1, 0.0),
+    ]
     outer = np.array([True] * 5 + [False])
     found = touched_item(room, outer, np.array([at]), REACH)
     assert room.items == ("ball", "cup")
@@ -46,7 +56,9 @@ def test_people_touch_each_other_and_no_one_far_away() -> None:
     assert set(person[0].tolist()) == {NONE, 1}
     assert set(person[1].tolist()) == {NONE, 0}
     assert not (person[:, ~float64_model().outer.numpy()] != NONE).any()
-    person = touched_people(float64_model(), np.stack([body, body + np.array([0.0, 0.0, 3.0])]), REACH)
+    person = touched_people(
+        float64_model(), np.stack([body, body + np.array([0.0, 0.0, 3.0])]), REACH
+    )
     assert (person == NONE).all()
 
 

@@ -1,4 +1,6 @@
-"""Worlds of contact: intended contacts touch, skin enters no skin, and partners, supports, dents, items are true."""
+"""Worlds of contact: intended contacts touch, skin enters no skin, and partners, supports, dents,
+items are true.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 def _part(name: str) -> BoolArray:
-    part: BoolArray = float64_model().part_of_vertex.numpy() == float64_model().part_names.index(name)
+    part: BoolArray = float64_model().part_of_vertex.numpy() == float64_model().part_names.index(
+        name
+    )
     return part
 
 
@@ -43,15 +47,22 @@ def _apart(surface: trimesh.Trimesh, points: FloatArray) -> FloatArray:
     _, index = KDTree(surface.triangles_center).query(points, k=count)
     triangles = surface.triangles[index.reshape(-1)]
     closest = trimesh.triangles.closest_point(triangles, np.repeat(points, count, axis=0))
-    distance: FloatArray = np.linalg.norm(closest.reshape(-1, count, 3) - points[:, None], axis=2).min(axis=1)
+    distance: FloatArray = np.linalg.norm(
+        closest.reshape(-1, count, 3) - points[:, None], axis=2
+    ).min(axis=1)
     return distance
 
 
 def _largest_penetration(points: FloatArray, mesh: trimesh.Trimesh) -> float:
     """Distance to the surface of the deepest point inside a closed mesh, m."""
     inside = points
-    for direction in ([0.31, 0.90, 0.30], [-0.80, 0.21, 0.56], [0.53, -0.42, -0.74]):  # its faces seen from behind
-        hits = RayCaster(mesh.vertices, mesh.faces).first(inside, np.tile(direction, (len(inside), 1))).face
+    # its faces seen from behind
+    for direction in ([0.31, 0.90, 0.30], [-0.80, 0.21, 0.56], [0.53, -0.42, -0.74]):
+        hits = (
+            RayCaster(mesh.vertices, mesh.faces)
+            .first(inside, np.tile(direction, (len(inside), 1)))
+            .face
+        )
         inside = inside[(hits >= 0) & (mesh.face_normals[hits] @ direction > 0)]
     return float(_apart(mesh, inside).max()) if len(inside) else 0.0
 
@@ -64,7 +75,10 @@ def test_people_penetrate_neither_scene_nor_each_other(world: World) -> None:
         for j, other in enumerate(vertices):
             if i != j:
                 assert (
-                    _largest_penetration(person[world.outer], trimesh.Trimesh(other, world.faces, process=False)) < 0.01
+                    _largest_penetration(
+                        person[world.outer], trimesh.Trimesh(other, world.faces, process=False)
+                    )
+                    < 0.01
                 )
     if world.items:
         in_room = world.camera.to_room(vertices[:, world.outer])
@@ -124,9 +138,13 @@ def test_a_ball_is_held_by_both_hands_and_is_not_in_the_empty_scene() -> None:
     world = build_world("hold_ball", 0, _SIZE)
     assert world.items == ("ball",)
     (ball,) = (block for block in world.room.blocks if block.item)
-    distance = np.linalg.norm(world.camera.to_room(world.vertices.astype(float)) - np.array(ball.centre), axis=-1)
+    distance = np.linalg.norm(
+        world.camera.to_room(world.vertices.astype(float)) - np.array(ball.centre), axis=-1
+    )
     apart = distance - ball.rounding
-    np.testing.assert_array_equal(world.touched_item == 0, (apart <= CONTACT_DISTANCE) & world.outer)
+    np.testing.assert_array_equal(
+        world.touched_item == 0, (apart <= CONTACT_DISTANCE) & world.outer
+    )
     for side in ("left", "right"):
         assert abs(apart[0, _part(f"{side}_hand")].min()) < 0.002
     mask = world.item_masks[0]
@@ -134,4 +152,6 @@ def test_a_ball_is_held_by_both_hands_and_is_not_in_the_empty_scene() -> None:
     assert not (mask & world.masks.any(axis=0)).any()
     assert (world.depth[mask] < world.empty_depth[mask]).all()
     seen = world.camera.to_room(world.points(people=True)[mask].astype(float))
-    assert np.linalg.norm(seen - np.array(ball.centre), axis=1) == pytest.approx(ball.rounding, abs=0.003)
+    assert np.linalg.norm(seen - np.array(ball.centre), axis=1) == pytest.approx(
+        ball.rounding, abs=0.003
+    )

@@ -31,7 +31,9 @@ def cache(tmp_path, monkeypatch):
 def thing(seed: int = 0) -> Outer:
     rng = np.random.default_rng(seed)
     inner = tuple(Inner(rng.normal(size=(k, 3)).astype(np.float32), rng.random()) for k in range(3))
-    return Outer((*inner, Inner(np.zeros(0, bool), None)), {"a": rng.integers(9, size=4)}, "a/b \u00e9")
+    return Outer(
+        (*inner, Inner(np.zeros(0, bool), None)), {"a": rng.integers(9, size=4)}, "a/b \u00e9"
+    )
 
 
 def assert_same(one: Outer, two: Outer) -> None:
@@ -71,7 +73,8 @@ def test_a_broken_file_is_built_anew(cache, damage):
     else:
         np.savez(path, table=np.zeros(2))
     assert_same(disk_cache.load_or_build("key", Outer, (Inner,), lambda: thing(1)), thing(1))
-    assert_same(disk_cache.load_or_build("key", Outer, (Inner,), lambda: thing(2)), thing(1))  # repaired
+    # repaired
+    assert_same(disk_cache.load_or_build("key", Outer, (Inner,), lambda: thing(2)), thing(1))
 
 
 def test_the_files_unused_for_longest_go_first(cache, monkeypatch):
@@ -96,7 +99,8 @@ def test_a_kept_world_is_the_built_one_bit_for_bit(tmp_path, monkeypatch):
     monkeypatch.delattr(worlds, "_build")
     read = ask("stand", 0, (64, 48))
     for field in fields(built):
-        a, b = getattr(built, field.name), getattr(read, field.name)
+        a = getattr(built, field.name)
+        b = getattr(read, field.name)
         if isinstance(a, np.ndarray):
             assert a.dtype == b.dtype
             np.testing.assert_array_equal(a, b, err_msg=field.name)

@@ -1,4 +1,6 @@
-"""Worlds whose people have a body that no shape of the body model has; their truth is exact on the same mesh."""
+"""Worlds whose people have a body that no shape of the body model has; their truth is exact on the
+same mesh.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,15 @@ def test_no_shape_of_the_model_explains_the_body(model):
     zero = np.zeros(model.num_betas)
     vertices, joints = rest_body(changed, zero)
     own_vertices, own_joints = rest_body(model, zero)
-    directions = np.stack([np.concatenate(rest_body(model, row)) for row in np.eye(model.num_betas)])
-    directions = (directions - np.concatenate([own_vertices, own_joints])).reshape(model.num_betas, -1)
-    wanted = (np.concatenate([vertices, joints]) - np.concatenate([own_vertices, own_joints])).reshape(-1)
+    directions = np.stack(
+        [np.concatenate(rest_body(model, row)) for row in np.eye(model.num_betas)]
+    )
+    directions = (directions - np.concatenate([own_vertices, own_joints])).reshape(
+        model.num_betas, -1
+    )
+    wanted = (
+        np.concatenate([vertices, joints]) - np.concatenate([own_vertices, own_joints])
+    ).reshape(-1)
     betas = np.linalg.lstsq(directions.T, wanted, rcond=None)[0]
     left = np.linalg.norm((wanted - betas @ directions).reshape(-1, 3), axis=1)
     assert left.mean() > 0.004
@@ -40,9 +48,12 @@ def test_no_shape_of_the_model_explains_the_body(model):
 def test_shape_components_act_on_the_body_as_on_the_model(model):
     changed = other_body(model, np.random.default_rng(3))
     betas = np.full(model.num_betas, 0.5)
-    taller = np.ptp(rest_body(changed, betas)[0][:, 1]) - np.ptp(rest_body(changed, -betas)[0][:, 1])
+    taller = np.ptp(rest_body(changed, betas)[0][:, 1]) - np.ptp(
+        rest_body(changed, -betas)[0][:, 1]
+    )
     assert taller == pytest.approx(
-        np.ptp(rest_body(model, betas)[0][:, 1]) - np.ptp(rest_body(model, -betas)[0][:, 1]), rel=0.3
+        np.ptp(rest_body(model, betas)[0][:, 1]) - np.ptp(rest_body(model, -betas)[0][:, 1]),
+        rel=0.3,
     )
 
 
@@ -53,7 +64,9 @@ def test_the_truth_is_that_of_the_other_body(world, model):
     assert world.vertices.shape[1:] == base.vertices.shape[1:]
     fitted, joints = pose_body(
         model,
-        np.concatenate([world.parameters.global_orient[0], world.parameters.body_pose[0], np.zeros(99)]).reshape(55, 3),
+        np.concatenate(
+            [world.parameters.global_orient[0], world.parameters.body_pose[0], np.zeros(99)]
+        ).reshape(55, 3),
         world.parameters.betas[0],
         world.parameters.transl[0],
     )
@@ -65,4 +78,6 @@ def test_the_truth_is_that_of_the_other_body(world, model):
     assert world.contact.any()
     names = SKELETONS["coco17"].names
     row = names.index("left_knee")
-    assert world.keypoints["coco17"][0, row] == pytest.approx(project(world.joints[0, 4], world.intrinsics), abs=6)
+    assert world.keypoints["coco17"][0, row] == pytest.approx(
+        project(world.joints[0, 4], world.intrinsics), abs=6
+    )

@@ -12,10 +12,15 @@ from .float64_model import float64_model
 
 
 def test_vertices_and_joints_are_those_of_the_body_model() -> None:
-    model, rng = float64_model(), np.random.default_rng(4)
-    pose, betas, transl = rng.normal(0, 0.4, (55, 3)), rng.normal(size=model.num_betas), rng.normal(size=3)
+    model = float64_model()
+    rng = np.random.default_rng(4)
+    pose = rng.normal(0, 0.4, (55, 3))
+    betas = rng.normal(size=model.num_betas)
+    transl = rng.normal(size=3)
     wanted = model(
-        roma.rotvec_to_rotmat(torch.tensor(pose)[None]), torch.tensor(betas)[None], torch.tensor(transl)[None]
+        roma.rotvec_to_rotmat(torch.tensor(pose)[None]),
+        torch.tensor(betas)[None],
+        torch.tensor(transl)[None],
     )
     vertices, joints = pose_body(model, pose, betas, transl)
     np.testing.assert_allclose(vertices, wanted.vertices[0].numpy(), atol=1e-13)

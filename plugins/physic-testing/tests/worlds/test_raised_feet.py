@@ -13,7 +13,8 @@ _IN_AIR = {"jump": 2, "raise_foot": 1, "vault": 2, "hold_bar": 2, "sit_high": 2}
 
 @pytest.mark.parametrize("name", RAISED_FEET_WORLDS)
 def test_feet_are_5_to_50_cm_over_the_ground_and_touch_nothing(name: str) -> None:
-    world, model = build_world(name, 1, (160, 120)), load_body()
+    world = build_world(name, 1, (160, 120))
+    model = load_body()
     in_room = world.camera.to_room(world.vertices.astype(float))[0]
     in_air = 0
     for side in ("left", "right"):

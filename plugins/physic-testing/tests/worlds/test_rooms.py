@@ -11,7 +11,12 @@ BLOCK = Block((0.5, 0.25, 0.2), (0.3, 0.25, 0.2), yaw=0.4)
 WALLS = Walls((-2, -2), (2, 3), 2.5)
 ROOM = Room(Ground(), (BLOCK,), WALLS, Patch("planks", 0))
 TURNED = Room(Ground(), (BLOCK,), Walls((-2, -2), (2, 3), 2.5, yaw=0.3), Patch("tiles", 0))
-SLOPE = Room(Ground((0.0, float(np.cos(0.2)), float(np.sin(0.2))), "grass"), (BLOCK,), None, Patch("grass", 0))
+SLOPE = Room(
+    Ground((0.0, float(np.cos(0.2)), float(np.sin(0.2))), "grass"),
+    (BLOCK,),
+    None,
+    Patch("grass", 0),
+)
 
 
 def surface_samples(room: Room, count: int = 4000) -> np.ndarray:
@@ -26,8 +31,12 @@ def surface_samples(room: Room, count: int = 4000) -> np.ndarray:
 
 
 def test_distances_to_a_known_room_are_exact():
-    points = np.array([[-1.0, 0.3, 1.0], [0.5, 0.7, 0.2], [0.5, 0.45, 0.2], [0.0, -0.1, 0.0], [1.9, 1.0, 0.0]])
-    np.testing.assert_allclose(ROOM.signed_distance(points), [0.3, 0.2, -0.05, -0.1, 0.1], atol=1e-12)
+    points = np.array(
+        [[-1.0, 0.3, 1.0], [0.5, 0.7, 0.2], [0.5, 0.45, 0.2], [0.0, -0.1, 0.0], [1.9, 1.0, 0.0]]
+    )
+    np.testing.assert_allclose(
+        ROOM.signed_distance(points), [0.3, 0.2, -0.05, -0.1, 0.1], atol=1e-12
+    )
     np.testing.assert_allclose(
         ROOM.signed_distance(np.array([[0, 2.4, 0], [0, 2.6, 0], [-2.2, 1, 0]])), [0.1, -0.1, -0.2]
     )

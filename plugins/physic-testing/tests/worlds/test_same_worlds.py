@@ -1,4 +1,6 @@
-"""A world and the mocks' answers are the same in every bit, whatever the CPU's vectors, the kernels and the threads."""
+"""A world and the mocks' answers are the same in every bit, whatever the CPU's vectors, the kernels
+and the threads.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ import sys
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="kernels are named for x86-64")
+pytestmark = pytest.mark.skipif(
+    platform.machine() not in ("x86_64", "AMD64"), reason="kernels are named for x86-64"
+)
 
 _FOUND = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
 
@@ -24,10 +28,17 @@ _PLAIN = {
 _AVX2 = {
     "OPENBLAS_CORETYPE": "Haswell",
     "ATEN_CPU_CAPABILITY": "avx2",
-    "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in _FOUND if name.startswith(("X86_V4", "AVX512"))),
+    "NPY_DISABLE_CPU_FEATURES": " ".join(
+        name for name in _FOUND if name.startswith(("X86_V4", "AVX512"))
+    ),
     "OMP_NUM_THREADS": "1",
 }
-_BEST = {"OPENBLAS_CORETYPE": "", "ATEN_CPU_CAPABILITY": "", "NPY_DISABLE_CPU_FEATURES": "", "OMP_NUM_THREADS": "2"}
+_BEST = {
+    "OPENBLAS_CORETYPE": "",
+    "ATEN_CPU_CAPABILITY": "",
+    "NPY_DISABLE_CPU_FEATURES": "",
+    "OMP_NUM_THREADS": "2",
+}
 
 _DIGESTS = """
 import hashlib, sys
@@ -73,12 +84,19 @@ def _digests(environment: dict[str, str], *worlds: str) -> list[str]:
     # What is empty is not set: an empty name is a name to some libraries.
     changed = {name: value for name, value in changed.items() if value}
     run = subprocess.run(
-        [sys.executable, "-c", _DIGESTS, *worlds], env=changed, capture_output=True, text=True, check=True
+        [sys.executable, "-c", _DIGESTS, *worlds],
+        env=changed,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return run.stdout.splitlines()
 
 
-@pytest.mark.skipif("X86_V3" not in _FOUND and "AVX2" not in _FOUND, reason="a CPU without AVX2 has no other kernels")
+@pytest.mark.skipif(
+    "X86_V3" not in _FOUND and "AVX2" not in _FOUND,
+    reason="a CPU without AVX2 has no other kernels",
+)
 def test_a_world_has_the_same_bits_under_all_kernels() -> None:
     worlds = "walk:3", "lean_on_table:1", "slope:2"
     best, *others = (_digests(environment, *worlds) for environment in (_BEST, _AVX2, _PLAIN))

@@ -1,4 +1,6 @@
-"""Solid things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
+"""Solid things: their signed distance against a plain twin and trimesh, its gradient, and their
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidDistances, blocks_mesh, signed_distance
+from physic_testing.worlds.solids import (
+    LEVEL_GROUND,
+    Block,
+    Ground,
+    SolidDistances,
+    blocks_mesh,
+    signed_distance,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -41,13 +50,18 @@ def test_the_distance_is_that_of_a_slow_reference() -> None:
     points = _points(300)
     wanted = [_plain(point, _BLOCKS, ground) for point in points]
     assert signed_distance(points, _BLOCKS, ground) == pytest.approx(wanted, abs=1e-12)
-    assert signed_distance(points, (), ground) == pytest.approx(points @ np.array(ground.normal), abs=1e-12)
+    assert signed_distance(points, (), ground) == pytest.approx(
+        points @ np.array(ground.normal), abs=1e-12
+    )
 
 
 def test_the_signed_distance_outside_equals_the_distance_to_the_mesh() -> None:
     points = _points(200, seed=1)
     points[:, 1] += 5  # far from the ground, with the blocks lifted too
-    lifted = tuple(Block((b.centre[0], b.centre[1] + 5, b.centre[2]), b.half, b.yaw, pitch=b.pitch) for b in _BLOCKS)
+    lifted = tuple(
+        Block((b.centre[0], b.centre[1] + 5, b.centre[2]), b.half, b.yaw, pitch=b.pitch)
+        for b in _BLOCKS
+    )
     vertices, faces, side = blocks_mesh(lifted)
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     assert np.bincount(side).tolist() == [2] * 18
@@ -56,24 +70,33 @@ def test_the_signed_distance_outside_equals_the_distance_to_the_mesh() -> None:
     outside = found > 0
     triangles = mesh.triangles
     wanted = [
-        np.linalg.norm(trimesh.triangles.closest_point(triangles, np.tile(p, (len(triangles), 1))) - p, axis=1).min()
+        np.linalg.norm(
+            trimesh.triangles.closest_point(triangles, np.tile(p, (len(triangles), 1))) - p, axis=1
+        ).min()
         for p in points[outside]
     ]
     assert found[outside] == pytest.approx(wanted, abs=1e-9)
     parts = [trimesh.Trimesh(*blocks_mesh((block,))[:2], process=False) for block in lifted]
-    behind = [((points[:, None] - p.triangles_center) * p.face_normals).sum(-1).max(1) <= 0 for p in parts]
+    behind = [
+        ((points[:, None] - p.triangles_center) * p.face_normals).sum(-1).max(1) <= 0 for p in parts
+    ]
     assert np.array_equal(~outside, np.any(behind, axis=0))
 
 
 def test_the_gradient_is_right_inside_and_outside() -> None:
-    points, step = _points(40, seed=2), 1e-6
+    points = _points(40, seed=2)
+    step = 1e-6
     solid = SolidDistances(_BLOCKS, Ground((0.0, 0.8, 0.6)))
     assert np.array_equal(
-        solid.distances(points).min(axis=0), signed_distance(points, _BLOCKS, Ground((0.0, 0.8, 0.6)))
+        solid.distances(points).min(axis=0),
+        signed_distance(points, _BLOCKS, Ground((0.0, 0.8, 0.6))),
     )
     for which in range(len(_BLOCKS) + 1):
         wanted = [
-            (solid.distances(points + step * axis) - solid.distances(points - step * axis))[which] / (2 * step)
+            (solid.distances(points + step * axis) - solid.distances(points - step * axis))[which]
+            / (2 * step)
             for axis in np.eye(3)
         ]
-        np.testing.assert_allclose(solid.normals(points, np.full(40, which)), np.stack(wanted, axis=1), atol=1e-8)
+        np.testing.assert_allclose(
+            solid.normals(points, np.full(40, which)), np.stack(wanted, axis=1), atol=1e-8
+        )

@@ -13,20 +13,36 @@ from physic_testing.worlds import world as worlds
 @pytest.mark.parametrize("case", ["odd size", *EVIDENCE])
 def test_the_ordinary_photos_of_the_kit_are_stored(case: str):
     world = build_case(case).truth
-    stored = stored_worlds.load_stored(world.name, world.seed, (world.intrinsics.width, world.intrinsics.height))
+    stored = stored_worlds.load_stored(
+        world.name, world.seed, (world.intrinsics.width, world.intrinsics.height)
+    )
     assert stored is not None
     for stored_image, image in zip(stored.images, (world.image, world.empty_image), strict=True):
         np.testing.assert_array_equal(stored_image, image)
 
 
 def test_a_stored_world_is_the_built_one(monkeypatch: pytest.MonkeyPatch):
-    ask, asked = worlds._cached_world.__wrapped__, ("stand", 1, (131, 97))
+    ask = worlds._cached_world.__wrapped__
+    asked = ("stand", 1, (131, 97))
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, "off")
     stored = ask(*asked)
     monkeypatch.setattr(stored_worlds, "load_stored", lambda *_: None)
     built = ask(*asked)
-    assert (stored.room, stored.intrinsics, stored.action) == (built.room, built.intrinsics, built.action)
-    for name in ("depth", "empty_depth", "masks", "surfaces", "vertices", "joints", "contact", "distance"):
+    assert (stored.room, stored.intrinsics, stored.action) == (
+        built.room,
+        built.intrinsics,
+        built.action,
+    )
+    for name in (
+        "depth",
+        "empty_depth",
+        "masks",
+        "surfaces",
+        "vertices",
+        "joints",
+        "contact",
+        "distance",
+    ):
         np.testing.assert_array_equal(getattr(stored, name), getattr(built, name), err_msg=name)
     for name in ("image", "empty_image"):  # other libraries for rays differ at single edges
         assert (getattr(stored, name) != getattr(built, name)).mean() < 1e-3, name

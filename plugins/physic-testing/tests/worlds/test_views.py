@@ -1,4 +1,6 @@
-"""Worlds that several cameras show at the same moment: one truth in one room, and a photo for each camera."""
+"""Worlds that several cameras show at the same moment: one truth in one room, and a photo for each
+camera.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def test_all_views_have_the_same_people_and_room(views):
     first = views[0]
     in_room = first.camera.to_room(first.joints.astype(np.float64))
     for view in views[1:]:
-        assert view.camera.to_room(view.joints.astype(np.float64)) == pytest.approx(in_room, abs=1e-5)
+        assert view.camera.to_room(view.joints.astype(np.float64)) == pytest.approx(
+            in_room, abs=1e-5
+        )
         assert np.array_equal(view.contact, first.contact)
         assert view.room == first.room
         assert view.parameters.betas == pytest.approx(first.parameters.betas)
@@ -39,7 +43,9 @@ def test_each_view_shows_everybody_where_its_camera_is(views):
     for view in views:
         assert view.masks.any(axis=(1, 2)).all()
         pelvis = view.keypoints["coco17"][:, 11:13].mean(axis=1)
-        centre = np.array([[np.flatnonzero(mask.any(axis=axis)).mean() for axis in (0, 1)] for mask in view.masks])
+        centre = np.array(
+            [[np.flatnonzero(mask.any(axis=axis)).mean() for axis in (0, 1)] for mask in view.masks]
+        )
         assert np.linalg.norm(pelvis - centre, axis=1).max() < 0.5 * SIZE[0]
     assert not np.array_equal(views[0].image, views[1].image)
 

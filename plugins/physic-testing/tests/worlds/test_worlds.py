@@ -31,19 +31,35 @@ def world(request) -> World:
 def rotations(parameters):
     import roma
 
-    order = ("global_orient", "body_pose", "jaw_pose", "leye_pose", "reye_pose", "left_hand_pose", "right_hand_pose")
-    rotvecs = np.concatenate([getattr(parameters, name) for name in order], axis=1).reshape(-1, 55, 3)
+    order = (
+        "global_orient",
+        "body_pose",
+        "jaw_pose",
+        "leye_pose",
+        "reye_pose",
+        "left_hand_pose",
+        "right_hand_pose",
+    )
+    rotvecs = np.concatenate([getattr(parameters, name) for name in order], axis=1).reshape(
+        -1, 55, 3
+    )
     return roma.rotvec_to_rotmat(torch.tensor(rotvecs))
 
 
 def test_the_parameters_pose_the_bodies(world, model):
     output = model(
-        rotations(world.parameters), torch.tensor(world.parameters.betas), torch.tensor(world.parameters.transl)
+        rotations(world.parameters),
+        torch.tensor(world.parameters.betas),
+        torch.tensor(world.parameters.transl),
     )
     np.testing.assert_allclose(output.vertices.numpy(), world.vertices, atol=1e-5)
     np.testing.assert_allclose(output.joints.numpy(), world.joints, atol=1e-5)
     assert (world.body_model, world.topology) == (model.name, model.topology)
-    assert world.action == (world.name,) * len(world.masks) or world.name in ("group", "slope", "outdoor_steps")
+    assert world.action == (world.name,) * len(world.masks) or world.name in (
+        "group",
+        "slope",
+        "outdoor_steps",
+    )
 
 
 def test_people_touch_the_scene_and_enter_it_by_a_centimetre_at_most(world):
@@ -59,7 +75,9 @@ def test_the_distance_is_that_to_the_rooms_surfaces(world):
 
 
 def test_other_people_are_no_scene(world):
-    """Without blocks and walls the distance is the height over the ground, however near the others are."""
+    """Without blocks and walls the distance is the height over the ground, however near the others
+    are.
+    """
     on_plane = world.vertices @ world.floor.normal + world.floor.offset
     assert (world.distance <= on_plane + 1e-4).all()
 
@@ -72,7 +90,10 @@ def test_the_pictures_agree_with_the_geometry(world):
         assert distance.max() < 0.03  # the longest edges of the mesh are about 4 cm
     np.testing.assert_array_equal(world.depth[~people], world.empty_depth[~people])
     assert (world.depth[people] <= world.empty_depth[people]).all()
-    for image_points, floor in ((points, world.floor_mask), (world.points(people=False), world.empty_floor_mask)):
+    for image_points, floor in (
+        (points, world.floor_mask),
+        (world.points(people=False), world.empty_floor_mask),
+    ):
         height = image_points[floor] @ world.floor.normal + world.floor.offset
         assert (np.abs(height) < 1e-4 + 1e-6 * image_points[floor][:, 2]).all()
     np.testing.assert_array_equal(world.floor_mask, world.empty_floor_mask & ~people)
@@ -101,7 +122,9 @@ def test_normals_are_unit_and_face_the_camera(world):
         np.testing.assert_allclose(np.linalg.norm(normals, axis=2), seen, atol=1e-5)
         assert ((normals[seen] * points[seen]).sum(axis=1) <= 1e-4).all()
     np.testing.assert_allclose(
-        world.normals[world.floor_mask], np.broadcast_to(world.floor.normal, (world.floor_mask.sum(), 3)), atol=1e-5
+        world.normals[world.floor_mask],
+        np.broadcast_to(world.floor.normal, (world.floor_mask.sum(), 3)),
+        atol=1e-5,
     )
 
 
@@ -115,13 +138,16 @@ def test_visible_keypoints_lie_on_their_person(world):
             assert near[v, u].all()
         assert world.visible[skeleton].mean() > 0.2
     # Knees and wrists are the same points in both joint sets.
-    coco, blazepose = world.keypoints["coco17"], world.keypoints["blazepose33"]
+    coco = world.keypoints["coco17"]
+    blazepose = world.keypoints["blazepose33"]
     np.testing.assert_allclose(coco[:, [9, 10, 13, 14]], blazepose[:, [15, 16, 25, 26]])
 
 
 def test_masks_part_the_people_and_boxes_hold_them(world):
     assert world.masks.sum(axis=0).max() == 1
-    for mask, whole, box in zip(world.masks, world.unoccluded_masks, world.boxes.astype(int), strict=True):
+    for mask, whole, box in zip(
+        world.masks, world.unoccluded_masks, world.boxes.astype(int), strict=True
+    ):
         assert not (mask & ~whole).any()
         assert mask.sum() > 0.2 * whole.sum()
         x0, y0, x1, y1 = box

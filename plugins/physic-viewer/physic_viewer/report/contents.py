@@ -21,19 +21,31 @@ from physic_core.visual.palette import (
 from physic_core.visual.supports import assumed_supports
 from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.people import people_records
-from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene, photo_jpeg
+from physic_viewer.report.surfaces import (
+    MAX_FULL_BODIES,
+    is_posed,
+    pack_bodies,
+    pack_scene,
+    photo_jpeg,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core.types import CheckResult, Reconstruction, StageRecord
 
-_PHOTO_PX, _BACKGROUND_PX = 1600, 1280  # longer sides of the pictures in the page
+# longer sides of the pictures in the page
+_PHOTO_PX = 1600
+_BACKGROUND_PX = 1280
 
 
 def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
-    """Return the data of the page. Lengths are metres in the camera frame; numbers that are not finite are None."""
-    camera, scene = reconstruction.intrinsics, reconstruction.scene
+    """Return the data of the page.
+
+    Lengths are metres in the camera frame; numbers that are not finite are None.
+    """
+    camera = reconstruction.intrinsics
+    scene = reconstruction.scene
     people = reconstruction.people
     crowd = len(people) > MAX_FULL_BODIES
     contents = {
@@ -43,7 +55,13 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "checked": summarize_checks(reconstruction.checks),
         "width": camera.width,
         "height": camera.height,
-        "camera": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "source": camera.source},
+        "camera": {
+            "fx": camera.fx,
+            "fy": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "source": camera.source,
+        },
         "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
         "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
         "upright": gltf_from_camera(scene.floor).ravel().tolist(),
@@ -58,10 +76,16 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
             "camera": CAMERA_RGB,
             "assumed": CONTACT_PALETTE["hidden support"],
         },
-        "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],
+        "legend": [
+            {"label": label, "color": color}
+            for label, color in contact_legend(reconstruction).items()
+        ],
         "faint": FAINT if has_faint_contact(reconstruction) else "",
         "guessed": GUESSED,
-        "partners": [{"title": one.title, "color": contact_color(one)} for one in reconstruction.contact_partners],
+        "partners": [
+            {"title": one.title, "color": contact_color(one)}
+            for one in reconstruction.contact_partners
+        ],
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
         "assumed": [
@@ -95,7 +119,11 @@ def _check(check: CheckResult) -> dict[str, Any]:
 def _licenses(stages: Sequence[StageRecord]) -> list[str]:
     """Return stage and licence of the weights of each backend that states one."""
     backends = ((stage.name, stage.provenance) for stage in stages if stage.provenance is not None)
-    return list(dict.fromkeys(f"{name}: {one.weights_license}" for name, one in backends if one.weights_license))
+    return list(
+        dict.fromkeys(
+            f"{name}: {one.weights_license}" for name, one in backends if one.weights_license
+        )
+    )
 
 
 def _finite(value: Any) -> Any:

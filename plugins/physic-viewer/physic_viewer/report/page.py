@@ -1,7 +1,8 @@
-"""Assemble ``report.html`` from its parts: markup, style, scripts and data in one file without any address.
+"""Assemble ``report.html`` from its parts: markup, style, scripts and data in one file without any
+address.
 
-The content security policy of the page names the digests of its own scripts. A browser runs no other script, whatever
-text a photo's name or a warning contains, and loads nothing from anywhere.
+The content security policy of the page names the digests of its own scripts. A browser runs no
+other script, whatever text a photo's name or a warning contains, and loads nothing from anywhere.
 """
 
 from __future__ import annotations
@@ -38,13 +39,19 @@ _TOKEN = re.compile(r"@([A-Z]+)@")
 
 def result_page(result: Reconstruction | InputError, title: str) -> str:
     """Return the page of a result, or of the reason why it cannot be read."""
-    return failure_html(title, str(result)) if isinstance(result, InputError) else report_html(result, title)
+    return (
+        failure_html(title, str(result))
+        if isinstance(result, InputError)
+        else report_html(result, title)
+    )
 
 
 def report_html(reconstruction: Reconstruction, title: str = "") -> str:
-    """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file, without a network.
+    """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file,
+    without a network.
 
-    The page of a photo has about 3 MB, and at most 7 MB. With ``#view`` after its address, it shows the 3D view alone.
+    The page of a photo has about 3 MB, and at most 7 MB. With ``#view`` after its address, it shows
+    the 3D view alone.
 
     Args:
         reconstruction: what to show.
@@ -52,7 +59,9 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
     """
     contents = page_contents(reconstruction, title or "Reconstruction")
     # "<" cannot end the script element.
-    data = json.dumps(contents, ensure_ascii=True, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(contents, ensure_ascii=True, allow_nan=False, separators=(",", ":")).replace(
+        "<", "\\u003c"
+    )
     own = "\n".join(_part(name) for name in _SCRIPTS)
     return _fill(
         _part("report.html"),
@@ -80,7 +89,9 @@ def failure_html(title: str, message: str) -> str:
 
 
 def _text(text: str) -> str:
-    """Escape text for the page; lone surrogates of file names that are not UTF-8 are shown as escapes."""
+    """Escape text for the page; lone surrogates of file names that are not UTF-8 are shown as
+    escapes.
+    """
     return html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
@@ -90,13 +101,22 @@ def _part(name: str) -> str:
 
 
 def _fill(template: str, fields: dict[str, str]) -> str:
-    """Replace each @NAME@ of a template in one pass, so that text of a field is never taken for a token."""
+    """Replace each @NAME@ of a template in one pass, so that text of a field is never taken for a
+    token.
+    """
     return _TOKEN.sub(lambda match: fields[match[1]], template)
 
 
 def _policy(*scripts: str) -> str:
-    """Return a content security policy that allows these scripts, the page's own style, and pictures in the page."""
+    """Return a content security policy that allows these scripts, the page's own style, and
+    pictures in the page.
+    """
     # The element of a script begins and ends with a line break, which is part of its text.
-    digests = (base64.b64encode(hashlib.sha256(f"\n{script}\n".encode()).digest()).decode() for script in scripts)
+    digests = (
+        base64.b64encode(hashlib.sha256(f"\n{script}\n".encode()).digest()).decode()
+        for script in scripts
+    )
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests) or "'none'"
-    return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
+    )

@@ -19,13 +19,16 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyContact, Person, Reconstruction
 
-_MAX_COMPARED = 120_000  # vertices of all people between which gaps are measured; of a crowd, every n-th
+# vertices of all people between which gaps are measured; of a crowd, every n-th
+_MAX_COMPARED = 120_000
 _PELVIS = 0
 _SPARSE = 32  # every n-th vertex bounds the distance of two people
 
 
 def body_of(reconstruction: Reconstruction) -> BodyModel | None:
-    """Load the body model of the people's parameters; None if it is not at hand, such as a file of another machine."""
+    """Load the body model of the people's parameters; None if it is not at hand, such as a file of
+    another machine.
+    """
     from physic_core.body import load_body
 
     path = dict(reconstruction.config.get("body_model", {})).get("path")
@@ -47,27 +50,40 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
         - ``posed``: whether there is a finite body; without one, the distances are None.
         - ``contact_vertices``: number of vertices in contact. ``vertices``: number of vertices.
-        - ``contacts``: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``, ``assumed`` of each.
+        - ``contacts``: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``,
+          ``assumed`` of each.
         - ``support``: sentence on what carries the person.
         - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
-        - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard deviation of its
-          logarithm.
+        - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
+          deviation of its logarithm.
         - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
         - ``lowest``: height of the lowest vertex over the floor, metres.
-        - ``others``: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, metres.
-        - ``contact``: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors`` divides the share by
-          what is touched (``color`` sRGB, ``share``).
+        - ``others``: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the
+          surfaces, metres.
+        - ``contact``: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors``
+          divides the share by what is touched (``color`` sRGB, ``share``).
     """
-    model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
+    model = (
+        body_of(reconstruction)
+        if any(is_posed(person) for person in reconstruction.people)
+        else None
+    )
     gaps = _gaps(reconstruction)
-    return [_record(reconstruction, index, gaps, model) for index in range(len(reconstruction.people))]
+    return [
+        _record(reconstruction, index, gaps, model) for index in range(len(reconstruction.people))
+    ]
 
 
 def _record(
-    reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float], model: BodyModel | None
+    reconstruction: Reconstruction,
+    index: int,
+    gaps: dict[tuple[int, int], float],
+    model: BodyModel | None,
 ) -> dict[str, Any]:
-    people, person = reconstruction.people, reconstruction.people[index]
-    posed, pelvis = is_posed(person), np.asarray(person.joints[_PELVIS], np.float64)
+    people = reconstruction.people
+    person = reconstruction.people[index]
+    posed = is_posed(person)
+    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
     titles = partner_titles(contact.partner for contact in person.contacts)
     fits = posed and model is not None and model.num_vertices == len(person.vertices)
     body = model if fits else None
@@ -89,7 +105,11 @@ def _record(
         "pelvis": pelvis.tolist() if posed else None,
         **_heights(reconstruction, person),
         "others": [
-            {"person": other, "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])), "gap": gap}
+            {
+                "person": other,
+                "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])),
+                "gap": gap,
+            }
             for other, gap in others
         ],
         "contact": None if body is None else _contact_by_part(reconstruction, person, body),
@@ -118,7 +138,9 @@ def _stature(person: Person, model: BodyModel) -> float | None:
 
 
 def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
-    """Return the heights of pelvis and lowest vertex over the floor, metres; None without a floor or a body."""
+    """Return the heights of pelvis and lowest vertex over the floor, metres; None without a floor
+    or a body.
+    """
     floor = reconstruction.scene.floor
     if floor is None or not is_posed(person):
         return {"pelvis_height": None, "lowest": None}
@@ -131,13 +153,18 @@ def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
 
 
 def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
-    """Return the least distance between the vertices of each ordered pair of people with a body, metres."""
+    """Return the least distance between the vertices of each ordered pair of people with a body,
+    metres.
+    """
     from scipy.spatial import cKDTree
 
     posed = [index for index, person in enumerate(reconstruction.people) if is_posed(person)]
     total = sum(len(reconstruction.people[index].vertices) for index in posed)
     stride = max(1, -(-total // _MAX_COMPARED))
-    points = {index: np.asarray(reconstruction.people[index].vertices[::stride], np.float64) for index in posed}
+    points = {
+        index: np.asarray(reconstruction.people[index].vertices[::stride], np.float64)
+        for index in posed
+    }
     trees = {index: cKDTree(points[index]) for index in posed}
     gaps: dict[tuple[int, int], float] = {}
     for first in posed:
@@ -152,14 +179,24 @@ def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64])
     """Return the least distance of two sets of points, the first of them in the tree."""
     bound = float(tree.query(second[::_SPARSE])[0].min())
     near = ((second >= first.min(0) - bound) & (second <= first.max(0) + bound)).all(1)
-    return min(bound, float(tree.query(second[near], distance_upper_bound=bound)[0].min(initial=bound)))
+    return min(
+        bound, float(tree.query(second[near], distance_upper_bound=bound)[0].min(initial=bound))
+    )
 
 
-def _contact_by_part(reconstruction: Reconstruction, person: Person, model: BodyModel) -> list[dict[str, Any]]:
-    """Return name, area in cm2, share and colours of each body part in contact, the largest area first."""
+def _contact_by_part(
+    reconstruction: Reconstruction, person: Person, model: BodyModel
+) -> list[dict[str, Any]]:
+    """Return name, area in cm2, share and colours of each body part in contact, the largest area
+    first.
+    """
     area = vertex_areas(person.vertices, reconstruction.faces)
-    part, names, contact = model.part_of_vertex.cpu().numpy(), model.part_names, np.asarray(person.contact, bool)
-    colors, color = np.unique(contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True)
+    part = model.part_of_vertex.cpu().numpy()
+    names = model.part_names
+    contact = np.asarray(person.contact, bool)
+    colors, color = np.unique(
+        contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True
+    )
     cell = part * len(colors) + color.reshape(-1)
     touching = np.bincount(cell, area * contact, len(names) * len(colors)).reshape(len(names), -1)
     share = touching / np.maximum(np.bincount(part, area, len(names)), 1e-12)[:, None]
@@ -168,7 +205,10 @@ def _contact_by_part(reconstruction: Reconstruction, person: Person, model: Body
             "part": part_words(name),
             "cm2": 1e4 * float(touching[i].sum()),
             "share": float(share[i].sum()),
-            "colors": [{"color": colors[k].tolist(), "share": float(share[i, k])} for k in np.flatnonzero(touching[i])],
+            "colors": [
+                {"color": colors[k].tolist(), "share": float(share[i, k])}
+                for k in np.flatnonzero(touching[i])
+            ],
         }
         for i, name in enumerate(names)
         if touching[i].sum() > 5e-5  # half a square centimetre

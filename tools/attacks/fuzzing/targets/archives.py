@@ -10,7 +10,12 @@ from fuzzing.target import Target
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.types import DepthMap, Intrinsics
 
-VALUE = DepthMap(np.arange(15, dtype=np.float32).reshape(5, 3), Intrinsics.from_focal(3, 3, 5, "é"), 0.5, ("a", "NaN"))
+VALUE = DepthMap(
+    np.arange(15, dtype=np.float32).reshape(5, 3),
+    Intrinsics.from_focal(3, 3, 5, "é"),
+    0.5,
+    ("a", "NaN"),
+)
 
 
 def make_seeds(folder: Path) -> list[bytes]:

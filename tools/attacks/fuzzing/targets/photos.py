@@ -1,4 +1,6 @@
-"""Photos and masks of people: an image, or InputError with the path, and no word of a decoder on the terminal."""
+"""Photos and masks of people: an image, or InputError with the path, and no word of a decoder on
+the terminal.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,16 @@ from fuzzing.target import Target
 from physic_core.errors import InputError
 from physic_core.io.photo import MIN_SIDE, read_photo
 
-WIDTH, HEIGHT = 72, 65
+WIDTH = 72
+HEIGHT = 65
 MAX_WRONG_SHARE = 0.005
 
 
 @cache
 def encoded() -> list[bytes]:
-    """The same picture in every format, mode and compression that Pillow can write and read_photo may read."""
+    """The same picture in every format, mode and compression that Pillow can write and read_photo
+    may read.
+    """
     x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     rgb = Image.fromarray(np.stack([3 * x, 3 * y, (x * y) % 256], -1).astype(np.uint8))
     rgba = rgb.copy()
@@ -125,7 +130,9 @@ def lose_data(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes
 
 
 def attack_twin(data: bytes, folder: Path) -> None:
-    """What is read differs from the undamaged photo in few pixels, which a progressive JPEG's finest details are."""
+    """What is read differs from the undamaged photo in few pixels, which a progressive JPEG's
+    finest details are.
+    """
     kind, _, content = data.partition(b"\n")
     path = folder / "photo"
     path.write_bytes(content)

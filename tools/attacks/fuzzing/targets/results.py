@@ -1,4 +1,6 @@
-"""Saved results, complete and of people: they are read, or refused with an error that names the folder."""
+"""Saved results, complete and of people: they are read, or refused with an error that names the
+folder.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from physic_core.errors import InputError
 from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 
-DOCUMENT, ARRAYS = "reconstruction.json", "reconstruction.npz"
+DOCUMENT = "reconstruction.json"
+ARRAYS = "reconstruction.npz"
 SEEDS = (0, 1)
 
 
@@ -84,6 +87,11 @@ def mutate_archive(data: bytes, rng: random.Random, others: Sequence[bytes]) -> 
 
 TARGETS = [
     Target("results-json", lambda _: [saved(0)[DOCUMENT]], attack_document, mutate_document),
-    Target("results-npz", lambda _: [saved(seed)[ARRAYS] for seed in SEEDS], attack_arrays, mutate_archive),
+    Target(
+        "results-npz",
+        lambda _: [saved(seed)[ARRAYS] for seed in SEEDS],
+        attack_arrays,
+        mutate_archive,
+    ),
     Target("results-people", lambda _: [saved(0, "people")[ARRAYS]], attack_people, mutate_archive),
 ]

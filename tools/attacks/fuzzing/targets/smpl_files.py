@@ -71,7 +71,9 @@ def attack_model(data: bytes, folder: Path) -> None:
         check_message(error, path)
         return
     for name, shape in MANO.shapes.items():
-        assert all(wanted in (None, size) for wanted, size in zip(shape, arrays[name].shape, strict=True))
+        assert all(
+            wanted in (None, size) for wanted, size in zip(shape, arrays[name].shape, strict=True)
+        )
         assert np.isfinite(arrays[name]).all()
         # A pickle has no checksums, so its numbers can be any.
         assert not data.startswith(b"PK") or np.array_equal(arrays[name], undamaged()[name]), name
@@ -91,7 +93,9 @@ def attack_smplx(data: bytes, folder: Path) -> None:
 def check_message(error: BodyModelError, path: Path) -> None:
     message = str(error)
     if str(path) not in message or not message.isprintable() or len(message) > 1000:
-        raise AssertionError(f"the message is not of one short line with the path: {message!r}") from error
+        raise AssertionError(
+            f"the message is not of one short line with the path: {message!r}"
+        ) from error
 
 
 TARGETS = [

@@ -61,10 +61,16 @@ def attack_manifest(data: bytes, folder: Path) -> None:
         assert [(file.path, file.bytes, file.sha256) for file in weights.files] == [
             (row["path"], row.get("bytes"), row.get("sha256")) for row in rows
         ]
-        assert (weights.license, weights.commercial) == (tables[name]["license"], tables[name].get("commercial"))
+        assert (weights.license, weights.commercial) == (
+            tables[name]["license"],
+            tables[name].get("commercial"),
+        )
         assert format_size(weights.bytes) is not None
         assert weights.how_to_get()
-        assert not any(isinstance(file.origin, HubSource) for file in weights.files) or weights.describe_licence()
+        assert (
+            not any(isinstance(file.origin, HubSource) for file in weights.files)
+            or weights.describe_licence()
+        )
         assert all(is_inside(file.path) for file in weights.files)
 
 
