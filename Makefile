@@ -3,7 +3,6 @@
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
-# make fuzz [CASES=20000]        attack each reader of files with so many damaged inputs
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
@@ -18,14 +17,13 @@
 PYTHON ?= python3
 PHOTO ?= examples/couple.jpg
 JOBS ?= 2
-CASES ?= 20000
 VENV := .venv
 BIN := $(VENV)/bin
 DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/pyproject.toml)
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
+.PHONY: demo quick test test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -63,10 +61,6 @@ test-ray: $(VENV)/test.stamp
 kernels: $(VENV)/test.stamp
 	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 \
 		$(BIN)/pytest -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
-
-fuzz: $(VENV)/test.stamp
-	ATTACK_CASES=$(CASES) $(BIN)/pytest -q tests/attacks/test_damaged_input.py
-	ATTACK_EVERY_STEP=1 OMP_NUM_THREADS=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
 mutants: $(VENV)/test.stamp
 	$(BIN)/python tools/mutants.py

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fuzzing.photo_bombs import BOMBS, huge_tile
+from photo_bombs import BOMBS, huge_tile
 from physic_core.batch.journal import read_journals
 from physic_testing.worlds import build_world
 

@@ -4,7 +4,6 @@ refused.
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -18,8 +17,7 @@ import pytest
 import physic_core.visual.glb as glb
 import physic_core.visual.preview as preview
 import physic_core.visual.report as report_page
-from fuzzing.interrupted import Steps
-from fuzzing.tiny_result import tiny_result
+from interrupted import Steps
 from physic_core.batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
@@ -29,6 +27,7 @@ from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 from physic_scene import output
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
+from tiny_result import tiny_result
 
 OLD = tiny_result(0)
 NEW = tiny_result(1)
@@ -103,10 +102,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def interruptions(
     operation: Callable[[Path, Reconstruction], None], before: Path | None, tmp_path: Path, how: str
 ) -> Iterator[Path]:
-    """Interrupt the operation at each of its steps, in a copy of the folder, and yield that.
-
-    With ATTACK_EVERY_STEP set, each single write of a file of many writes is a step.
-    """
+    """Interrupt the operation at its steps, in a copy of the folder, and yield that."""
 
     def run(number: int | None) -> Steps:
         shutil.copytree(before, folder) if before else folder.mkdir()
@@ -118,7 +114,7 @@ def interruptions(
     folder = tmp_path / how
     counted = run(None)
     shutil.rmtree(folder)
-    numbers = range(counted.count) if "ATTACK_EVERY_STEP" in os.environ else counted.chosen()
+    numbers = counted.chosen()
     assert numbers
     for number in numbers:
         assert run(number).count > number

@@ -7,8 +7,8 @@ from types import ModuleType
 import pytest
 
 STANDIN = Path(__file__).parent / "standin"
-# The package ``fuzzing``, which has a result without any estimator.
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "attacks"))
+# ``tiny_result``, which has a result without any estimator.
+sys.path.insert(0, str(Path(__file__).parents[1] / "attacks"))
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_thumbnail
 from physic_core.batch.journal import check_tables, read_journals, write_tables
@@ -23,6 +22,7 @@ from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
+from tiny_result import tiny_result
 
 NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
 MINE = '{"id": "mine", "stature": 1.71}\n'

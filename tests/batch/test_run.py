@@ -22,7 +22,6 @@ from typing import Any
 
 import pytest
 
-from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_tables
@@ -32,6 +31,7 @@ from physic_core.batch.run import plan_batch, run_batch
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
 from physic_core.io.result_folder import file_digest
+from tiny_result import tiny_result
 
 from .conftest import STANDIN
 

@@ -4,7 +4,6 @@ stages.
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -118,37 +117,3 @@ def _person(rng: np.random.Generator) -> Person:
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,
     )
-
-
-def difference(left: Any, right: Any, where: str = "result") -> str:
-    """Return where two results differ in a value, a dtype or a class; "" if they are equal to the
-    last bit.
-    """
-    if type(left) is not type(right):
-        return where
-    if is_dataclass(left):
-        parts = [
-            (getattr(left, f.name), getattr(right, f.name), f"{where}.{f.name}")
-            for f in fields(left)
-        ]
-    elif isinstance(left, np.ndarray):
-        same = (
-            left.dtype == right.dtype
-            and left.shape == right.shape
-            and left.tobytes() == right.tobytes()
-        )
-        return "" if same else where
-    elif isinstance(left, dict):
-        if list(left) != list(right):
-            return where
-        parts = [(left[key], right[key], f"{where}[{key!r}]") for key in left]
-    elif isinstance(left, tuple | list):
-        if len(left) != len(right):
-            return where
-        parts = [
-            (one, other, f"{where}[{i}]")
-            for i, (one, other) in enumerate(zip(left, right, strict=True))
-        ]
-    else:
-        return "" if repr(left) == repr(right) else where
-    return next(filter(None, (difference(*part) for part in parts)), "")

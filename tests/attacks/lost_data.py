@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import random
 import struct
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from PIL import Image
 
 from physic_core.io.photo import read_photo
 
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+PHOTO = Path(__file__).parents[2] / "examples" / "basketball.png"
 BLOCK = 4096
 
 KINDS: dict[str, tuple[str, dict]] = {
@@ -44,22 +42,9 @@ def pixels(kind: str) -> np.ndarray:
     return read_photo(encoded(kind)).image
 
 
-def wrong_share(kind: str, image: np.ndarray) -> float:
-    """The share of pixels that differ from the undamaged file by more than 40 levels in a
-    channel.
-    """
-    difference = np.abs(image.astype(np.int16) - pixels(kind))
-    return float((difference.max(-1) > 40).mean())
-
-
 def zeros(data: bytes, at: int) -> bytes:
     """A block that a disk has lost, or that a download has not filled."""
     return data[:at] + bytes(BLOCK) + data[at + BLOCK :]
-
-
-def gap(data: bytes, at: int) -> bytes:
-    """A block that is missing."""
-    return data[:at] + data[at + BLOCK :]
 
 
 def cut(data: bytes, at: int) -> bytes:
@@ -80,20 +65,6 @@ def cut(data: bytes, at: int) -> bytes:
             return data[:at] + b"\xff\xd9"
 
 
-DAMAGES: dict[str, Callable[[bytes, int], bytes]] = {"zeros": zeros, "gap": gap, "cut": cut}
-
-
 def picture_start(data: bytes) -> int:
     """Where the codes of the picture begin, about."""
     return data.rindex(b"\xff\xda", 0, 2000) + 20 if data.startswith(b"\xff\xd8") else 200
-
-
-def damaged(kind: str, rng: random.Random) -> bytes:
-    """Damage a file in a way that its reader has to find; zeros are a valid picture for the decoder
-    of WebP.
-    """
-    data = encoded(kind)
-    at = rng.randrange(picture_start(data), len(data) - BLOCK - 20)
-    return DAMAGES[rng.choice([name for name in DAMAGES if (kind, name) != ("webp", "zeros")])](
-        data, at
-    )

@@ -1,1 +1,0 @@
-"""Attacks with damaged and hostile input, for the tests."""
