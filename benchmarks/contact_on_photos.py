@@ -1,8 +1,8 @@
 """Fit the touch of body parts on labelled photos and films with measured forces.
 
-    python -m benchmarks.contact_on_photos sample DATA OUT [--films N]
-    python -m benchmarks.contact_on_photos fit DATA OUT [--write]
-    python -m benchmarks.contact_on_photos cut DATA OUT [--photos N]
+    python -m benchmarks contact_on_photos sample DATA OUT [--films N]
+    python -m benchmarks contact_on_photos fit DATA OUT [--write]
+    python -m benchmarks contact_on_photos cut DATA OUT [--photos N]
 
 ``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, and on N
 frames of each of the films of fits, and keeps the features of each person in a file of OUT; an
@@ -130,7 +130,7 @@ class Case:
 def main() -> int:
     """Sample, fit, or score cut pictures."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.contact_on_photos",
+        prog="python -m benchmarks contact_on_photos",
         description=(__doc__ or "").partition("\n")[0],
     )
     parser.add_argument("step", choices=("sample", "fit", "cut"))
@@ -574,7 +574,3 @@ def described(rows: Sequence[tuple[Case, float]]) -> str:
         f"{FALSE_SHARE:.0%} are false, "
         f"calibration error {score['calibration']:.3f}"
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

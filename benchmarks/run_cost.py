@@ -1,7 +1,7 @@
 """What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the
 median of some runs.
 
-    python -m benchmarks.run_cost [--rounds 3] [--against COMMIT]
+    python -m benchmarks run_cost [--rounds 3] [--against COMMIT]
 
 It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README
 that states them. Run it on an idle machine, with everything committed.
@@ -158,7 +158,3 @@ def main() -> None:
     docs_numbers.COST.write_text(json.dumps(cost, indent=2) + "\n", encoding="utf-8")
     docs_numbers.write_lines()
     print(docs_numbers.cost_line(cost))
-
-
-if __name__ == "__main__":
-    main()

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.same_photo.__main__ import drawn, half_of
 from benchmarks.same_photo.changes import change, table
+from benchmarks.same_photo.command import drawn, half_of
 from benchmarks.same_photo.variants import PHOTO, VARIANTS, Answer, Variant, answer_of
 from benchmarks.truth.sets import Sample
 from physic_core import load_backend

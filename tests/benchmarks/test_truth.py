@@ -25,7 +25,7 @@ def truth() -> SimpleNamespace:
     """The modules of the benchmark, and those that it shares with physic-bench."""
     own = {name: import_module(f"benchmarks.truth.{name}") for name in MODULES}
     shared = {"cameras": cameras, "joints": joints_by_name, "views": triangulation}
-    return SimpleNamespace(main=import_module("benchmarks.truth.__main__"), **own, **shared)
+    return SimpleNamespace(main=import_module("benchmarks.truth.command"), **own, **shared)
 
 
 STANDING = {

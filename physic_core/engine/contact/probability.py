@@ -2,8 +2,8 @@
 each kind of contact, and for body parts. That of contact with the scene follows from the body part,
 see :mod:`.parts`.
 
-The coefficients, their training data, and their error on held-out data are in
-``coefficients.json``. It is written by ``benchmarks/contact_probability.py``.
+The coefficients, the script that made them, its data, and the error on held-out data are in
+``coefficients.json``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Sizes of the errors of single photos, as measured on synthetic worlds: ``measured_errors.json``.
 
-``benchmarks/scene_errors.py`` writes the file, which states the worlds that it was measured on.
+The file states the worlds that it was measured on, and the script that wrote it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Measure how much the answer to a photo changes when the photo is mirrored, scaled, cropped,
 compressed or grey.
 
-    python -m benchmarks.same_photo DATA OUT [--variants mirror,scale] [--photos N] [--half
+    python -m benchmarks same_photo DATA OUT [--variants mirror,scale] [--photos N] [--half
     development]
 
 Photos are drawn from the labelled ones of ``benchmarks.contact_on_photos`` with at most four
@@ -49,7 +49,7 @@ HALVES = ("development", "held")
 def main() -> int:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.same_photo",
+        prog="python -m benchmarks same_photo",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -220,7 +220,3 @@ def worst_of(changes: Mapping[str, Mapping[str, Change]], count: int) -> str:
             ),
         ]
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

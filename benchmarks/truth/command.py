@@ -1,7 +1,7 @@
 """How accurate a preset is on real photos with measured truth: a table with intervals, and every
 number as JSON.
 
-    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded | --config FILE]
+    python -m benchmarks truth DATA ... --out truth-results [--preset embedded | --config FILE]
     [--photos N] [--jobs 2]
 
 DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``,
@@ -33,7 +33,7 @@ from .table import as_json, rows_of, text_table
 def main() -> int:
     """Run, compare, print."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.truth", description=(__doc__ or "").partition("\n")[0]
+        prog="python -m benchmarks truth", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
     parser.add_argument(
@@ -221,7 +221,3 @@ def compared(
         "photos": photos,
         "triangulated": triangulated,
     }
-
-
-if __name__ == "__main__":
-    sys.exit(main())

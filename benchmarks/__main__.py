@@ -1,0 +1,29 @@
+"""Run one of the benchmarks: ``python -m benchmarks [NAME ...]``; without a name, list them."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+BENCHMARKS = {
+    "truth": "benchmarks.truth.command",
+    "same_photo": "benchmarks.same_photo.command",
+    "contact_on_photos": "benchmarks.contact_on_photos",
+    "run_cost": "benchmarks.run_cost",
+}
+"""Name -> module, whose ``main`` reads the command line."""
+
+
+def main() -> int | str:
+    """Run the benchmark that the command line names."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ""
+    if name in BENCHMARKS:
+        del sys.argv[1]
+        return int(import_module(BENCHMARKS[name]).main() or 0)
+    for known, module in BENCHMARKS.items():
+        print(f"{known:18} {(import_module(module).__doc__ or '').partition(chr(10))[0]}")
+    return 0 if name in ("", "-h", "--help") else f"there is no benchmark {name}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
