@@ -42,6 +42,8 @@ SECTIONS = {
         "contrib/README",
         "plugins/README",
         "docs/adapters",
+        "docs/estimators",
+        "docs/traps",
         "docs/api",
         "docs/_reference/index",
     ],
