@@ -39,6 +39,7 @@ DRAWN: dict[str, tuple[str, int]] = {
     "squat_indoors": ("squat", 1),
     "kneel": ("kneel", 0),
     "lie": ("lie", 0),
+    "climb_step": ("climb_step", 0),
     "lean_on_wall": ("lean_on_wall", 0),
     "hug": ("hug", 0),
     "group": ("group", 1),
