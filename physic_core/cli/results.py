@@ -226,7 +226,9 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 @click.option("--no-scene", is_flag=True, help="Omit scene and floor.")
 @click.option("--body-model", type=AnyPath(), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option(
-    "--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones."
+    "--names",
+    type=click.Choice(["smplx", "mixamo", "unreal", "unity", "lafan"]),
+    help="Names of the bones.",
 )
 @click.option(
     "--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies."

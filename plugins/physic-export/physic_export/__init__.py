@@ -39,7 +39,7 @@ def physic_exporters() -> list[ExporterRecord]:
             stem="skeleton",
             bodies="required",
             per_person=True,
-            options={"names": ("mixamo", "smplx", "unreal", "unity")},
+            options={"names": ("mixamo", "smplx", "unreal", "unity", "lafan")},
         ),
         ExporterRecord(
             "coco",

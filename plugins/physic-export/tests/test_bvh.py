@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction
+from physic_core import InputError, Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_export.skeleton import bone_names
 
 
 def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
-    """Positions of the joints in a frame, by the rules of the format alone."""
+    """Poses (4, 4) of the joints in a frame, by the rules of the format alone."""
     words = iter(path.read_text().split())
     stack: list[str] = []
     joints: list[tuple[str, str | None, np.ndarray, int]] = []
@@ -56,7 +56,11 @@ def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
                 step[[i, i, j, j], [i, j, i, j]] = c, -s, s, c
             pose = pose @ step
         poses[name] = pose if parent is None else poses[parent] @ pose
-    return {name: pose[:3, 3] for name, pose in poses.items()}
+    return poses
+
+
+def joints_of(path: Path, frame: int) -> dict[str, np.ndarray]:
+    return {name: pose[:3, 3] for name, pose in read_bvh(path, frame).items()}
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
@@ -64,7 +68,7 @@ def test_joints_are_where_the_result_has_them(export, result: Reconstruction, up
     files = export("a.bvh", up=up).files
     matrix = export_frame(result.scene.floor, up).from_camera
     for path, person in zip(files, result.people, strict=True):
-        found = read_bvh(path, 1)
+        found = joints_of(path, 1)
         wanted = transform_points(matrix, person.joints)
         np.testing.assert_allclose(
             [found[name] for name in bone_names("mixamo")], wanted, atol=1e-4
@@ -76,8 +80,8 @@ def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(
     export, result: Reconstruction, up: str, axis: int
 ):
     path = export("a.bvh", up=up, person=0, names="smplx").files[0]
-    stands = read_bvh(path, 0)
-    posed = read_bvh(path, 1)
+    stands = joints_of(path, 0)
+    posed = joints_of(path, 1)
     arms = [
         stands[f"left_{name}"] - stands[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")
     ]
@@ -90,3 +94,59 @@ def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(
     assert 0.05 < stands["left_ankle"][axis] < 0.12
     flat = [a for a in range(3) if a != axis]
     np.testing.assert_allclose(stands["pelvis"][flat], posed["pelvis"][flat], atol=1e-5)
+
+
+BONES = (
+    ("LeftUpLeg", "LeftLeg"),
+    ("RightLeg", "RightFoot"),
+    ("LeftFoot", "LeftToe"),
+    ("Spine", "Spine1"),
+    ("LeftArm", "LeftForeArm"),
+    ("RightForeArm", "RightHand"),
+)
+
+
+@pytest.mark.parametrize("frame", [0, 1])
+def test_lafan_has_the_joints_of_the_result_in_centimetres(
+    export, result: Reconstruction, frame: int
+):
+    files = export("a.bvh", names="lafan").files
+    matrix = export_frame(result.scene.floor, "y").from_camera
+    for path, person in zip(files, result.people, strict=True):
+        found = joints_of(path, frame)
+        wanted = 100 * transform_points(matrix, person.joints[:22])
+        names = [name.replace("ToeBase", "Toe") for name in bone_names("mixamo")[:22]]
+        assert set(found) == set(names)
+        np.testing.assert_allclose([found[name] for name in names], wanted, atol=0.01)
+
+
+def test_x_of_lafan_runs_along_the_bones(export):
+    poses = read_bvh(export("a.bvh", names="lafan", person=0).files[0], 0)
+    for name, child in BONES:
+        bone = poses[child][:3, 3] - poses[name][:3, 3]
+        np.testing.assert_allclose(poses[name][:3, 0], bone / np.linalg.norm(bone), atol=1e-3)
+
+
+def test_z_of_lafan_points_left_in_the_trunk_and_right_in_the_legs(export):
+    poses = read_bvh(export("a.bvh", names="lafan", person=0).files[0], 0)
+    to_left = poses["LeftUpLeg"][:3, 3] - poses["RightUpLeg"][:3, 3]
+    to_left = to_left / np.linalg.norm(to_left)
+    assert poses["Hips"][:3, 2] @ to_left > 0.95
+    for name in ("LeftUpLeg", "RightUpLeg"):
+        assert poses[name][:3, 2] @ to_left < -0.5
+
+
+def test_lafan_is_refused_where_y_is_not_up(export):
+    with pytest.raises(InputError, match="y up"):
+        export("a.bvh", names="lafan", up="z")
+
+
+def test_a_retargeter_reads_lafan(export, result: Reconstruction):
+    loader = pytest.importorskip("general_motion_retargeting.utils.lafan1")
+    path = export("a.bvh", names="lafan", person=0).files[0]
+    frames, _ = loader.load_bvh_file(str(path), format="lafan1")
+    wanted = transform_points(
+        export_frame(result.scene.floor, "z").from_camera, result.people[0].joints
+    )
+    apart = np.linalg.norm(frames[0]["Head"][0] - frames[0]["Hips"][0])
+    assert apart == pytest.approx(np.linalg.norm(wanted[15] - wanted[0]), abs=1e-3)
