@@ -455,6 +455,11 @@ def _step(grade: tuple[str | None, str | None]) -> str:
     return "better" if after < before else "worse" if after > before else "the same"
 
 
+def _further(metres: float) -> str:
+    """Return a difference of distances: below a metre in the unit of the joints' differences."""
+    return f"{metres:+.2f} m" if abs(metres) >= 1 else f"{round(1000 * metres):+d} mm"
+
+
 def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]]]]:
     """Yield title and rows of the photo and of each person: name, value of A and of B, and how they
     differ.
@@ -465,7 +470,7 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
     yield "Photo", [("grade", *_grades(photo.grade), _step(photo.grade)), depth]
     for person in photo.people:
         one, other = person.distance_m
-        further = "" if one is None or other is None else f"{round(other - one, 2) + 0.0:+.2f} m"
+        further = "" if one is None or other is None else _further(other - one)
         differences = {"joints": person.joints, "pose": person.pose}
         rows = [
             ("grade", *_grades(person.grade), _step(person.grade)),

@@ -237,24 +237,33 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> Path:
     return write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
 
 
-def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:
-    """Return the people over the photo, and the side view, as one JPEG of a height in px."""
-    import numpy as np
-    from PIL import Image
+def thumbnail_jpeg(result: Reconstruction, height: int, *, numbered: bool = False) -> bytes:
+    """Return the people over the photo, and the side view, as one JPEG of a height in px.
 
+    Args:
+        result: with its people.
+        height: of the picture, px.
+        numbered: draw the number of each person.
+    """
+    import numpy as np
+    from PIL import Image, ImageDraw
+
+    from physic_core.visual.numbers import draw_numbers, heads_in_photo
     from physic_core.visual.panels import overlay_panel
     from physic_core.visual.views import build_preview_geometry, side_view
 
     geometry = build_preview_geometry(result)
     aspect = result.image.shape[1] / result.image.shape[0]
     wide = round(height * max(_NARROWEST, min(_WIDEST, aspect)))
-    panels: Sequence[object] = (
-        overlay_panel(result, geometry, wide, height),
-        side_view(geometry, round(_SIDE_VIEW * height), height).picture,
-    )
+    side = side_view(geometry, round(_SIDE_VIEW * height), height)
+    panels: Sequence[object] = (overlay_panel(result, geometry, wide, height), side.picture)
     buffer = io.BytesIO()
     picture = Image.fromarray(
         np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1)
     )
+    if numbered:
+        pen = ImageDraw.Draw(picture)
+        draw_numbers(pen, (0, 0), heads_in_photo(result, wide, height), (wide, height))
+        draw_numbers(pen, (wide, 0), side.crowns, (picture.width - wide, height))
     picture.save(buffer, "JPEG", quality=72, optimize=True, comment=MARK)
     return buffer.getvalue()

@@ -63,7 +63,9 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
             failed = error
         else:
             if page is not None:
-                pictures.append([thumbnail_jpeg(one, PICTURE_HEIGHT) for one in results])
+                pictures.append(
+                    [thumbnail_jpeg(one, PICTURE_HEIGHT, numbered=True) for one in results]
+                )
                 links.append([result_link(page.parent, folder) for folder in pair])
     if failed is not None and not photos:
         raise failed

@@ -15,11 +15,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
 from physic_core.types.results import metres_text
+from physic_core.visual.numbers import draw_numbers, heads_in_photo
 from physic_core.visual.palette import (
     CONTACT_PALETTE,
     FAINT,
@@ -35,7 +35,6 @@ from physic_core.visual.panels import (
     colored_depth,
     depth_panel,
     depth_range,
-    draw_person_number,
     draw_text,
     font,
     overlay_panel,
@@ -43,7 +42,6 @@ from physic_core.visual.panels import (
     photo_panel,
     wrap,
 )
-from physic_core.visual.render import View
 from physic_core.visual.textures.dressed import GUESSED
 from physic_core.visual.views import (
     PAGE_RGB,
@@ -121,8 +119,6 @@ _ROW = 320
 _CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _SHOWN_MESSAGES = 6
 _NAME = 17  # height of a name in a view, px
-_HEAD = JOINT_INDEX["head"]
-_NECK = JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
 
 
@@ -294,25 +290,8 @@ def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Arra
 
 
 def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
-    """Draw the number of each person of the photo above their head, or beside it at the top
-    edge.
-    """
-    camera = View.perspective(reconstruction.intrinsics, frame.width, frame.height)
-    for index, person in enumerate(reconstruction.people):
-        spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
-        column, row = spots[0, :2]
-        top = float(person.box[1]) * frame.height / reconstruction.image.shape[0] - 14
-        if not person.mask.any() or not np.isfinite([column, row, top]).all():
-            continue
-        if top < 12:
-            aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
-            column = column + (aside if column + aside < frame.width - 12 else -aside)
-            top = max(row - 6, 12)
-        x, y = (
-            float(np.clip(value, 12, size - 12))
-            for value, size in ((column, frame.width), (top, frame.height))
-        )
-        draw_person_number(pen, frame.x + x, frame.y + y, index)
+    heads = heads_in_photo(reconstruction, frame.width, frame.height)
+    draw_numbers(pen, (frame.x, frame.y), heads, (frame.width, frame.height))
 
 
 def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
@@ -353,17 +332,14 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     y = frame.y + 28
     end = x + length * plan.pixels_per_metre
     pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
+    scale_bar = (x - 10 - frame.x, y - 23 - frame.y, end + 10 - frame.x, y + 10 - frame.y)
     pen.line((x, y, end, y), fill=INK_RGB, width=3)
     for edge in (x, end):
         pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
     pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
     _draw_assumed(page, frame, plan)
-    for index, (column, row) in plan.crowns.items():
-        x, y = (
-            float(np.clip(value, 12, size - 12))
-            for value, size in ((column, frame.width), (row - 16, frame.height))
-        )
-        draw_person_number(pen, frame.x + x, frame.y + y, index)
+    crowns = {index: (column, row - 16) for index, (column, row) in plan.crowns.items()}
+    draw_numbers(pen, (frame.x, frame.y), crowns, (frame.width, frame.height), [scale_bar])
 
 
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
