@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
     from physic_core import Pipeline
     from physic_core.engine.contact.problem import ContactInput
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.state import Estimates
     from physic_core.types import BodyContact, Person
 
 Array = NDArray[np.float64]

@@ -23,18 +23,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.place import ObservedPeople
 from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
-from physic_core.geometry.tensors import dilate_square
+from physic_core.geometry.tensors import dilate_square, tensors
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import SIDES
+from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import BoolArray, FloatArray, Keypoints
 
 _TOES = ("foot_tip", "big_toe")
 _MOST_TRUNKS = 1.0  # largest height difference of feet that counts
@@ -52,7 +51,6 @@ _THIGHS = 4  # row of the first of both thighs among the parts
 _FINGERS = 0.45  # of a forearm, from the wrist to the middle of the hand
 _QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
 
-_MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
 _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
@@ -217,23 +215,22 @@ def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str],
     return lambda name: at(name)[:, 1] / trunk
 
 
-def depth_beside(people: ObservedPeople, photo: Tensor) -> FloatArray:
+def depth_beside(keypoints: Keypoints, masks: Tensor, photo: Tensor) -> FloatArray:
     """Return the smallest difference of log depth between feet, hands and seat, and the picture
     beside them, (N, 5).
 
     Args:
-        people: keypoints and masks of N people.
+        keypoints: of N people.
+        masks: (N, H, W) bool, visible pixels of each person.
         photo: (H, W) depth of the photo, any unit, NaN where unknown.
     """
     log = photo.log()
-    masks = people.masks.cpu()
+    (points,) = tensors(keypoints.points)
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
     found = torch.full((len(masks), _THIGHS + 2), torch.nan, dtype=torch.float64)
     for i, mask in enumerate(masks):
         size = _height_px(mask)
-        for k, places in enumerate(
-            _places_of_parts(people.keypoints[i].cpu(), people.skeleton.names)
-        ):
+        for k, places in enumerate(_places_of_parts(points[i], keypoints.joint_set.names)):
             if not bool(torch.isfinite(places).all()):
                 continue
             share = _BESIDE_SHARE if k < _THIGHS else _BELOW_THIGH_SHARE
@@ -317,7 +314,7 @@ def standing_prior(
 
 
 def depth_gaps_at_feet(
-    detections: ObservedPeople, photo: Tensor, scene: Tensor, raised: Tensor | None
+    keypoints: Keypoints, masks: Tensor, photo: Tensor, scene: Tensor, raised: Tensor | None
 ) -> tuple[Tensor, Tensor]:
     """Measure the depth gap behind each foot: (B, 2), NaN where unknown; and which feet are on
     furniture, (B, 2) bool.
@@ -326,37 +323,28 @@ def depth_gaps_at_feet(
     foot that points up or down in the image, minus the median over the background around the foot.
 
     Args:
-        detections: keypoints and masks of B people.
+        keypoints: of B people.
+        masks: (B, H, W) bool, visible pixels of each person.
         photo: (H, W) depth of the photo, any unit, NaN where unknown.
         scene: (H, W) depth of the scene without people, in the same unit, NaN where unknown.
         raised: (H, W) bool, surfaces that can carry a foot above the ground, or None.
     """
-    skeleton = detections.skeleton
-    masks = detections.masks.cpu()
-    keypoints = detections.keypoints.cpu()
-    confidence = detections.confidence.cpu()
+    points, confidence = tensors(keypoints.points, keypoints.confidence)
     log_ratio = scene.log() - photo.log()
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
-    row = {name: j for j, name in enumerate(skeleton.names)}
-    gaps = torch.full((len(keypoints), 2), torch.nan, dtype=torch.float64)
-    on_furniture = torch.zeros(len(keypoints), 2, dtype=torch.bool)
+    row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+    gaps = torch.full((len(masks), 2), torch.nan, dtype=torch.float64)
+    on_furniture = torch.zeros(len(masks), 2, dtype=torch.bool)
     for i, mask in enumerate(masks):
         size = _height_px(mask)
         for k, side in enumerate(SIDES):
-            toe = next(
-                (
-                    row[f"{side}_{name}"]
-                    for name in ("foot_tip", "big_toe")
-                    if f"{side}_{name}" in row
-                ),
-                None,
-            )
+            toe = next((row[f"{side}_{name}"] for name in _TOES if f"{side}_{name}" in row), None)
             ends = [
                 j
                 for j in (row.get(f"{side}_heel"), toe)
-                if j is not None and confidence[i, j] >= _MIN_CONFIDENCE
+                if j is not None and confidence[i, j] >= SEEN_CONFIDENCE
             ]
-            places = keypoints[i, ends]
+            places = points[i, ends]
             if len(places) < 2 or not bool(torch.isfinite(places).all()):
                 continue
             values = [

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 _BEHIND_M = 2e-3
 
 
+FACING_DEG = 70.0
+"""Largest angle between the normal of a vertex and the direction to the camera, at which the photo
+shows it well: vertices beyond lie at the rim, where one pixel of the mask decides.
+"""
+
+
 def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
     """Return whether vertex normals are within an angle of the direction to the camera (paper sec.
 

@@ -17,7 +17,7 @@ from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
 from physic_core.interfaces.people import valid_keypoint_rows
 from physic_core.types import BodyParameters
-from physic_core.types.skeletons import SIDES
+from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
         PeoplePrompt,
     )
 
-_SEEN = 0.3  # least confidence of a keypoint
 _JOINTS = ("nose", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 # Shares of the joints on the own mask and on that of another person. A false person had .27 and
 # .73; of 201 people in 37 photos of crowds one had .13 and .53, one .30 and .30, and the others at
@@ -277,7 +276,7 @@ def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArr
         seen = {
             name: keypoints.points[i, j].astype(np.float64)
             for j, name in enumerate(names)
-            if keypoints.confidence[i, j] > _SEEN
+            if keypoints.confidence[i, j] > SEEN_CONFIDENCE
         }
         points = []
         for side in SIDES:

@@ -58,84 +58,18 @@ from physic_core.types import (
 )
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
-from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
-    from physic_core.engine.joint.problem import OtherView
     from physic_core.engine.settings import EngineSettings
-    from physic_core.engine.sizes.evidence import MeasuredScale
-    from physic_core.engine.stance import Stance
-    from physic_core.geometry.floor import FloorSearch
+    from physic_core.engine.state import Estimates
     from physic_core.io.keypoint_file import GivenKeypoints
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
+    from physic_core.types import BoolArray, PeoplePrompt, UInt8Array
 
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
-
-
-@dataclass(frozen=True)
-class Estimates(ShortRepr):
-    """Results of all backends for one photo, in the camera frame of ``intrinsics``.
-
-    Attributes:
-        image: (H, W, 3) uint8 RGB.
-        camera_given: whether the user or the file gave ``intrinsics``.
-        hole: (H, W) bool, inpainted pixels.
-        inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
-        scene: relative point map of ``inpainted``.
-        original: relative point map of ``image``.
-        floor: in the scene.
-        stance: of N people, NaN and without labels for those without a body.
-        bodies: N bodies with their hands, of the configured body model.
-        contact: contact prior, zero if no backend was configured.
-        depth: metric depth of ``inpainted``.
-        missing_results: per person, the interfaces whose backend returned no valid values for them.
-            Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
-            contact.
-        known: sizes that the user knows, in px of ``image``.
-        statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the
-            segmenter does not detect objects.
-        ages: (N,) known ones, years, NaN where unknown; None if no age is known.
-        measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the
-            people.
-        scale_guess: warning that the scale of ``depth`` is a guess, or "".
-        scale_by_people: whether the sizes of people give the scale of ``depth``.
-        views: what other cameras show of the same people.
-        given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
-        contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
-        file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
-    """
-
-    image: UInt8Array
-    intrinsics: Intrinsics
-    camera_given: bool
-    people: People
-    keypoints: Keypoints
-    hole: BoolArray
-    inpainted: UInt8Array
-    scene: Pointmap
-    original: Pointmap
-    floor: FloorSearch
-    stance: Stance
-    bodies: Bodies
-    contact: ContactProbability
-    depth: DepthMap
-    missing_results: tuple[tuple[str, ...], ...] = ()
-    known: KnownSizes = field(default_factory=KnownSizes)
-    measured_scale: MeasuredScale | None = None
-    statures: FloatArray | None = None
-    objects: BoolArray | None = None
-    ages: FloatArray | None = None
-    scale_guess: str = ""
-    scale_by_people: bool = False
-    views: tuple[OtherView, ...] = ()
-    given_keypoints: BoolArray | None = None
-    contradicted_px: FloatArray | None = None
-    file_px: float = 1.0
 
 
 def run_backends(
@@ -172,6 +106,7 @@ def run_backends(
     """
     from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
     from physic_core.engine.sizes.evidence import is_inverse, is_measured
+    from physic_core.engine.state import Estimates
 
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
@@ -568,16 +503,13 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
 def _aligned(
     original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings
 ) -> Pointmap:
-    from physic_core.engine.placement.solve import PhotoPoints, align_photo_points_to_scene
+    from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 
-    photo = PhotoPoints(
-        tensor(original.points), tensor(original.valid), original.unknown, people=tensor(hole)
-    )
+    points, valid = tensor(scene.points), tensor(scene.valid)
     alignment = align_photo_points_to_scene(
-        photo, tensor(scene.points), tensor(scene.valid), settings.placement
+        original, tensor(hole), points, valid, settings.placement
     )
-    return replace(
-        original, points=apply_alignment(photo.points, alignment).numpy(), unknown=scene.unknown
-    )
+    aligned = apply_alignment(tensor(original.points), alignment).numpy()
+    return replace(original, points=aligned, unknown=scene.unknown)

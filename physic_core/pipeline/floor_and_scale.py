@@ -328,7 +328,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     sigma = _size_sigmas(given, *sizes)
     real = given.people.scores * adult_probability(*sizes)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
-    stance, depth_right = _stance_without_floor(given, observed)
+    stance, depth_right = _stance_without_floor(given)
     by_torsos = scales_by_torsos(
         vertices, model, given.people.masks, given.photo, given.camera.matrix
     )
@@ -343,11 +343,10 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     return _Seen(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
 
 
-def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
+def _stance_without_floor(given: PeopleInScene) -> tuple[Stance, FloatArray]:
     """Return the stance of N people by keypoints and depth, and the probability (N,) that their
     depth is right.
     """
-    from physic_core.engine.placement.place import ObservedPeople
     from physic_core.engine.stance import (
         Stance,
         depth_beside,
@@ -366,24 +365,18 @@ def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[St
     (raised,) = optional_tensors(
         None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES)
     )
-    seen = (
-        tensor(keypoints.points),
-        tensor(keypoints.confidence),
-        tensor(observed),
-        tensor(people.masks),
-    )
-    detections = ObservedPeople(keypoints.joint_set, *seen)
+    masks = tensor(people.masks)
     shown = keypoints.points, keypoints.joint_set.names
     stance = replace(
         Stance.unknown(len(people)),
         lower=lower_than_the_other(*shown),
         hanging=hanging_posture(*shown),
     )
-    gap, among = depth_gaps_at_feet(detections, photo, scene, raised)
+    gap, among = depth_gaps_at_feet(keypoints, masks, photo, scene, raised)
     stands, right = standing_prior(
         stance.touch, gap.numpy(), None if raised is None else among.numpy()
     )
-    return replace(stance, beside=depth_beside(detections, photo), stands=stands), right
+    return replace(stance, beside=depth_beside(keypoints, masks, photo), stands=stands), right
 
 
 def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:

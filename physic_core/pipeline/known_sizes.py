@@ -21,20 +21,22 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
-    from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.sizes.known_sizes import KnownGeometry, KnownScene
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.scene.state import SceneState
+    from physic_core.engine.sizes.known_sizes import KnownGeometry
+    from physic_core.engine.state import Estimates, State
     from physic_core.pipeline.solution import Solution
     from physic_core.types import FloatArray, KnownSizes
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
 
-def check_placed_people(
-    estimates: Estimates, known: KnownScene, bodies: EstimatedBodies, placed: PlacedPeople
-) -> list[str]:
+def check_placed_people(estimates: Estimates, before: State, placed: State) -> list[str]:
     """Compare people with a scene of known scale, before anything is optimised.
+
+    Args:
+        estimates: of the photo.
+        before: with the bodies as estimated.
+        placed: the same people in the scene.
 
     Returns:
         Warnings of people of unknown stature who would be impossibly tall or small.
@@ -43,11 +45,12 @@ def check_placed_people(
         ConfigError: the photo contradicts a known stature, or most people of unknown stature would
             be impossibly tall or small, by more than three standard errors.
     """
-    if placed.size_ratio is None:
-        return []
-    ratio, sizes, (least, most) = placed.size_ratio, _scene_sizes(known.geometry), STATURES_M
+    ratio, known = placed.size_ratio, placed.known
+    assert ratio is not None
+    assert known is not None
+    sizes, (least, most) = _scene_sizes(known), STATURES_M
     statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
-    shown_m = bodies.model.stature(bodies.betas) * ratio
+    shown_m = before.model.stature(before.betas) * ratio
     impossible = []
     surely = []
     measured = 0
@@ -69,7 +72,7 @@ def check_placed_people(
             f"the photo contradicts {sizes}: in a scene of that size it shows "
             f"{', '.join(impossible)}; beside people "
             f"of usual stature it shows "
-            f"{_scene_sizes(known.geometry, 1 / float(ratio[surely].median()))}. "
+            f"{_scene_sizes(known, 1 / float(ratio[surely].median()))}. "
             f"Correct the size, or leave it out{_unit_question(estimates)}"
         )
     return [

@@ -19,17 +19,16 @@ from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import dilate_square
-from physic_core.geometry.visibility import facing_camera, inside_mask
+from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_mask
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.state import Estimates
     from physic_core.types import Support
 
-_FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
 _CLOTHES = 0.08  # of the square root of the mask's area: clothes and hair reach beyond the body
@@ -212,7 +211,7 @@ def depth_ratio(
 
 def _camera_facing(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
     """Return (V,) bool: True for outer vertices that face the camera and are in front of it."""
-    return facing_camera(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)
+    return facing_camera(normals, vertices, FACING_DEG) & outer & (vertices[:, 2] > 0)
 
 
 def _median_ratio(ratio: Tensor, fewest: int) -> float | None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.state import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import CheckResult

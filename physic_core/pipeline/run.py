@@ -39,10 +39,9 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
-    from physic_core.engine.joint.problem import OtherView
+    from physic_core.engine.state import Estimates, OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
-    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import Progress
     from physic_core.types import KnownSizes, PeoplePrompt
 

@@ -24,12 +24,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel
     from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.placement.solve import PlacedPeople
-    from physic_core.engine.scene.solve import SceneState
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.scene.state import SceneState
+    from physic_core.engine.state import Estimates, State
     from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support
 
 
@@ -81,7 +79,7 @@ def assemble_solution(
     estimates: Estimates,
     scene: SceneState,
     problem: JointProblem,
-    placed: PlacedPeople,
+    placed: State,
     result: JointResult,
     touch: ContactResult,
 ) -> Solution:
@@ -97,6 +95,7 @@ def assemble_solution(
     """
     s = result.scene_scale
     sigma = problem.scale_sigma
+    assert placed.photo_alignment is not None
     stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(problem))
     sized = sigma if problem.views or placed.size_ratio is not None else None
     if (
@@ -108,9 +107,9 @@ def assemble_solution(
         sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)
     sizes = size_sigmas(stature, years, sized)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size, **given}
-        for start, measures, size, given in zip(
-            placed.placement.diagnostics,
+        {"placement_problem": problem or None, **measures, "size_sigma": size, **given}
+        for problem, measures, size, given in zip(
+            placed.unplaced,
             measure_people(problem, result, touch),
             sizes.tolist(),
             measure_given_keypoints(problem, result, estimates),
@@ -145,7 +144,7 @@ def assemble_solution(
         failures=result.failures,
         diagnostics={
             "scene": dict(scene.diagnostics),
-            "placement": {"alignment": alignment_diagnostics(placed.photo.alignment)},
+            "placement": {"alignment": alignment_diagnostics(placed.photo_alignment)},
             "joint": {
                 "losses": {name: {"start": a, "end": b} for name, (a, b) in result.losses.items()},
                 "scene_scale": s,
@@ -156,15 +155,15 @@ def assemble_solution(
     )
 
 
-def scene_alone(
-    estimates: Estimates, scene: SceneState, model: BodyModel, scale_sigma: float | None
-) -> Solution:
+def scene_alone(estimates: Estimates, state: State) -> Solution:
     """Return the solution of a photo without people: the scene of stage 1, and arrays for N = 0
     people.
     """
+    scene, model = state.scene, state.model
+    assert scene is not None
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
-        scene=_scene(scene, 1.0, scale_sigma, estimates),
+        scene=_scene(scene, 1.0, state.scale_sigma, estimates),
         parameters=estimates.bodies.parameters,
         vertices=np.zeros((0, model.num_vertices, 3), np.float32),
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),

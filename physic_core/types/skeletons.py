@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from physic_core.types.short_repr import ShortRepr
 
 SIDES = ("left", "right")
+SEEN_CONFIDENCE = 0.3
+"""Least confidence of a keypoint that counts as detected."""
 _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
 

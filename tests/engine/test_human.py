@@ -6,7 +6,9 @@ The body is an ellipsoid of a person's size: its picture and its points are know
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import pytest
 import torch
@@ -14,14 +16,7 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.placement import method, terms
-from physic_core.engine.placement.place import (
-    PeopleObservations,
-    PlacedBodies,
-    Placement,
-    place_bodies,
-)
 from physic_core.engine.placement.solve import (
-    PhotoPoints,
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
@@ -33,6 +28,7 @@ from physic_core.engine.placement.terms import (
 )
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
+from physic_core.types import Pointmap
 from physic_paper import outliers, translation
 from physic_paper.placement import PaperPlacement
 
@@ -57,7 +53,14 @@ LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
 SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
 TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
 START = TRUE + torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
-FLOOR = {"floor": (UP, 0.45 + 0.85), "soles": SOLES}
+FLOOR = torch.cat((UP, torch.tensor([0.45 + 0.85])))
+
+
+class Placed(NamedTuple):
+    """Places (2, 3) of two people, metres, and how each was found."""
+
+    transl: Tensor
+    fits: list[method.Fit]
 
 
 class Picture:
@@ -85,26 +88,45 @@ class Picture:
         self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
         self.confidence = torch.ones(2, 17, dtype=torch.float64)
 
-    def place(self, settings: method.PlacementMethod = DEFAULT, **options: object) -> Placement:
-        given: dict[str, object] = {
-            "vertices": VERTICES + START[:, None],
-            "normals": NORMALS.expand(2, -1, -1),
-            "landmarks": LANDMARKS + START[:, None],
-            "transl": START,
-            "keypoints": self.keypoints,
-            "confidence": self.confidence,
-            "points": self.points,
-            "masks": self.masks,
-        } | options
-        bodies, evidence = (
-            kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given})
-            for kind in (PlacedBodies, PeopleObservations)
+    def person(self, i: int, start: Tensor, floor: Tensor | None = None) -> PlacementProblem:
+        body = VERTICES + start[i]
+        return PlacementProblem(
+            landmarks=LANDMARKS + start[i],
+            keypoints=self.keypoints[i],
+            confidence=self.confidence[i],
+            size=torch.full((2,), 200.0, dtype=torch.float64),
+            vertices=body,
+            normals=NORMALS,
+            outer=torch.ones(len(body), dtype=torch.bool),
+            points=self.points[i],
+            mask=self.masks[i],
+            soles=body[:0] if floor is None else body[SOLES],
+            plane=floor,
+            K=self.K,
+            row=i,
+            people=2,
         )
-        return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
+
+    def place(
+        self,
+        settings: method.PlacementMethod = DEFAULT,
+        start: Tensor = START,
+        *,
+        floor: Tensor | None = None,
+        feet_seen: Sequence[bool] = (True, True),
+        **changed: Tensor,
+    ) -> Placed:
+        """Place both people; ``changed`` has other values (2, ...) of their problems."""
+        fits = []
+        for i, seen in enumerate(feet_seen):
+            own = {"mask": settings.mask(self.masks, i)} | {k: v[i] for k, v in changed.items()}
+            person = self.person(i, start, floor if seen else None)._replace(**own)
+            fits.append(settings.fit(settings.observe(person)))
+        return Placed(start + torch.stack([fit.x[:3] for fit in fits]), fits)
 
 
-def depth_offsets(placed: Placement) -> list[float]:
-    return [person["depth_offset"] for person in placed.diagnostics]
+def depth_offsets(placed: Placed) -> list[float]:
+    return [math.exp(fit.x[3]) for fit in placed.fits]
 
 
 class FreePlacement(PaperPlacement):
@@ -114,7 +136,7 @@ class FreePlacement(PaperPlacement):
         return fit.x
 
 
-def error_cm(placement: Placement) -> Tensor:
+def error_cm(placement: Placed) -> Tensor:
     return 100 * (placement.transl - TRUE).norm(dim=-1)
 
 
@@ -155,11 +177,6 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) ->
     )
     spread = torch.tensor([[0.2], [0.002]], dtype=torch.float64)
     came = TRUE + spread * torch.randn(TRUE.shape, generator=draws, dtype=torch.float64)
-    start = {
-        "transl": came,
-        "vertices": VERTICES + came[:, None],
-        "landmarks": LANDMARKS + came[:, None],
-    }
 
     def misses(transl: Tensor) -> Tensor:
         """(2, 2) px of each person: root mean square and median."""
@@ -171,33 +188,33 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) ->
         return torch.stack((distance.square().mean(-1).sqrt(), px.median(-1).values), -1)
 
     before = misses(came)
-    bound = misses(picture.place(PAPER, **start).transl)
-    free = misses(picture.place(FreePlacement(), **start).transl)
+    bound = misses(picture.place(PAPER, came).transl)
+    free = misses(picture.place(FreePlacement(), came).transl)
     assert (bound <= before + 1e-9).all()
     assert (free > 1.5 * before).any()
 
 
 def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
     picture = Picture(farther=1.15)
-    stands = picture.place(**FLOOR, feet_seen=torch.tensor([True, True]))
+    stands = picture.place(floor=FLOOR)
     assert error_cm(stands).max() < 0.5
     assert depth_offsets(stands) == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
-    assert stands.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
+    lowest = (VERTICES + stands.transl[0])[SOLES, 1].max()
+    assert FLOOR[3] - lowest == pytest.approx(0.0, abs=0.01)
     # Without the offset the points pull the body with them; the paper's sums all the way.
     assert error_cm(picture.place()).min() > 10
     assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
 
 
 def test_only_people_with_visible_feet_have_a_depth_offset() -> None:
-    placed = Picture(farther=1.15).place(**FLOOR, feet_seen=torch.tensor([True, False]))
+    placed = Picture(farther=1.15).place(floor=FLOOR, feet_seen=(True, False))
     assert depth_offsets(placed)[0] == pytest.approx(1 / 1.15, rel=2e-3)
     assert depth_offsets(placed)[1] == 1.0
-    assert placed.diagnostics[1]["foot_height_m"] is None
 
 
 def test_a_foot_in_the_air_is_not_pulled_down() -> None:
-    high = FLOOR | {"floor": (UP, 0.45 + 0.85 + 0.8)}
-    assert error_cm(Picture().place(**high, feet_seen=torch.tensor([True, True]))).max() < 3
+    high = torch.cat((UP, FLOOR[3:] + 0.8))
+    assert error_cm(Picture().place(floor=high)).max() < 3
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
@@ -209,11 +226,8 @@ def test_a_person_that_fails_does_not_change_the_other(settings: method.Placemen
     placed = picture.place(settings, vertices=broken)
     assert torch.equal(placed.transl[1], good)
     assert torch.equal(placed.transl[0], START[0])
-    assert (
-        placed.diagnostics[0]["problem"]
-        == "the body has non-finite vertices: its translation was not changed"
-    )
-    assert placed.diagnostics[1]["problem"] is None
+    assert "non-finite vertices" in placed.fits[0].problem
+    assert not placed.fits[1].problem
 
 
 def test_the_union_of_masks_and_the_released_reprojection_place_too(
@@ -223,24 +237,16 @@ def test_the_union_of_masks_and_the_released_reprojection_place_too(
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
     near = TRUE + torch.tensor([0.05, -0.05, 0.15])
-    start = {
-        "transl": near,
-        "vertices": VERTICES + near[:, None],
-        "landmarks": LANDMARKS + near[:, None],
-    }
-    placed = picture.place(released, **start)
+    placed = picture.place(released, near)
     with monkeypatch.context() as patch:
         patch.setattr(translation, "_LINE_SEARCH", None)
-        lost = picture.place(released, **start)
+        lost = picture.place(released, near)
     assert error_cm(placed).max() < 2
     assert error_cm(lost).max() > 5
-    union = [d["facing_vertices"] for d in placed.diagnostics]
     for i in (0, 1):
         only = picture.masks & (torch.arange(2) == i)[:, None, None]
-        assert (
-            picture.place(released, masks=only, **start).diagnostics[i]["facing_vertices"]
-            <= union[i]
-        )
+        alone = picture.place(released, near, mask=only)
+        assert alone.fits[i].seen.sum() <= placed.fits[i].seen.sum()
 
 
 def test_few_keypoints_leave_it_to_the_points() -> None:
@@ -248,12 +254,8 @@ def test_few_keypoints_leave_it_to_the_points() -> None:
     picture.confidence[0, 2:] = 0.1
     picture.keypoints[0, 5] = math.nan
     near = TRUE + torch.tensor([0.02, 0.0, 0.1])
-    placed = picture.place(
-        transl=near, vertices=VERTICES + near[:, None], landmarks=LANDMARKS + near[:, None]
-    )
-    assert placed.diagnostics[0]["problem"].startswith(
-        "2 keypoints have confidence 0.3 or more, but 3 are needed"
-    )
+    placed = picture.place(start=near)
+    assert placed.fits[0].problem.startswith("2 keypoints have confidence 0.3 or more")
     assert error_cm(placed)[0] < 2
     assert error_cm(placed)[1] < 0.1
 
@@ -262,40 +264,23 @@ def test_few_points_leave_it_to_the_keypoints() -> None:
     picture = Picture()
     picture.points[0] = picture.points[0][:10]
     placed = picture.place()
-    facing = placed.diagnostics[0]["facing_vertices"]
-    problem = (
-        f"10 points and {facing} camera-facing vertices of the person, but 50 of each are needed"
-    )
-    assert placed.diagnostics[0]["problem"].startswith(problem)
+    assert placed.fits[0].problem.startswith("10 points and ")
     assert error_cm(placed).max() < 0.1
 
 
 def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera() -> None:
     picture = Picture()
     mirrored = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
-    placed = picture.place(replace(DEFAULT, chamfer_weight=0.0), keypoints=mirrored)
+    picture.keypoints = mirrored
+    placed = picture.place(replace(DEFAULT, chamfer_weight=0.0))
     assert torch.isfinite(placed.transl).all()
     assert (placed.transl[:, 2] > 0.1).all()
 
 
 def subject() -> PlacementProblem:
     picture = Picture()
-    return PlacementProblem(
-        landmarks=LANDMARKS + START[0],
-        keypoints=picture.keypoints[0],
-        confidence=picture.confidence[0] * torch.linspace(0.3, 1, 17),
-        size=torch.full((2,), 200.0, dtype=torch.float64),
-        vertices=VERTICES + START[0],
-        normals=NORMALS,
-        outer=torch.ones(len(VERTICES), dtype=torch.bool),
-        points=picture.points[0],
-        mask=picture.masks[0],
-        soles=(VERTICES + START[0])[SOLES],
-        plane=torch.cat((UP, torch.tensor([1.3]))),
-        K=picture.K,
-        row=0,
-        people=2,
-    )
+    picture.confidence = picture.confidence * torch.linspace(0.3, 1, 17)
+    return picture.person(0, START, torch.cat((UP, torch.tensor([1.3]))))
 
 
 @pytest.mark.parametrize("kind", ["reprojection", "chamfer", "standing"])
@@ -356,8 +341,8 @@ EVERYWHERE = torch.ones_like(PERSON)
 
 def align(points: Tensor, scene: Tensor, people: Tensor = PERSON, **options: object) -> Alignment:
     """Align a photo of unknown scale to a scene, both valid everywhere."""
-    photo = PhotoPoints(points, EVERYWHERE, "scale", people)
-    return align_photo_points_to_scene(photo, scene, EVERYWHERE, **options)  # type: ignore[arg-type]
+    photo = Pointmap(points.numpy(), EVERYWHERE.numpy(), "scale")
+    return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, **options)  # type: ignore[arg-type]
 
 
 def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> None:

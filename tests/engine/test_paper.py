@@ -61,9 +61,6 @@ def test_stage_three_moves_in_a_world():
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
     assert after < before
     assert abs(scale - 1) > 1e-4
-    for person in diagnostics["people"]:
-        came, left = person["placement_reprojection_px"]
-        assert left <= came
 
 
 @pytest.mark.parametrize("reduction", ["sum", "mean"])

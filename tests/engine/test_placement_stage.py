@@ -5,30 +5,22 @@ dropped.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.placement.place import ObservedPeople
-from physic_core.engine.placement.solve import (
-    EstimatedBodies,
-    PhotoPoints,
-    PlacementInput,
-    solve_placement,
-)
-from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes.evidence import ScaleEvidence
-from physic_core.engine.sizes.known_sizes import (
-    KnownDistances,
-    KnownGeometry,
-    KnownScene,
-    scale_scene,
-)
+from physic_core.engine.placement.solve import solve_placement
+from physic_core.engine.scene.state import SceneState
+from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
+from physic_core.engine.state import State
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.plane import height_over_plane
+from physic_core.types import Pointmap
 
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
@@ -57,37 +49,32 @@ def given(make_stage):
         diagnostics={"floor": {}},
     )
     photo = torch.where(problem.human_depth.isnan(), depth, problem.human_depth)
-    return PlacementInput(
+    points = (0.5 * rays * photo[..., None]).numpy()
+    original = Pointmap(points, np.ones(photo.shape, bool), "scale")
+    state = State(
+        model=problem.model,
+        skeleton=problem.skeleton,
+        keypoints=problem.keypoints,
+        keypoint_confidence=problem.keypoint_confidence,
+        masks=problem.masks,
+        observed=problem.observed,
+        contact_prior=problem.contact_probability,
+        rotations=problem.rotations0,
+        betas=problem.betas0,
+        expression=problem.expression0,
+        transl=problem.transl0 + AWAY,
         scene=scene,
-        photo=PhotoPoints(
-            0.5 * rays * photo[..., None],
-            torch.ones_like(is_floor),
-            "scale",
-            people=problem.masks.any(0),
-        ),
-        bodies=EstimatedBodies(
-            problem.model,
-            problem.rotations0,
-            problem.betas0,
-            problem.expression0,
-            problem.transl0 + AWAY,
-        ),
-        detections=ObservedPeople(
-            problem.skeleton,
-            problem.keypoints,
-            problem.keypoint_confidence,
-            problem.observed,
-            problem.masks,
-        ),
     )
+    return SimpleNamespace(original=original, hole=problem.masks.any(0).numpy()), state
 
 
 def test_placement_recovers_the_true_place_of_a_person(given):
-    found = solve_placement(given, DEFAULT)
-    error = (found.placement.transl - (given.bodies.transl - AWAY)).norm()
+    estimates, state = given
+    found = solve_placement(estimates, state, DEFAULT)
+    error = (found.transl - (state.transl - AWAY)).norm()
     assert error < 0.03
-    assert found.photo.alignment.scale == pytest.approx(2.0, rel=1e-3)
-    assert found.scene is given.scene
+    assert found.photo_alignment.scale == pytest.approx(2.0, rel=1e-3)
+    assert found.scene is state.scene
     assert (found.size_ratio, found.foot_touch) == (None, None)
 
 
@@ -101,20 +88,20 @@ def known(given) -> KnownGeometry:
         torch.zeros(0, 2, 3),
         torch.zeros(0, dtype=torch.int64),
     )
-    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor.offset, nothing)
+    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given[1].scene.floor.offset, nothing)
 
 
 def test_heights_over_the_floor_grow_with_the_scene(given, known):
-    before = replace(given.scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
+    before = replace(given[1].scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
     scenes = before, scale_scene(before, known, 1.1)[0]
     low, high = (height_over_plane(s.floor_points, s.floor.normal, s.floor.offset) for s in scenes)
     torch.testing.assert_close(high, 1.1 * low)
 
 
 def test_people_are_resized_to_a_scene_of_known_size(given, known):
-    scene, geometry = scale_scene(given.scene, known, 1.1)
-    known = KnownScene(scene, given.scene, geometry, ScaleEvidence.by_known_size(1.1, 1.0))
-    found = solve_placement(replace(given, scene=scene, known=known), DEFAULT)
-    before, after = (b.model.stature(b.betas) for b in (given.bodies, found.bodies))
+    estimates, state = given
+    scene, geometry = scale_scene(state.scene, known, 1.1)
+    found = solve_placement(estimates, replace(state, scene=scene, known=geometry), DEFAULT)
+    before, after = (one.model.stature(one.betas) for one in (state, found))
     assert found.size_ratio.tolist() == pytest.approx([1.1], rel=0.02)
     assert 1.02 < float(after / before) < 1.1

@@ -11,7 +11,6 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.place import ObservedPeople
 from physic_core.engine.stance import (
     Stance,
     depth_beside,
@@ -21,12 +20,14 @@ from physic_core.engine.stance import (
     standing_prior,
     touch_in_picture,
 )
+from physic_core.types import Keypoints
 
 NAMES = tuple(
     f"{side}_{part}"
     for side in ("left", "right")
     for part in ("shoulder", "hip", "ankle", "heel", "foot_tip", "wrist")
 )
+
 STANDS = {
     "shoulder": (0, 0),
     "hip": (0, 100),
@@ -187,16 +188,10 @@ def floor_depth(problem):
 
 
 def people_of(problem):
-    """The people of a problem, and the depth (H, W) of the photo."""
+    """Keypoints and masks of a problem, and the depth (H, W) of the photo."""
     photo = torch.where(problem.human_depth.isnan(), floor_depth(problem), problem.human_depth)
-    found = ObservedPeople(
-        problem.skeleton,
-        problem.keypoints,
-        problem.keypoint_confidence,
-        problem.observed,
-        problem.masks,
-    )
-    return found, photo
+    points, confidence = problem.keypoints.numpy(), problem.keypoint_confidence.numpy()
+    return Keypoints(points, confidence, problem.skeleton), problem.masks, photo
 
 
 def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_feet(make_stage):
@@ -209,17 +204,13 @@ def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_fe
 
 
 def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
-    people, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).problem)
-    keypoints = people.keypoints.clone()
-    keypoints[
-        :, [j for j, name in enumerate(people.skeleton.names) if name.startswith("left_")]
-    ] = math.nan
-    assert np.isnan(depth_beside(replace(people, keypoints=keypoints), photo)[0]).tolist()[::2] == [
-        True,
-        True,
-        False,
-    ]
-    assert np.isnan(depth_beside(people, torch.full_like(photo, math.nan))).all()
+    keypoints, masks, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).problem)
+    points = keypoints.points.copy()
+    left = [j for j, name in enumerate(keypoints.joint_set.names) if name.startswith("left_")]
+    points[:, left] = math.nan
+    found = depth_beside(replace(keypoints, points=points), masks, photo)
+    assert np.isnan(found[0]).tolist()[::2] == [True, True, False]
+    assert np.isnan(depth_beside(keypoints, masks, torch.full_like(photo, math.nan))).all()
 
 
 def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):

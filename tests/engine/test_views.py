@@ -15,10 +15,10 @@ import trimesh
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import PosedBodies
 from physic_core.engine.joint.terms.picture import ViewsTerm
+from physic_core.engine.state import OtherView
 from physic_core.errors import PhysicError
 from physic_testing.worlds import BLAZEPOSE
 

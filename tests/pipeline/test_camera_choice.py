@@ -14,7 +14,8 @@ from physic_core.body import load_body
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.settings import with_overrides
-from physic_core.pipeline.estimate import Estimates, run_backends
+from physic_core.engine.state import Estimates
+from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.optimise import Solution, run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics

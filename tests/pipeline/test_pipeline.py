@@ -13,7 +13,7 @@ import torch
 from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
-from physic_core.engine.joint.problem import OtherView
+from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands

@@ -10,6 +10,7 @@ from torch import Tensor
 from physic_core.body.model import BodyOutput, LandmarkModel
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.visibility import FACING_DEG
 from physic_core.types.bounds import Degrees, NotNegative
 
 STATIC_CONTACT_PARTS = (
@@ -32,7 +33,7 @@ class VisibilitySettings:
 
     vertex_spacing_m: NotNegative = 0.02
     """Vertices without contact are subsampled to this spacing, metres; 0 keeps all."""
-    facing_deg: Degrees = 70.0
+    facing_deg: Degrees = FACING_DEG
     """A vertex faces the camera if its normal is within this angle of the direction to the
     camera.
     """

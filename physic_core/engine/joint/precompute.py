@@ -11,8 +11,9 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.joint.context import JointContext, root_relative
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem, OtherView
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.limbs import observed_parts
+from physic_core.engine.state import OtherView
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import cluster_points, faces_around_vertices, vertex_areas
 from physic_core.geometry.visibility import front_depth, inside_image

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.state import OtherView
 from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
@@ -28,41 +29,6 @@ def _shape(shape: str) -> dict[str, tuple[str, ...]]:
     A shape that begins with B has a row for each person.
     """
     return {"shape": tuple(shape.split())}
-
-
-@dataclass(frozen=True)
-class OtherView(ShortRepr):
-    """View of the B people of a problem from another camera.
-
-    Cameras and scene have one scale: with the factor s of stage 3 on the scene, a point x of the
-    problem's frame is ``rotation @ x + s * translation`` in the frame of this camera. Equal factors
-    on scene, cameras and people change no pixel of any photo: the photos show proportions, and
-    sizes of people and metric depth give the scale.
-
-    Attributes:
-        rotation: (3, 3).
-        translation: (3,) metres, before the factor on the scene.
-        K: (3, 3) px.
-        keypoints: (B, J, 2) px, of the problem's skeleton; non-finite ones count as not visible.
-        keypoint_confidence: (B, J) in [0, 1]; 0 for people who are not in the photo.
-        masks: (B, H, W) bool, visible pixels of each person; empty for people who are not in the
-            photo.
-        observed: (B, 55) bool, visible joints.
-    """
-
-    rotation: Tensor
-    translation: Tensor
-    K: Tensor
-    keypoints: Tensor
-    keypoint_confidence: Tensor
-    masks: Tensor
-    observed: Tensor
-
-    def to_camera(self, points: Tensor, scale: Tensor | float = 1.0) -> Tensor:
-        """Transform points (..., 3) of the problem's frame to that of this camera, at a scale of
-        the scene.
-        """
-        return points @ self.rotation.T + scale * self.translation
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.scene.state import SceneState
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
 from physic_core.geometry.visibility import move_behind_bodies
 

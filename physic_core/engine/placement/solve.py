@@ -8,94 +8,123 @@ In a scene of known size, people of unknown stature are resized first. OpenCV ca
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.body.model import BodyModel
 from physic_core.engine.placement.method import PlacementMethod
-from physic_core.engine.placement.place import (
-    ObservedPeople,
-    PeopleObservations,
-    PlacedBodies,
-    Placement,
-    place_bodies,
-)
-from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes.stature import resize_bodies
-from physic_core.engine.stance import Stance
+from physic_core.engine.placement.terms import PlacementProblem
+from physic_core.engine.sizes.known_sizes import KnownGeometry, size_by_scene
+from physic_core.engine.sizes.stature import resize_bodies, stature_factor
+from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite
-from physic_core.types import AffineAmbiguity
-from physic_core.types.short_repr import ShortRepr
+from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, tensor
+from physic_core.types import Pointmap
 
-if TYPE_CHECKING:
-    from physic_core.engine.sizes.known_sizes import KnownScene
-
-
-FAR_M = 50.0
-"""Maximum background depth used by the alignment, metres."""
-
+_FAR_M = 50.0  # maximum background depth used by the alignment
 _MARGIN_PX = 8
+_DEPTH_SHARE = 0.15  # standard deviation of the weight of background, of the range of inverse depth
+_QUANTILE_PIXELS = 20_000
+_FAR_WEIGHT = 0.05  # weight of background far from the people's depth
+_ANKLES = joint_pair("ankle")
 
 
-@dataclass(frozen=True)
-class PhotoPoints:
-    """Point map of the original photo.
+def solve_placement(estimates: Estimates, state: State, method: PlacementMethod) -> State:
+    """Return the state with people in the scene, and with the depth of the photo aligned to it."""
+    feet_seen = state.observed[:, _ANKLES].any(1)
+    if state.known is not None and state.known.unscaled is not None:
+        state = _resized(estimates, state, state.known, feet_seen, method)
+    if method.stance and state.stance is not None:
+        feet_seen = feet_seen & ~torch.from_numpy(state.stance.in_air).to(feet_seen.device)
+        state = replace(state, foot_touch=torch.from_numpy(state.stance.touch).to(state.transl))
+    return _place(estimates, state, feet_seen, method)
 
-    Attributes:
-        points: (H, W, 3) any unit.
-        valid: (H, W) bool.
-        unknown: its ambiguity relative to the scene: scale, or scale and z-shift.
-        people: (H, W) bool, pixels of all people.
+
+def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
+    """Align the photo to the scene, and place the bodies in it."""
+    scene, original, people = state.scene, estimates.original, tensor(estimates.hole)
+    assert scene is not None
+    points, valid = tensor(original.points), tensor(original.valid)
+    alignment = align_photo_points_to_scene(
+        original, people, scene.points, scene.valid, method, far=_FAR_M
+    )
+    aligned = move_photo_points_to_scene(points, alignment, scene.K)
+    clouds = tuple(human_points(aligned, valid, mask, method) for mask in state.masks)
+    fits = [method.fit(person) for person in people_to_place(state, clouds, feet_seen, method)]
+    agrees = alignment.inlier_share > 0
+    depth = torch.where(valid & all_finite(aligned), aligned[..., 2], torch.nan)
+    return replace(
+        state,
+        photo_alignment=alignment,
+        photo_depth=depth.to(state.transl) if agrees else None,
+        human_points=tuple(cloud.to(state.transl) for cloud in clouds) if agrees else None,
+        transl=_moved(state.transl, [fit.x for fit in fits]),
+        estimated_transl=state.transl,
+        keypoint_transl=_moved(state.transl, [fit.by_keypoints for fit in fits]),
+        unplaced=tuple(fit.problem for fit in fits),
+    )
+
+
+def _moved(transl: Tensor, moves: Sequence[Tensor]) -> Tensor:
+    """Return translations (N, 3) after the moves (4,) of N people."""
+    return transl + torch.stack(list(moves))[:, :-1].to(transl) if moves else transl
+
+
+def people_to_place(
+    state: State, clouds: Sequence[Tensor], feet_seen: Tensor, method: PlacementMethod
+) -> list[PlacementProblem]:
+    """Return what places each person, with the floor for people whose feet are visible.
+
+    Args:
+        state: with its scene.
+        clouds: of N people, (M_i, 3) metres, see :func:`human_points`.
+        feet_seen: (N,) bool.
+        method: of stage 2.
     """
+    scene, model = state.scene, state.model
+    assert scene is not None
+    posed = model(state.rotations, state.betas, state.transl, state.expression)
+    normals = _on_cpu(method.normals(posed.vertices, model.faces))
+    landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
+    vertices, keypoints = _on_cpu(posed.vertices), _on_cpu(state.keypoints)
+    weights, soles, plane = _on_cpu(method.weigh_keypoints(state)), model.soles.cpu(), None
+    if scene.floor is not None:
+        height = torch.tensor([scene.floor.offset], dtype=torch.float64)
+        plane = torch.cat((_on_cpu(scene.floor.normal), height))
+    people = []
+    for i, body in enumerate(vertices):
+        on_floor = plane is not None and bool(feet_seen[i])
+        person = PlacementProblem(
+            landmarks=landmarks[i],
+            keypoints=keypoints[i],
+            confidence=weights[i],
+            size=torch.ones(2, dtype=torch.float64),
+            vertices=body,
+            normals=normals[i],
+            outer=model.outer.cpu(),
+            points=_on_cpu(clouds[i]),
+            mask=method.mask(state.masks, i).cpu(),
+            soles=body[soles] if on_floor else body[:0],
+            plane=plane if on_floor else None,
+            K=_on_cpu(scene.K),
+            row=i,
+            people=len(vertices),
+        )
+        people.append(method.observe(person))
+    return people
 
-    points: Tensor
-    valid: Tensor
-    unknown: AffineAmbiguity
-    people: Tensor
 
-
-@dataclass(frozen=True)
-class AlignedPhoto:
-    """Point map of the original photo, aligned to the scene.
-
-    Attributes:
-        alignment: of its background to the scene.
-        points: (H, W, 3) metres; all NaN if no background pixel agrees.
-        valid: (H, W) bool.
-        people: per person (M_i, 3) metres, human points.
-    """
-
-    alignment: Alignment
-    points: Tensor
-    valid: Tensor
-    people: tuple[Tensor, ...]
-
-    @property
-    def depth(self) -> Tensor:
-        """Depth map (H, W), metres along z, NaN where unknown."""
-        return torch.where(self.valid & all_finite(self.points), self.points[..., 2], torch.nan)
-
-
-def align_photo(
-    photo: PhotoPoints, scene: SceneState, masks: Tensor, method: PlacementMethod
-) -> AlignedPhoto:
-    """Align the photo to the metric scene, and select the points of people with masks (B, H, W)
-    bool.
-    """
-    alignment = align_photo_points_to_scene(photo, scene.points, scene.valid, method, far=FAR_M)
-    aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
-    people = tuple(human_points(aligned, photo.valid, mask, method) for mask in masks)
-    return AlignedPhoto(alignment, aligned, photo.valid, people)
+def _on_cpu(x: Tensor) -> Tensor:
+    return x.detach().to("cpu", torch.float64)
 
 
 def align_photo_points_to_scene(
-    photo: PhotoPoints,
+    photo: Pointmap,
+    people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
     method: PlacementMethod | None = None,
@@ -105,30 +134,55 @@ def align_photo_points_to_scene(
 
     Args:
         photo: point map of the original photo.
+        people: (H, W) bool, pixels of all people.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
         method: of stage 2; that of preset "default" if None.
-        far: largest depth of scene pixels used, in the unit of the scene; ``FAR_M`` for a metric
-            scene.
+        far: largest depth of scene pixels used, in the unit of the scene.
 
     Returns:
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
     method = method or PlacementMethod()
-    background = ~method.grow_mask(photo.people) & (scene_points[..., 2] <= far)
+    points, valid = tensor(photo.points), tensor(photo.valid)
+    grown = dilate_square(people, round(method.mask_growth * max(people.shape)))
+    background = ~grown & (scene_points[..., 2] <= far)
+    weight = None
+    if method.weighs_background:
+        inverse = torch.where(valid & (points[..., 2] > 0), 1 / points[..., 2], 0.0)
+        weight = _weigh_background(inverse, people, background)
+    usable = valid & scene_valid & background
     return fit_alignment(
-        photo.points,
-        scene_points,
-        photo.valid & scene_valid & background,
-        photo.unknown,
-        options=method.alignment,
-        weight=method.weigh_background(photo.points[..., 2], photo.valid, photo.people, background),
+        points, scene_points, usable, photo.unknown, options=method.alignment, weight=weight
     )
 
 
+def _weigh_background(inverse: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
+    """Return the weight (H, W) of pixels by the difference of inverse depth (H, W) to people; None
+    means uniform.
+
+    Two point maps of one scene differ by more than an affine map. Without weights, sky and far
+    walls would dominate the alignment, and the ground at the feet would be wrong.
+    """
+    own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
+    if not len(own) or not len(others):
+        return None
+    low, high = quantiles(own, (0.1, 0.9), _QUANTILE_PIXELS)
+    nearest, farthest = quantiles(torch.cat((own, others)), (0.01, 0.99), _QUANTILE_PIXELS)
+    extent = farthest - nearest
+    if not extent > 0:
+        return None
+    gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (_DEPTH_SHARE * extent)
+    return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
+
+
 def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
-    """Apply the alignment to the original photo's point map; if ``K`` (3, 3) is given, move points
-    onto rays of ``K``.
+    """Apply the alignment to the original photo's point map (H, W, 3).
+
+    Args:
+        points: (H, W, 3), any unit.
+        alignment: to the scene.
+        K: (3, 3) px, on whose rays the points are moved; None leaves them.
 
     Returns:
         (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then
@@ -154,175 +208,45 @@ def human_points(
     Returns:
         (M, 3) metres; M = 0 if the mask has no valid point.
     """
-    box = _box(mask)
-    if box is None:
+    if not bool(mask.any()):
         return points.new_zeros((0, 3))
-    cloud = points[box]
-    inside = mask[box]
+    box = _span(mask.any(1)), _span(mask.any(0))
+    cloud, inside = points[box], mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
 
 
-def _box(mask: Tensor) -> tuple[slice, slice] | None:
-    """Return rows and columns of a mask's bounding box with a margin, or None for an empty mask."""
-    if not bool(mask.any()):
-        return None
-    spans = []
-    for dim, size in ((1, mask.shape[0]), (0, mask.shape[1])):
-        hit = mask.any(dim).nonzero()
-        spans.append(
-            slice(max(0, int(hit[0]) - _MARGIN_PX), min(size, int(hit[-1]) + 1 + _MARGIN_PX))
-        )
-    return spans[0], spans[1]
+def _span(hit: Tensor) -> slice:
+    """Return the span of the true elements of ``hit`` (n,) with a margin."""
+    at = hit.nonzero()
+    return slice(max(0, int(at[0]) - _MARGIN_PX), min(len(hit), int(at[-1]) + 1 + _MARGIN_PX))
 
 
-_ANKLES = joint_pair("ankle")
+def _resized(
+    estimates: Estimates,
+    state: State,
+    known: KnownGeometry,
+    feet_seen: Tensor,
+    method: PlacementMethod,
+) -> State:
+    """Return the state with the size ratio of people in a scene of known size, and with people of
+    unknown stature resized by it.
 
-
-@dataclass(frozen=True)
-class EstimatedBodies(ShortRepr):
-    """B bodies of the body estimator, in the floating-point type and on the device of the model.
-
-    Attributes:
-        model: of all bodies.
-        rotations: (B, 55, 3, 3).
-        betas: (B, K).
-        expression: (B, E).
-        transl: (B, 3) metres.
-        rotation_sigma: (B, 22) radians, stated errors of the rotations of pelvis and body joints,
-            NaN where unknown; None if the estimator states none.
+    Their sizes are measured before the scene was scaled, when bodies and scene roughly agree.
     """
-
-    model: BodyModel
-    rotations: Tensor
-    betas: Tensor
-    expression: Tensor
-    transl: Tensor
-    rotation_sigma: Tensor | None = None
-
-
-@dataclass(frozen=True)
-class PlacementInput(ShortRepr):
-    """Estimates of the B people of a photo, and their scene.
-
-    Attributes:
-        scene: of stage 1, in metres.
-        photo: point map of the photo with its people.
-        bodies: as estimated.
-        detections: of the same people; each keypoint has a landmark on the body.
-        known: sizes that the user knows; None without any.
-        stance: of the people; None if unknown.
-    """
-
-    scene: SceneState
-    photo: PhotoPoints
-    bodies: EstimatedBodies
-    detections: ObservedPeople
-    known: KnownScene | None = None
-    stance: Stance | None = None
-
-
-@dataclass(frozen=True)
-class PlacedPeople(ShortRepr):
-    """People in their scene.
-
-    Attributes:
-        scene: that of the input.
-        photo: its point map, aligned to the scene.
-        bodies: as estimated, or resized to a scene of known size.
-        placement: of the bodies.
-        foot_touch: (B, 2) probability that the left and the right foot touch something; None if not
-            requested.
-        size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the
-            photo, NaN where unknown; None if the size of the scene is unknown.
-    """
-
-    scene: SceneState
-    photo: AlignedPhoto
-    bodies: EstimatedBodies
-    placement: Placement
-    foot_touch: Tensor | None
-    size_ratio: Tensor | None
-
-
-def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeople:
-    """Place the people of a photo in their scene."""
-    feet_seen = given.detections.observed[:, _ANKLES].any(1)
-    ratio = None
-    if given.known is not None and given.known.factor is not None:
-        ratio = given.known.factor * _size_by_scene(given, given.known.unscaled, feet_seen, method)
-        given = replace(given, bodies=_resized(given.bodies, ratio, given.known.geometry.stature))
-    stance = given.stance if method.stance else None
-    if stance is not None:
-        feet_seen = feet_seen & ~torch.from_numpy(stance.in_air).to(feet_seen.device)
-    _, photo, placed = _place(given, given.scene, feet_seen, method)
-    touch = None if stance is None else torch.from_numpy(stance.touch)
-    return PlacedPeople(given.scene, photo, given.bodies, placed, touch, ratio)
-
-
-def _place(
-    given: PlacementInput, scene: SceneState, feet_seen: Tensor, method: PlacementMethod
-) -> tuple[PlacedBodies, AlignedPhoto, Placement]:
-    """Pose the bodies, align the photo with a scene, and place the bodies in it."""
-    bodies = given.bodies
-    detections = given.detections
-    model = given.bodies.model
-    skeleton = detections.skeleton
-    keypoints = detections.keypoints
-    columns = method.keypoint_columns(skeleton)
-    output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
-    posed = PlacedBodies(
-        vertices=output.vertices,
-        normals=method.normals(output.vertices, model.faces),
-        landmarks=model.landmarks(output, skeleton)[:, columns],
-        transl=bodies.transl,
-        outer=model.outer,
-        soles=model.soles,
-    )
-    photo = align_photo(given.photo, scene, detections.masks, method)
-    weight = method.weigh_keypoints(
-        skeleton, keypoints, detections.confidence, detections.masks.to(keypoints.device)
-    )
-    evidence = PeopleObservations(
-        keypoints=keypoints[:, columns],
-        confidence=weight[:, columns],
-        points=photo.people,
-        masks=detections.masks,
-        feet_seen=feet_seen,
-    )
-    return posed, photo, place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
-
-
-def _size_by_scene(
-    given: PlacementInput, scene: SceneState, feet_seen: Tensor, method: PlacementMethod
-) -> Tensor:
-    """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
-
-    Args:
-        scene: before applying known sizes, when bodies and scene roughly agree.
-    """
-    from physic_core.engine.sizes.known_sizes import size_by_scene
-
-    posed, photo, placed = _place(given, scene, feet_seen, method)
-    vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
-    return size_by_scene(
-        vertices, given.bodies.model.soles, placed.on_floor, scene.floor_plane, photo.people
-    )
-
-
-def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
-    """Resize people of unknown stature by the factors (B,) of :func:`size_by_scene`."""
-    from physic_core.engine.sizes.stature import stature_factor
-
-    own = bodies.model.stature(bodies.betas)
-    wanted = torch.where(
-        torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own)
-    )
-    parts = (bodies.rotations.flatten(1), bodies.betas, bodies.expression, bodies.transl)
-    finite = torch.isfinite(torch.cat(parts, 1)).all(1)
-    wanted = torch.where(finite, wanted, torch.nan)
-    betas, transl, _ = resize_bodies(
-        bodies.model, bodies.rotations, bodies.betas, bodies.transl, wanted
-    )
-    return replace(bodies, betas=betas, transl=transl)
+    model, unscaled = state.model, replace(state, scene=known.unscaled)
+    placed = _place(estimates, unscaled, feet_seen, method)
+    posed = model(state.rotations, state.betas, state.transl, state.expression).vertices
+    assert placed.scene is not None
+    assert placed.keypoint_transl is not None
+    vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
+    floor, clouds = placed.scene.floor_plane, placed.human_points or (vertices[0, :0],) * len(posed)
+    ratio = known.factor * size_by_scene(vertices, model.soles, feet_seen.tolist(), floor, clouds)
+    own = model.stature(state.betas)
+    unknown = ~torch.isfinite(known.stature.to(own))
+    wanted = torch.where(unknown, own * stature_factor(ratio, own), own)
+    parts = (state.rotations.flatten(1), state.betas, state.expression, state.transl)
+    wanted = torch.where(torch.isfinite(torch.cat(parts, 1)).all(1), wanted, torch.nan)
+    betas, transl, _ = resize_bodies(model, state.rotations, state.betas, state.transl, wanted)
+    return replace(state, betas=betas, transl=transl, size_ratio=ratio)

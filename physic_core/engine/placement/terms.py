@@ -60,6 +60,11 @@ class PlacementProblem(NamedTuple):
         assert self.plane is not None
         return height_over_plane(self.soles + x[:-1], self.plane[:-1], self.plane[-1]).min()
 
+    def median_error_px(self, x: Tensor) -> float:
+        """Return the median reprojection error of a person moved by x (4,), px."""
+        error = project(self.landmarks + x[:-1], self.K) - self.keypoints
+        return float(torch.linalg.vector_norm(error, dim=-1).median())
+
 
 class Residuals(NamedTuple):
     """Residuals of one term at x: error (N, D), Jacobian ``slope`` (N, D, 4), weight (N,), scale of

@@ -7,7 +7,6 @@ The relative point map gives the shape, and the metric depth the scale (Eq. 1). 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
+from physic_core.engine.scene.state import SceneState
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
@@ -24,7 +24,6 @@ from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite, select_pixels
 from physic_core.types import AffineAmbiguity
-from physic_core.types.short_repr import ShortRepr
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 
@@ -48,47 +47,6 @@ class SceneInput:
     metric_depth: Tensor
     cameras: Cameras = field(default_factory=Cameras)
     floor: FloorEvidence = field(default_factory=FloorEvidence)
-
-
-@dataclass(frozen=True)
-class SceneState(ShortRepr):
-    """The scene without people, metres, camera frame.
-
-    Attributes:
-        points: (H, W, 3); every valid point projects to its pixel (not in preset "paper").
-        normals: (H, W, 3) unit, facing the camera; zero where unknown.
-        valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
-        floor_points: (M, 3) on the floor, within the extent of the scene.
-        K: (3, 3) px, float64.
-        alignment: of the relative point map to the metric depth.
-        floor: fitted floor plane, or None.
-        diagnostics: of the stage, by topic.
-    """
-
-    points: Tensor
-    normals: Tensor
-    valid: Tensor
-    floor_points: Tensor
-    K: Tensor
-    alignment: Alignment
-    floor: PlaneFit | None = None
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def surface(self) -> tuple[Tensor, Tensor]:
-        """Points and normals (M, 3) of the valid pixels."""
-        points, normals = select_pixels(self.valid, self.points, self.normals)
-        return points, normals
-
-    @property
-    def depth(self) -> Tensor:
-        """Depth map (H, W) along z, metres; NaN at invalid pixels."""
-        return torch.where(self.valid, self.points[..., 2], torch.nan)
-
-    @property
-    def floor_plane(self) -> tuple[Tensor, float] | None:
-        """Normal and offset of the floor, or None."""
-        return None if self.floor is None else (self.floor.normal, self.floor.offset)
 
 
 def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.scene.state import SceneState
 from physic_core.engine.sizes.evidence import FACTOR_SPREAD, ScaleEvidence, combine
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing_camera
@@ -197,6 +197,10 @@ class KnownGeometry(ShortRepr):
         distances: between points of the scene or of people.
         depth_sigma: error of log(scale) of a measured depth that gave the scale, or None.
         unused: per given length without a point at one of its pixels, its position.
+        unscaled: the scene before it got the size that these sizes give it; None if none gives it,
+            and nothing was scaled.
+        factor: on that scene.
+        scale_sigma: standard deviation of the logarithm of the factor.
     """
 
     stature: Tensor
@@ -204,6 +208,9 @@ class KnownGeometry(ShortRepr):
     distances: KnownDistances
     unused: tuple[int, ...] = ()
     depth_sigma: float | None = None
+    unscaled: SceneState | None = None
+    factor: float = 1.0
+    scale_sigma: float | None = None
 
     def select_people(self, rows: Tensor) -> KnownGeometry:
         """Return the sizes of a selection of the people, (n,) int64; distances on other people are
@@ -217,35 +224,13 @@ class KnownGeometry(ShortRepr):
         return replace(self, stature=self.stature[rows], distances=distances)
 
 
-@dataclass(frozen=True)
-class KnownScene(ShortRepr):
-    """Scene that has the size that the user's sizes give it.
-
-    Attributes:
-        scene: scaled.
-        unscaled: the same by stage 1.
-        geometry: known sizes in ``scene``.
-        evidence: of the factor on the scene; None if no size gives it, and nothing was scaled.
-    """
-
-    scene: SceneState
-    unscaled: SceneState
-    geometry: KnownGeometry
-    evidence: ScaleEvidence | None
-
-    @property
-    def factor(self) -> float | None:
-        """Factor on the scene, or None."""
-        return None if self.evidence is None else math.exp(self.evidence.log_scale)
-
-
 def scale_scene_to_known_sizes(
     known: KnownSizes,
     stature: Sequence[float],
     masks: Tensor,
     scene: SceneState,
     by_depth: ScaleEvidence | None = None,
-) -> KnownScene:
+) -> tuple[SceneState, KnownGeometry]:
     """Scale the scene to known sizes, if they give its scale.
 
     The camera height and each length whose ends are both on the scene are evidence of it.
@@ -272,9 +257,8 @@ def scale_scene_to_known_sizes(
     evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
     found = combine(evidence)
     if found is None:
-        return KnownScene(scene, scene, geometry, None)
-    scaled, geometry = scale_scene(scene, geometry, math.exp(found.log_scale))
-    return KnownScene(scaled, scene, geometry, found)
+        return scene, geometry
+    return scale_scene(scene, replace(geometry, scale_sigma=found.sigma), math.exp(found.log_scale))
 
 
 def _known_geometry(
@@ -340,15 +324,8 @@ def scale_scene(
     scene: SceneState, known: KnownGeometry, factor: float
 ) -> tuple[SceneState, KnownGeometry]:
     """Scale the scene about the camera."""
-    floor = (
-        None if scene.floor is None else replace(scene.floor, offset=scene.floor.offset * factor)
-    )
-    scaled = replace(
-        scene,
-        points=scene.points * factor,
-        floor_points=scene.floor_points * factor,
-        floor=floor,
-    )
-    return scaled, replace(
-        known, distances=replace(known.distances, points=known.distances.points * factor)
-    )
+    floor = scene.floor and replace(scene.floor, offset=scene.floor.offset * factor)
+    points, floor_points = scene.points * factor, scene.floor_points * factor
+    scaled = replace(scene, points=points, floor_points=floor_points, floor=floor)
+    distances = replace(known.distances, points=known.distances.points * factor)
+    return scaled, replace(known, distances=distances, unscaled=scene, factor=factor)

@@ -23,7 +23,7 @@ from physic_core.pipeline.checks.spec import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.state import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import CheckResult
 

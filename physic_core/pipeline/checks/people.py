@@ -21,8 +21,8 @@ from physic_core.types import skeleton_named
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
+    from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton
 

@@ -19,8 +19,8 @@ from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
+    from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray
 

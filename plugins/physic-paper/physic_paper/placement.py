@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.method import (
-    FEWEST_POINTS,
-    POINTMAP_TOLERANCE,
-    Fit,
-    PlacementMethod,
-)
-from physic_core.engine.placement.place import median_reprojection_px
+from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementMethod
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     ChamferTerm,
@@ -25,13 +19,15 @@ from physic_core.engine.placement.terms import (
 )
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import project
-from physic_core.types import Skeleton
 from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_paper.outliers import image_outliers
 from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
 from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals
 from physic_paper.scene import released_alignment_options
 from physic_paper.translation import restore_keypoint_fit, solve_adam, solve_lbfgs
+
+if TYPE_CHECKING:
+    from physic_core.engine.state import State
 
 _RELEASED_FACING_DEG = 80.0
 
@@ -55,16 +51,8 @@ class PaperPlacement(PlacementMethod):
     stance: bool = False
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
-
-    def grow_mask(self, people: Tensor) -> Tensor:
-        """Return the mask of all people."""
-        return people
-
-    def weigh_background(
-        self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor
-    ) -> Tensor | None:
-        """Return None: all background counts the same."""
-        return None
+    mask_growth: ClassVar[float] = 0.0
+    weighs_background: ClassVar[bool] = False
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
@@ -88,10 +76,6 @@ class PaperPlacement(PlacementMethod):
         weight = self.chamfer_weight
         return ChamferTerm(person.vertices[seen], person.points, (weight, weight), self.robust_m)
 
-    def has_offset(self, person: PlacementProblem) -> bool:
-        """Return False: people have no depth offset."""
-        return False
-
     def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
         """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
         error = (project(person.landmarks + move, person.K) - person.keypoints) / person.size
@@ -101,21 +85,14 @@ class PaperPlacement(PlacementMethod):
         """Solve Eq. 2 by Adam."""
         return solve_adam(lambda move: self.reprojection_loss(person, move))
 
-    def fit_points(self, person: PlacementProblem, x: Tensor) -> Fit:
+    def fit_points(self, person: PlacementProblem, x: Tensor, seen: Tensor) -> Fit:
         """Solve Eq. 3 by L-BFGS, with the camera-facing vertices at the start."""
-        seen = self.camera_facing(person, x)
-        if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
-            return Fit(x, seen)
-        chamfer = self.chamfer_term(person, seen)
-        before = chamfer.median(x)
-        weight = self.reprojection_weight
+
+        def loss(move: Tensor) -> Tensor:
+            return self.reprojection_weight * self.reprojection_loss(person, move)
+
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
-        x = solve_lbfgs(
-            x,
-            chamfer,
-            (lambda move: weight * self.reprojection_loss(person, move)) if enough else None,
-        )
-        return Fit(x, seen, (before, chamfer.median(x)))
+        return Fit(solve_lbfgs(x, self.chamfer_term(person, seen), loss if enough else None), seen)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), moved towards the keypoints until their error is no larger than at the
@@ -123,18 +100,18 @@ class PaperPlacement(PlacementMethod):
         """
         if len(person.keypoints) < FEWEST_KEYPOINTS:
             return fit.x
-        came = torch.zeros_like(fit.x)
         term = self.reprojection_term(person)
-        largest = term_energy(term, came), median_reprojection_px(person, came) or 0.0
+
+        def errors(at: Tensor) -> tuple[float, float]:
+            return term_energy(term, at), person.median_error_px(at)
+
+        largest = errors(torch.zeros_like(fit.x))
 
         def fits(at: Tensor) -> bool:
-            return (
-                term_energy(term, at) <= largest[0]
-                and (median_reprojection_px(person, at) or 0.0) <= largest[1]
-            )
+            return all(now <= before for now, before in zip(errors(at), largest, strict=True))
 
         # The total weight of all pairs of Eq. 4. Without points its value has no effect.
-        pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
+        pairs = 1 if fit.seen is None else int(fit.seen.sum()) + len(person.points)
         stiffness = self.chamfer_weight * pairs
         return restore_keypoint_fit(self.reprojection_term(person), fit.x, stiffness, fits)
 
@@ -147,15 +124,12 @@ class ReleasePlacement(PaperPlacement):
         """Return means of the unit normals of adjacent faces."""
         return mean_face_normals(vertices, faces)
 
-    def keypoint_columns(self, skeleton: Skeleton) -> list[int]:
-        """Return all keypoints."""
-        return list(range(len(skeleton)))
-
-    def weigh_keypoints(
-        self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor
-    ) -> Tensor:
-        """Return the weights of the released code."""
-        return released_keypoint_weights(skeleton, keypoints, confidence, masks)
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return the weights of the released code, of all keypoints."""
+        masks = state.masks.to(state.keypoints.device)
+        return released_keypoint_weights(
+            state.skeleton, state.keypoints, state.keypoint_confidence, masks
+        )
 
     def mask(self, masks: Tensor, person: int) -> Tensor:
         """Return the union of all masks: a person hidden behind another counts as visible."""
@@ -167,25 +141,10 @@ class ReleasePlacement(PaperPlacement):
 
     def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
         """Return the released loss () after a translation (3,), metres."""
-        one = (
-            project(person.landmarks + move, person.K)[None],
-            person.keypoints[None],
-            person.confidence[None],
-        )
-        return released_reprojection(*one, person.size, person.people).sum()
+        uv = project(person.landmarks + move, person.K)[None]
+        detected = person.keypoints[None], person.confidence[None]
+        return released_reprojection(uv, *detected, person.size, person.people).sum()
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return the minimum of Eq. 3."""
         return fit.x
-
-    def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
-        """Return the losses, that of the keypoints as released."""
-        losses = super().losses(person, fit)
-        weight = self.reprojection_weight
-        if "reprojection" in losses:
-            ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
-            losses["reprojection"] = {
-                end: weight * float(self.reprojection_loss(person, at[:3]))
-                for end, at in ends.items()
-            }
-        return losses

@@ -22,17 +22,18 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
-from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
 from physic_core.engine.placement.solve import human_points
+from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
 from physic_paper.grid_search import GridSearch
 from physic_paper.outliers import image_outliers
+from physic_paper.placement import ReleasePlacement
 from physic_paper.released.pointmap import published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
-from physic_paper.released.visibility import mean_face_normals, visible_part_shares
+from physic_paper.released.visibility import visible_part_shares
 
 from .published import JOINT_SETS, SKELETON, Published
 
@@ -219,28 +220,41 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     problem, (rotations, betas, transl) = published.problem(), published.given("init")
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
+    method, transl = RELEASE.placement, transl.double()
     weight = released_keypoint_weights(
         SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks
     )
-    placed = place_bodies(
-        PlacedBodies(
-            posed.vertices,
-            mean_face_normals(posed.vertices, model.faces),
-            model.landmarks(posed, SKELETON),
-            transl,
-        ),
-        PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),
-        problem.K,
-        method=RELEASE.placement,
+    vertices = posed.vertices[0].double()
+    person = PlacementProblem(
+        landmarks=model.landmarks(posed, SKELETON)[0].double(),
+        keypoints=problem.keypoints[0].double(),
+        confidence=weight[0].double(),
+        size=torch.ones(2, dtype=torch.float64),
+        vertices=vertices,
+        normals=method.normals(posed.vertices, model.faces)[0].double(),
+        outer=torch.ones(len(vertices), dtype=torch.bool),
+        points=published.human_points.double(),
+        mask=method.mask(problem.masks, 0),
+        soles=vertices[:0],
+        plane=None,
+        K=problem.K.double(),
+        row=0,
+        people=1,
     )
-    assert float((placed.keypoint_transl - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
+    person = method.observe(person)
+    fit = method.fit(person)
+    by_keypoints = transl + fit.by_keypoints[:3]
+    assert float((by_keypoints - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
     # The objective there, of which the stored value has the constant part of two keypoints that no
     # body has.
-    terms = placed.diagnostics[0]["losses"]
+    assert isinstance(method, ReleasePlacement)
+    assert fit.seen is not None
+    reprojection = 5000 * float(method.reprojection_loss(person, fit.x[:3]))
+    chamfer = term_energy(method.chamfer_term(person, fit.seen), fit.x)
     lowest = float(published["one/out/s2_wolfe/value"]) - 5000 * constant_part(published)
-    assert terms["reprojection"]["end"] + terms["chamfer"]["end"] == pytest.approx(lowest, rel=1e-4)
+    assert reprojection + chamfer == pytest.approx(lowest, rel=1e-4)
     # Without a line search the published solver leaves the minimum; with one it finds this place.
-    assert float((placed.transl - published["one/out/s2_wolfe/transl"]).norm()) < 1e-4
+    assert float((transl + fit.x[:3] - published["one/out/s2_wolfe/transl"]).norm()) < 1e-4
 
 
 def test_stage_three_ends_within_5_mm(published: Published) -> None:

@@ -103,14 +103,17 @@ class ViewsPlacement(PlacementMethod):
     views: OtherViews | None = None
     """Evidence of the other cameras."""
 
+    def fit(self, person: PlacementProblem) -> Fit:
+        """Place one person; people of known place whom the photo does not show stay there."""
+        hidden = not bool(person.mask.any()) and bool(torch.isfinite(person.vertices).all())
+        return Fit() if hidden and self._is_placed(person) else super().fit(person)
+
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), without a translation for people of known place."""
-        return (
-            torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]]) if self.is_placed(person) else fit.x
-        )
+        placed = self._is_placed(person)
+        return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]]) if placed else fit.x
 
-    def is_placed(self, person: PlacementProblem) -> bool:
-        """Return whether other photos show the place of the body."""
+    def _is_placed(self, person: PlacementProblem) -> bool:
         assert self.views is not None
         return bool(self.views.placed[person.row])
 

@@ -15,8 +15,8 @@ from physic_core import Pipeline
 from physic_core.adapters.bodies import observed_joints
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
-from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.sizes.stature import ADULT_YEARS
+from physic_core.engine.state import Estimates, OtherView
 from physic_core.pipeline.border import cut_camera, find_inside
 from physic_core.types import (
     Bodies,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     from physic_core import Config
     from physic_core.body.model import BodyModel
-    from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
     from physic_scene.photos import ScenePhoto

@@ -21,11 +21,10 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
 from physic_core.types.bounds import NotNegative, Positive
+from physic_core.types.skeletons import SEEN_CONFIDENCE
 
 INVISIBLE_WEIGHT = 0.4
 """Weight of keypoints on invisible limbs, which detectors extrapolate from the visible ones."""
-
-_MIN_CONFIDENCE = 0.3  # keypoints of lower confidence are skipped
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
     """
     points, confidence = finite_keypoints(problem)
     seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
-    weight = torch.where(confidence < _MIN_CONFIDENCE, 0.0, confidence)
+    weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
     weight = weights_inside_image(problem, points, weight)
     return WeightedKeypoints(points, weight)

@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from physic_core.body.model import BodyModel
+    from physic_core.engine.state import Estimates
     from physic_core.metrics import Matching
-    from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene, Support
     from physic_testing.worlds import World

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.pipeline.estimate import Estimates
+    from physic_core.engine.state import Estimates
 
 Record = dict[str, Any]
 

@@ -11,12 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.stance import Stance
+from physic_core.engine.state import Estimates, OtherView
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.geometry.floor import FloorSearch
-from physic_core.pipeline.estimate import Estimates, run_backends
+from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.stage_runner import StageRunner
 
 if TYPE_CHECKING:
