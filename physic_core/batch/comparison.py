@@ -452,7 +452,9 @@ def _step(grade: tuple[str | None, str | None]) -> str:
     if None in grade:
         return ""
     before, after = (list(Grade).index(Grade(str(one))) for one in grade)
-    return "better" if after < before else "worse" if after > before else "the same"
+    if after == before:
+        return "the same"
+    return "better" if after < before else "worse"
 
 
 def _further(metres: float) -> str:

@@ -118,7 +118,9 @@ class _DType(PickledObject):
                 f"holds {'objects' if code == 'O8' else 'no numbers'}, not numbers"
             )
         order = self.state[1] if isinstance(self.state, tuple) and len(self.state) > 1 else "="
-        return np.dtype(code).newbyteorder(">" if order == ">" else "<" if order == "<" else "=")
+        if order not in ("<", ">"):
+            return np.dtype(code)
+        return np.dtype(f"{order}{code}")
 
 
 class _Array(PickledObject):

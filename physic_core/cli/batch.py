@@ -263,15 +263,11 @@ def _stopped_by_signals() -> Iterator[None]:
 
 
 def _duration(seconds: float) -> str:
-    minutes = seconds / 60
-    hours = seconds / 3600
-    return (
-        f"{seconds:.0f} s"
-        if minutes < 2
-        else f"{minutes:.0f} min"
-        if hours < 2
-        else f"{hours:.1f} h"
-    )
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 def _summary(out: Path, items: list[Any]) -> str:

@@ -80,7 +80,10 @@ def check(
         echo(format_missing((*files, *device), "; a run would stop"))
     if files and preset:
         echo(f"`physic setup {preset}` prints the steps to get them")
-    ctx.exit(WEIGHTS if files else USAGE if device else 0)
+    if files:
+        ctx.exit(WEIGHTS)
+    if device:
+        ctx.exit(USAGE)
 
 
 @config.command("show")

@@ -62,13 +62,8 @@ def list_weights(missing: bool) -> None:
         )
     for offer, why in library.broken:
         rows.append(("-", offer.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
-    echo(
-        format_table(rows)
-        if len(rows) > 1
-        else "nothing is missing"
-        if missing
-        else "no plugin lists weights"
-    )
+    nothing = "nothing is missing" if missing else "no plugin lists weights"
+    echo(format_table(rows) if len(rows) > 1 else nothing)
 
 
 @weights.command()
@@ -93,7 +88,9 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
             path = here.get(file.path)
             wrong = "" if path is None else describe_mismatch(path, file)
             note = wrong or ("" if file.sha256 or path is None else "no SHA-256 is published")
-            state = "missing" if path is None else "DIFFERS" if wrong else "ok"
+            state = "DIFFERS" if wrong else "ok"
+            if path is None:
+                state = "missing"
             if path is not None or names:
                 count[state] += 1
                 echo(

@@ -173,7 +173,8 @@ class _Join:
             }
         if isinstance(value, list):
             is_fixed = origin is tuple and inner[-1] is not Ellipsis
-            hints = inner if is_fixed else (inner[0] if inner else Any,) * len(value)
+            each = inner[0] if inner else Any
+            hints = inner if is_fixed else (each,) * len(value)
             parts = enumerate(zip(hints, value, strict=True))
             found = [self.value(one, part, f"{path}{index}.") for index, (one, part) in parts]
             return tuple(found) if origin is tuple else found

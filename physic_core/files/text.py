@@ -100,8 +100,10 @@ def to_json(value: Any, *, digits: int | None = None) -> Any:
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
-        if not math.isfinite(value):
-            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        if math.isnan(value):
+            return "NaN"
+        if math.isinf(value):
+            return "Infinity" if value > 0 else "-Infinity"
         return float(value) if digits is None else float(f"{value:.{digits}g}")
     if isinstance(value, Mapping):
         return {str(key): to_json(item, digits=digits) for key, item in value.items()}
@@ -137,16 +139,17 @@ def parse_json(content: bytes | str) -> Any:
         raise ValueError(_TOO_DEEP) from None
     level = [value]
     for _ in range(_MAX_DEPTH):
-        level = [
-            item
-            for one in level
-            for item in (
-                one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
-            )
-        ]
+        level = [item for one in level for item in _items(one)]
         if not level:
             return value
     raise ValueError(_TOO_DEEP)
+
+
+def _items(value: Any) -> Iterable[Any]:
+    """Return what a JSON object or array holds; nothing for other values."""
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, list) else ()
 
 
 def _refuse(word: str) -> Any:

@@ -224,11 +224,9 @@ class Reconstruction(ShortRepr):
         of scale and focal length; None if the scale has none.
         """
         sigma = self.scene.scale_sigma
-        return (
-            None
-            if sigma is None
-            else math.hypot(sigma, 0.0 if self.scene.measured else self._focal_sigma)
-        )
+        if sigma is None or self.scene.measured:
+            return sigma
+        return math.hypot(sigma, self._focal_sigma)
 
     @property
     def distance_sigmas(self) -> tuple[float | None, ...]:

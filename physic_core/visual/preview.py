@@ -239,7 +239,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         facts.append(f"{seconds:.1f} s")
     facts.append(f"checks: {summarize_checks(reconstruction.checks)}")
     count = len(reconstruction.warnings)
-    facts.append(f"{count} warning{'' if count == 1 else 's'}" if count else "no warnings")
+    facts.append(f"{count or 'no'} warning{'' if count == 1 else 's'}")
     return "  ·  ".join(facts)
 
 

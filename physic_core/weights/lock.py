@@ -99,7 +99,9 @@ def record_use(name: str, path: Path, published: str | None) -> None:
         return
     found = remembered_sha256(path)
     expected = read_lock().get(name, {}).get("sha256")
-    state = "unpinned" if expected is None else "locked" if expected == found else "differs"
+    state = "locked" if expected == found else "differs"
+    if expected is None:
+        state = "unpinned"
     uses[name] = {"sha256": found, "state": state}
 
 

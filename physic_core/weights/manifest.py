@@ -68,7 +68,8 @@ def _check_path(path: str) -> str:
 def _check_source(source: str) -> str:
     hub = _HUB.fullmatch(source)
     web = _WEB.fullmatch(source)
-    inside = hub[2] if hub else web[1] if web else ""
+    named = hub[2] if hub else ""
+    inside = web[1] if web else named
     if source and not (inside is None or is_inside(inside)):
         raise ValueError(
             "should be hf://owner/repository/path[@revision] or https://host/path[#member]"

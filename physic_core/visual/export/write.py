@@ -124,13 +124,9 @@ def _people(
     """
     count = len(result.people)
     bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
-    wanted = (
-        range(count)
-        if person is None
-        else [person]
-        if isinstance(person, int)
-        else list(dict.fromkeys(person))
-    )
+    if person is None:
+        person = range(count)
+    wanted = [person] if isinstance(person, int) else list(dict.fromkeys(person))
     for index in wanted:
         if not 0 <= index < count:
             there = (

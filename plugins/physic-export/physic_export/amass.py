@@ -210,4 +210,4 @@ def _arrays(
 def _gender(file: Path) -> str:
     """Return the gender that the name of the model file states; neutral if it states none."""
     name = file.stem.lower()
-    return "female" if "female" in name else "male" if "male" in name else "neutral"
+    return next((gender for gender in ("female", "male") if gender in name), "neutral")

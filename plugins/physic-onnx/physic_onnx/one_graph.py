@@ -47,11 +47,9 @@ class PortSpec:
 
     def __str__(self) -> str:
         kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
-        shape = (
-            "any shape"
-            if self.shape is None
-            else _shape(tuple("?" if d is None else d for d in self.shape))
-        )
+        shape = "any shape"
+        if self.shape is not None:
+            shape = _shape(tuple("?" if d is None else d for d in self.shape))
         others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
         return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (
             ", optional" if self.optional else ""

@@ -294,7 +294,8 @@ def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
     encoders = [p for p in files if "encoder" in p.name and p not in decoders]
     wanted = [p for p in encoders if not variant or p.stem.endswith(f"_{variant}")]
     if not wanted or not decoders:
-        lack = f"an encoder{f' _{variant}' if variant else ''}" if not wanted else "a decoder"
+        suffix = f" _{variant}" if variant else ""
+        lack = "a decoder" if wanted else f"an encoder{suffix}"
         there = ", ".join(p.name for p in files) or "none"
         raise BackendError(
             f"SAM 2 is two files, an encoder and a decoder, and {folder} has not {lack}; its "

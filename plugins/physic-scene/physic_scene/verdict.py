@@ -87,10 +87,8 @@ def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Recons
     """
     failed = {check.name for check in checks if check.failed}
     contradictions = sum(not _CHECKS[name].weak for name in failed)
-    grades = {
-        result.grade,
-        Grade.BAD if contradictions > 1 else Grade.DOUBTFUL if failed else Grade.GOOD,
-    }
+    own = Grade.DOUBTFUL if failed else Grade.GOOD
+    grades = {result.grade, Grade.BAD if contradictions > 1 else own}
     return replace(
         result,
         checks=(*result.checks, *checks),

@@ -72,7 +72,7 @@ class HingeJoint:
 
 def _side(name: str) -> float:
     """Return +1 for a left, -1 for a right and 0 for a middle joint."""
-    return 1.0 if name.startswith("left_") else -1.0 if name.startswith("right_") else 0.0
+    return float(name.startswith("left_")) - float(name.startswith("right_"))
 
 
 _TIGHTER: dict[str, float] = {
