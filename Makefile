@@ -1,6 +1,8 @@
 # make demo [PHOTO=photo.jpg]   reconstruct a photo and say where its page is, to open in a browser
 # make quick [JOBS=2]           the tests that matter while you work, in about a minute on two cores
-# make test [JOBS=2]            lint, types and the whole test suite
+# make test [JOBS=2]            lint, types and the tests
+# make test-all [JOBS=2]        with the slow ones: every installed backend, photo, set of kernels and moment of several photos
+# make coverage [JOBS=2]        which lines and branches the tests do not run
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
@@ -23,7 +25,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
+.PHONY: demo quick test test-all coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -32,25 +34,26 @@ demo: $(VENV)/demo.stamp
 # with the worlds that its tests share. conftest.py chooses the order: the files with slow tests first.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
-# Chosen by facts per second: a quarter of all tests, runs of the pipeline among them.
-QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \
-	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
-	configuration/test_config.py configuration/test_resolve.py \
-	discovery/test_plugins.py discovery/test_backends.py engine/test_contact.py \
-	engine/test_human.py engine/test_scene.py engine/test_state.py \
-	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
-	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
-	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py plugins/physic-setup/tests/test_config_schema.py \
-	$(addprefix plugins/physic-bench/tests/, test_figures.py worlds/test_evaluation.py) \
-	$(addprefix plugins/physic-testing/tests/, \
-	conformance/test_kit.py \
-	conformance/test_requests_and_comparison.py worlds/test_labels.py worlds/test_rooms.py)
+# Marked by facts per second: a quarter of all tests, runs of the pipeline among them.
+QUICK = $$(grep -rl --include='test_*.py' 'mark\.quick' tests plugins) -m "quick and not slow"
 
 quick: $(VENV)/test.stamp
-	$(PYTEST) -m "not slow" $(QUICK)
+	$(PYTEST) $(QUICK)
+
+TESTS := tests plugins contrib/physic-ray/tests/test_resources.py
 
 test: lint
-	$(PYTEST) tests plugins contrib/physic-ray/tests/test_resources.py
+	$(PYTEST) $(TESTS) -m "not slow"
+
+test-all: lint
+	$(PYTEST) $(TESTS)
+
+# With the processes that tests start; the slow ones add time and hardly a line.
+coverage: $(VENV)/test.stamp
+	$(BIN)/coverage erase
+	OMP_NUM_THREADS=1 $(BIN)/coverage run -m pytest -q -n $(JOBS) --dist loadfile $(TESTS) -m "not slow"
+	$(BIN)/coverage combine -q
+	$(BIN)/coverage report
 
 # One process: its cluster takes both cores.
 test-ray: $(VENV)/test.stamp
@@ -73,7 +76,7 @@ test-lowest test-newest: $(VENV)/test.stamp
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python .venv-$(RESOLUTION)
 	grep -v '^-c' requirements-dev.txt | $(BIN)/uv pip install --python .venv-$(RESOLUTION)/bin/python \
 		--compile-bytecode --resolution $(RESOLUTION) -r -
-	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile -m "not slow" $(QUICK)
+	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile $(QUICK)
 
 audit: $(VENV)/test.stamp
 	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt

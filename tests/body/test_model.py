@@ -17,6 +17,8 @@ from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
+pytestmark = pytest.mark.quick
+
 
 def turned(joint: str, rotvec: tuple[float, float, float], model: BodyModel) -> Tensor:
     """Rotations (1, 55, 3, 3) of the T-pose with one joint turned."""

@@ -14,6 +14,8 @@ from physic_core.body import JOINT_INDEX
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.errors import BodyModelError
 
+pytestmark = pytest.mark.quick
+
 
 def test_parameters_and_rotations_convert_back_and_forth(random_pose: dict[str, Tensor]) -> None:
     parameters = parameters_from_rotations(

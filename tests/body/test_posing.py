@@ -10,6 +10,8 @@ import torch
 from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
+pytestmark = pytest.mark.quick
+
 J = 8
 V = 6
 D = 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -19,6 +20,8 @@ from physic_core.geometry.rotations import (
     swing_twist,
     unit,
 )
+
+pytestmark = pytest.mark.quick
 
 VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(
     lambda v: np.linalg.norm(v) > 1e-2

@@ -13,7 +13,10 @@ from physic_core.cache.folders import CACHES, claim_folder
 from physic_core.cache.results import CacheKey, ResultCache
 from physic_core.types import DepthMap
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
+pytestmark = [
+    pytest.mark.quick,
+    pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files"),
+]
 
 KEY = CacheKey("metric_depth-a-0.result.npz", {})
 ANSWER = DepthMap(np.ones((6, 8), np.float32))

@@ -15,6 +15,8 @@ from physic_core.cache import digests
 from physic_core.cache.digests import CodeDigester
 from physic_core.interfaces import MetricDepth
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:

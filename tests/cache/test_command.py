@@ -9,6 +9,8 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -23,6 +23,8 @@ from physic_core.cache.results import CacheKey, ResultCache
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.types import DepthMap, Intrinsics
 
+pytestmark = pytest.mark.quick
+
 ASKED = CacheKey(f"metric_depth-flipped-0{CACHES['results'][1]}", {"interface": "metric_depth"})
 
 

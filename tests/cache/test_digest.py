@@ -11,6 +11,8 @@ import pytest
 from physic_core.cache.digests import Digester
 from physic_core.types import Hints, Intrinsics, Keypoints, Plane
 
+pytestmark = pytest.mark.quick
+
 
 def digest(*things: object) -> str:
     return Digester().digest(*things)

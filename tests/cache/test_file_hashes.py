@@ -12,6 +12,8 @@ import pytest
 
 from physic_core.cache.digests import remembered_sha256
 
+pytestmark = pytest.mark.quick
+
 LATER = """
 import hashlib, sys, time
 from pathlib import Path

@@ -10,6 +10,8 @@ import pytest
 
 from physic_core.cache.folders import LruFolder, cache_folder
 
+pytestmark = pytest.mark.quick
+
 
 def put(folder: Path, name: str, size: int, age_s: float) -> Path:
     path = folder / name

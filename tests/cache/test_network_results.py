@@ -11,6 +11,8 @@ import pytest
 
 from physic_core.cache.results import ResultCache, cached_network_result, network_results_in
 
+pytestmark = pytest.mark.quick
+
 IMAGE = np.arange(12, dtype=np.float32).reshape(1, 3, 2, 2)
 OUTPUTS = (np.array([[1.5, np.nan]], np.float32), np.zeros((0, 4), np.int64))
 

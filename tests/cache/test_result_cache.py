@@ -21,6 +21,8 @@ from physic_core.cache import results as module
 from physic_core.cache.results import ResultCache, canonicalize
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
+pytestmark = pytest.mark.quick
+
 
 class Depth(interfaces.MetricDepth):
     class Options(interfaces.Options):

@@ -19,6 +19,8 @@ from physic_core.types import Reconstruction, StageRecord
 
 from .results import empty_reconstruction
 
+pytestmark = pytest.mark.quick
+
 
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))

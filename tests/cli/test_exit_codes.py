@@ -10,6 +10,8 @@ from physic_core import errors
 from physic_core.cli import main
 from physic_core.cli.exit_codes import EXIT_CODES, MEANINGS, exit_code
 
+pytestmark = pytest.mark.quick
+
 
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.quick
+
 LIGHT = """
 import sys
 from physic_core.cli import main

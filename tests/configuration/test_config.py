@@ -14,6 +14,8 @@ from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

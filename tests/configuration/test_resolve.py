@@ -12,6 +12,8 @@ from physic_core.configuration.resolve import resolve
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
 
+pytestmark = pytest.mark.quick
+
 
 class DepthOptions(interfaces.Options):
     resolution_level: int = Field(9, ge=1, le=9, description="detail")

@@ -22,6 +22,8 @@ from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
 from physic_core.interfaces import INTERFACES
 
+pytestmark = pytest.mark.quick
+
 FILL = (
     "from physic_core.interfaces import Inpainter\n"
     "class Fill(Inpainter):\n"

@@ -13,6 +13,8 @@ from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS
 from physic_core.discovery.plugins import broken_plugins, find_items
 from physic_core.weights.library import read_library
 
+pytestmark = pytest.mark.quick
+
 HOOK = "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_commands():\n"
 GOOD = HOOK + "    return [PluginItem('good', 'm:c')]\n"
 

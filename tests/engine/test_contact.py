@@ -13,6 +13,8 @@ from physic_core.engine.contact.distance import (
 )
 from physic_core.geometry.neighbors import NearestPointSearch
 
+pytestmark = pytest.mark.quick
+
 RADIUS = 0.1
 
 

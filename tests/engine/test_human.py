@@ -32,6 +32,8 @@ from physic_core.types import Pointmap
 from physic_paper import outliers, translation
 from physic_paper.placement import PaperPlacement
 
+pytestmark = pytest.mark.quick
+
 DEFAULT = engine_preset("default").placement
 PAPER = engine_preset("paper").placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)

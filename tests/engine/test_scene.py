@@ -20,6 +20,8 @@ from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
 from physic_core.types import AffineAmbiguity
 
+pytestmark = pytest.mark.quick
+
 ROWS = 120
 COLUMNS = 160
 HEIGHT_M = 1.5

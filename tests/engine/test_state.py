@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from physic_core.engine.joint.state import PARAMETER_GROUPS, State
 from physic_paper.published import UnwhitenedState
 
+pytestmark = pytest.mark.quick
+
 K = 4
 KINDS = [State, UnwhitenedState]
 

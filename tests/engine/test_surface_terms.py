@@ -17,6 +17,8 @@ from physic_core.engine.joint.terms.surface import SurfaceTerms, surface_energie
 from .adjusted import adjusted, in_float64, with_options
 from .reference_energies import reference_surface_energies
 
+pytestmark = pytest.mark.quick
+
 DEFAULT = engine_preset("default").joint
 SETTINGS = {
     "default": DEFAULT,

@@ -18,6 +18,8 @@ from physic_paper.terms.point_penetration import point_penetration_energy
 
 from .reference_energies import depth_energy, penetration_energy
 
+pytestmark = pytest.mark.quick
+
 RHO = partial(cauchy, c=2.0)
 
 

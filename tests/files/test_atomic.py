@@ -19,7 +19,10 @@ import pytest
 from physic_core.errors import OutputError
 from physic_core.files.atomic import MARK, atomic_write, check_own, open_to_append
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders have no locks")
+pytestmark = [
+    pytest.mark.quick,
+    pytest.mark.skipif(sys.platform == "win32", reason="folders have no locks"),
+]
 
 
 def test_writers_wait_for_each_other(tmp_path: Path):

@@ -13,6 +13,8 @@ import pytest
 
 from physic_core.files.npz import read_arrays, read_headers
 
+pytestmark = pytest.mark.quick
+
 
 def with_shape(shape: tuple[int, ...]) -> io.BytesIO:
     """A file whose header has another shape than the array (5, 3) in it; its checksums are

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from physic_core.files.plain import DamagedFileError, join, read_value, split, write_value
 from physic_core.types.arrays import shape
 
+pytestmark = pytest.mark.quick
+
 
 class Colour(StrEnum):
     RED = "red"

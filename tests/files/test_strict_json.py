@@ -7,8 +7,11 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from physic_core.files.text import from_json, to_json
+
+pytestmark = pytest.mark.quick
 
 
 def test_nan_and_infinities_are_written_by_name_and_read_back():

@@ -22,6 +22,8 @@ from physic_core.geometry.alignment import (
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
 
+pytestmark = pytest.mark.quick
+
 ROWS = 60
 COLUMNS = 80
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)

@@ -13,6 +13,8 @@ from torch import Tensor
 
 from physic_core.geometry.visibility import move_behind_bodies
 
+pytestmark = pytest.mark.quick
+
 RADIUS = 0.25
 _BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
 FACES = torch.from_numpy(_BALL.faces.copy()).long()

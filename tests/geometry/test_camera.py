@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from physic_core.geometry.camera import pixel_grid, pixel_rays, project, unproject
 from physic_core.types import Intrinsics
 
+pytestmark = pytest.mark.quick
+
 K = torch.tensor([[800.0, 0.0, 319.5], [0.0, 820.0, 239.5], [0.0, 0.0, 1.0]], dtype=torch.float64)
 number = st.floats(-3.0, 3.0, allow_nan=False)
 

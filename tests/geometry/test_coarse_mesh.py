@@ -13,6 +13,8 @@ from physic_core.body import load_body
 from physic_core.geometry.mesh import cluster_points, coarse_mesh
 from physic_core.geometry.visibility import self_occlusion
 
+pytestmark = pytest.mark.quick
+
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.5), st.integers(1, 3))
 @settings(max_examples=25, deadline=None)

@@ -5,6 +5,7 @@ inside.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +13,8 @@ from hypothesis import strategies as st
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.metrics import hidden_by_depth_map
 from physic_core.types import Intrinsics
+
+pytestmark = pytest.mark.quick
 
 CAMERA = Intrinsics(40.0, 42.0, 15.5, 11.5, 32, 24)
 K = torch.from_numpy(CAMERA.matrix)

@@ -12,6 +12,8 @@ from torch import Tensor
 
 from physic_core.geometry.plane import estimate_up
 
+pytestmark = pytest.mark.quick
+
 
 def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
     """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down

@@ -16,6 +16,8 @@ from physic_core.geometry.mesh import (
     vertex_normals,
 )
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(params=[np.asarray, torch.tensor], ids=["numpy", "torch"])
 def array(request):

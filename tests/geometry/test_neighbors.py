@@ -8,6 +8,8 @@ import torch
 from physic_core.errors import PhysicError
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
+pytestmark = pytest.mark.quick
+
 
 def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
     """Points of a floor and a wall, with their normals."""

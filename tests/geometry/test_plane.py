@@ -12,6 +12,8 @@ from torch import Tensor
 
 from physic_core.geometry.plane import height_over_plane, plane_basis, sample_plane
 
+pytestmark = pytest.mark.quick
+
 UP = torch.tensor([0.0, -1.0, 0.0])
 
 

@@ -20,6 +20,8 @@ from physic_core.geometry.pointmap import (
     pointmap_normals,
 )
 
+pytestmark = pytest.mark.quick
+
 ROWS = 48
 COLUMNS = 64
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)

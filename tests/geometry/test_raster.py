@@ -7,6 +7,8 @@ import torch
 
 from physic_core.geometry.raster import rasterize
 
+pytestmark = pytest.mark.quick
+
 
 def test_a_triangle_covers_the_pixels_inside_it():
     # Seen from its front, counter-clockwise with x to the right and y down runs the other way

@@ -14,6 +14,8 @@ import trimesh
 from physic_core.body import load_body
 from physic_core.geometry.rays import RayCaster, RayLibrary
 
+pytestmark = pytest.mark.quick
+
 LIBRARIES: list[RayLibrary] = ["embree", "numpy"]
 
 

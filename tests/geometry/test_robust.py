@@ -8,6 +8,8 @@ import torch
 from physic_core.errors import PhysicError
 from physic_core.geometry.robust import loss_with_slope, robust_loss
 
+pytestmark = pytest.mark.quick
+
 LOSSES = ("geman_mcclure", "cauchy", "pseudo_huber")
 
 

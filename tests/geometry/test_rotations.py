@@ -12,6 +12,8 @@ import torch
 
 from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat, rotvec_to_rotmat
 
+pytestmark = pytest.mark.quick
+
 ANGLES = [0.0, 1e-8, 1e-4, 0.03, 0.04, 0.49, 0.51, 1.0, 3.0, math.pi, 5.0]
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from physic_core.geometry.tensors import all_finite, select_pixels
+
+pytestmark = pytest.mark.quick
 
 
 def test_selected_pixels_are_those_of_the_mask():

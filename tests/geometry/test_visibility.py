@@ -15,6 +15,8 @@ from physic_core.geometry.visibility import (
     self_occlusion,
 )
 
+pytestmark = pytest.mark.quick
+
 
 def sphere(centre, radius=0.3, fineness=3):
     mesh = trimesh.creation.icosphere(fineness, radius)

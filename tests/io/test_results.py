@@ -26,6 +26,8 @@ from physic_core.io.result_folder import digest_of
 from physic_core.io.results import read_image
 from physic_core.types import Intrinsics
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[2]
 
 

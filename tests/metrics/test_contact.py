@@ -11,6 +11,8 @@ from hypothesis.extra.numpy import arrays
 from physic_core.errors import PhysicError
 from physic_core.metrics import contact_counts, contact_scores, precision_recall_f1
 
+pytestmark = pytest.mark.quick
+
 MAPS = st.tuples(st.integers(1, 6), st.integers(1, 8)).flatmap(
     lambda shape: st.tuples(arrays(bool, shape), arrays(bool, shape))
 )

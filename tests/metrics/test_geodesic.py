@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from physic_core.body import load_body
 from physic_core.metrics import distance_to_sources, geodesic_error, surface_graph
 
+pytestmark = pytest.mark.quick
+
 
 def strip(cells):
     """A flat band of squares, 1 m wide, each of two triangles; vertex 2k + s lies at x = k, y =

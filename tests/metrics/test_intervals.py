@@ -15,6 +15,8 @@ from physic_core.metrics import (
     resampled_interval,
 )
 
+pytestmark = pytest.mark.quick
+
 
 def mean_of_groups(drawn: list[list[float]]) -> float:
     return float(np.mean([value for stratum in drawn for value in stratum]))

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from physic_core.metrics import mask_iou, match_by_masks
 
+pytestmark = pytest.mark.quick
+
 
 def columns(*spans, width=20):
     """Masks of 4 rows, each a span of columns."""

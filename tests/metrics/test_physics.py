@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from physic_core.metrics import contact_gap, penetration
 
+pytestmark = pytest.mark.quick
+
 RADIUS = 0.5
 
 

@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.metrics import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 
+pytestmark = pytest.mark.quick
+
 SEEDS = st.integers(0, 2**32 - 1)
 
 

@@ -18,6 +18,8 @@ from physic_core.metrics import (
 from physic_core.types import Intrinsics, Plane
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.quick
+
 WIDTH = 160
 HEIGHT = 120
 FOCAL = 80.0

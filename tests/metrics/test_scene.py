@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from physic_core.metrics import floor_error, scene_error
 from physic_core.types import Plane
 
+pytestmark = pytest.mark.quick
+
 ALL = np.ones((6, 8), bool)
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
 

@@ -1,10 +1,11 @@
-"""The offline default on the photos of examples/, with real networks; one result of each photo
-serves all tests.
+"""The offline default on the photos of examples/, with real networks. One result of each photo
+serves all tests; those of more than a photo of one person and one of two are slow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,8 +24,6 @@ from physic_testing.worlds import build_world
 
 from .consistency import consistency
 
-pytestmark = pytest.mark.slow
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = Path(__file__).parents[2] / "docs" / "pictures" / "numbers"
 MIRRORED_AND_CROPPED = Variant("mirrored and cropped", mirrored=True, margin=0.02, known=True)
@@ -36,14 +35,18 @@ def pipeline() -> Iterator[Pipeline]:
         yield pipeline
 
 
+PHOTOS = {file.stem: file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png")}
+"""By the names that pages give them."""
+QUICK = ("couple", "slope")
+
+
 @pytest.fixture(scope="module")
-def results(pipeline: Pipeline) -> dict[str, Reconstruction]:
-    """The results of the photos, by the names that pages give them."""
-    files = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
-    assert len(files) == 6
-    return {file.stem: pipeline(file) for file in files}
+def result_of(pipeline: Pipeline) -> Callable[[str], Reconstruction]:
+    """A function that gives the result of a photo by its name."""
+    return cache(lambda name: pipeline(PHOTOS[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
 def test_a_false_person_within_a_person_moves_nobody(
     pipeline: Pipeline, top: float, bottom: float
@@ -60,14 +63,20 @@ def test_a_false_person_within_a_person_moves_nobody(
     assert any("left out" in note for note in both.notes)
 
 
-@pytest.mark.parametrize("name", sorted(file.stem for file in NUMBERS.glob("*.json")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(file.stem, marks=[] if file.stem in QUICK else pytest.mark.slow)
+        for file in sorted(NUMBERS.glob("*.json"))
+    ],
+)
 def test_pictures_and_pages_show_the_numbers_of_the_result(
-    results: dict[str, Reconstruction], name: str, module_at: Any
+    result_of: Callable[[str], Reconstruction], name: str, module_at: Any
 ) -> None:
     docs: ModuleType = module_at("tools/docs_numbers.py")
     shown = docs.read_numbers()[name]
-    if name in results:
-        result = results[name]
+    if name in PHOTOS:
+        result = result_of(name)
     else:
         with Pipeline("mock") as pipeline:
             result = pipeline(build_world(shown["of"].removeprefix("world ")).image)
@@ -76,11 +85,12 @@ def test_pictures_and_pages_show_the_numbers_of_the_result(
     )
 
 
+@pytest.mark.slow
 def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
-    results: dict[str, Reconstruction], pipeline: Pipeline
+    result_of: Callable[[str], Reconstruction], pipeline: Pipeline
 ) -> None:
     changes = []
-    for result in results.values():
+    for result in map(result_of, PHOTOS):
         height, width = result.image.shape[:2]
         camera = Intrinsics.from_focal(result.intrinsics.fx, width, height, trust=CameraTrust.KNOWN)
         picture = MIRRORED_AND_CROPPED.picture(result.image)
@@ -93,7 +103,7 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
         )
     people = [person for found in changes for person in found.people]
     ratios = np.exp([abs(person.distance) for person in people])
-    assert [found.lost for found in changes] == [0] * 6
+    assert [found.lost for found in changes] == [0] * len(PHOTOS)
     assert np.median(ratios) <= 1.02
     assert np.percentile(ratios, 90) <= 1.2
     assert not any(set(person.grades) == {"good", "bad"} for person in people)
@@ -104,8 +114,8 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
 
 
 @pytest.fixture
-def result(results: dict[str, Reconstruction]) -> Reconstruction:
-    return results["basketball"]
+def result(result_of: Callable[[str], Reconstruction]) -> Reconstruction:
+    return result_of("basketball")
 
 
 def whole_and_cut(result: Reconstruction) -> tuple[int, int]:
@@ -114,6 +124,7 @@ def whole_and_cut(result: Reconstruction) -> tuple[int, int]:
     return int(first), int(second)
 
 
+@pytest.mark.slow
 def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> None:
     assert len(result.people) == 2
     whole, cut = whole_and_cut(result)
@@ -122,6 +133,7 @@ def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> N
     assert result.people[whole].joints[0, 2] > result.people[cut].joints[0, 2] > 0
 
 
+@pytest.mark.slow
 def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) -> None:
     whole, _ = whole_and_cut(result)
     measured = consistency(result, load_body())[whole]
@@ -138,6 +150,7 @@ def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) 
     assert neck - float(ankles.min()) > 1.0
 
 
+@pytest.mark.slow
 def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
     whole, cut = whole_and_cut(result)
     model = load_body()

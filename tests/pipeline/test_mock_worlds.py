@@ -21,7 +21,7 @@ from physic_core.pipeline import optimise as solution
 from physic_core.types import Hints
 from physic_testing.worlds import World, build_world
 
-pytestmark = pytest.mark.kernels
+pytestmark = [pytest.mark.quick, pytest.mark.kernels]
 
 WORLDS = ("stand", "sit_on_stool", "hug")
 MOCK = [

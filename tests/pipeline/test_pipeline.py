@@ -23,7 +23,7 @@ from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_mock import backends
 from physic_testing.worlds import World
 
-pytestmark = pytest.mark.usefixtures("few_steps")
+pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
 
 
 def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None:

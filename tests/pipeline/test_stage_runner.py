@@ -28,6 +28,8 @@ from physic_core.interfaces import MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import DepthMap, Hints, People, Provenance
 
+pytestmark = pytest.mark.quick
+
 SHAPE = (6, 8)
 PHOTO = np.zeros((*SHAPE, 3), np.uint8)
 REQUEST = MetricDepthRequest(PHOTO, Hints())

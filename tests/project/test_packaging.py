@@ -17,6 +17,8 @@ from physic_core.discovery.catalog import REQUIRES
 from physic_core.discovery.entry_points import group_problem
 from physic_core.interfaces import INTERFACES
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[2]
 PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {
     "physic-core": ROOT

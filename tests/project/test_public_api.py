@@ -11,6 +11,8 @@ import pytest
 import physic_core
 from physic_core import Person, Scene, errors
 
+pytestmark = pytest.mark.quick
+
 
 def test_the_page_names_all_public_names(repository: Path):
     """Tables of stable and provisional names before the first example; errors are named by their

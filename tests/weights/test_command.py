@@ -14,6 +14,8 @@ from physic_core.cli import main
 
 from .conftest import CONTENT, HASH
 
+pytestmark = pytest.mark.quick
+
 
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["weights", *arguments])

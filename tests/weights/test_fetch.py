@@ -16,6 +16,8 @@ from physic_setup.fetch import fetch
 
 from .conftest import CONTENT, HASH, weights
 
+pytestmark = pytest.mark.quick
+
 
 def one(source: str, content: bytes = CONTENT, path: str = "model.onnx", **keys: Any) -> WeightSet:
     return weights(

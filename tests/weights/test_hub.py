@@ -18,6 +18,8 @@ from physic_setup.fetch import fetch
 
 from .conftest import CONTENT, HASH, weights
 
+pytestmark = pytest.mark.quick
+
 CONFIG = b'{"hidden_size": 8}'
 COMMIT = "c" * 40
 

@@ -10,6 +10,8 @@ import pytest
 from physic_core.errors import WeightsMissingError
 from physic_core.weights import fingerprint, locate, missing
 
+pytestmark = pytest.mark.quick
+
 SOURCE = "hf://owner/net/model.onnx"
 
 

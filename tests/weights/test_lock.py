@@ -18,6 +18,8 @@ from physic_setup.fetch import fetch
 from physic_setup.pins import pin
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.quick
+
 NAME = "net/model.onnx"
 
 

@@ -11,6 +11,8 @@ from physic_core.weights import read_manifest
 from physic_core.weights.library import default_sets, named_sets, read_library
 from physic_core.weights.manifest import HubSource, WebSource, is_inside
 
+pytestmark = pytest.mark.quick
+
 SIMPLE = '[net]\nsummary = "A network"\nlicense = "MIT"\n[[net.files]]\npath = "model.onnx"\n'
 SOURCE = 'source = "https://example.org/x"\n'
 

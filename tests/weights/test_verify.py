@@ -12,6 +12,8 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.weights import fingerprint, locate, missing
 
+pytestmark = pytest.mark.quick
+
 CONTENT = b"weights" * 1000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
 

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from physic_bench.figures import contact_columns, difference, figure, mean_column
 
+pytestmark = pytest.mark.quick
+
 ERROR = mean_column("error", "error", "")
 CONTACT = {column.key: column for column in contact_columns(lambda record: record.get("contact"))}
 

@@ -20,6 +20,8 @@ from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_testing.worlds import build_world, labels
 
+pytestmark = pytest.mark.quick
+
 WORLDS = ("stand", "sit_on_stool", "hug")
 
 

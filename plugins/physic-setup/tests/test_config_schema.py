@@ -12,6 +12,8 @@ from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
 from physic_setup.schema import config_schema
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def schema() -> dict[str, Any]:

@@ -15,6 +15,8 @@ from physic_core.errors import PhysicError
 from physic_core.types import Scene
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def skin():

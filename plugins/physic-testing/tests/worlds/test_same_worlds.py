@@ -12,9 +12,12 @@ import sys
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.skipif(
-    platform.machine() not in ("x86_64", "AMD64"), reason="kernels are named for x86-64"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        platform.machine() not in ("x86_64", "AMD64"), reason="kernels are named for x86-64"
+    ),
+]
 
 _FOUND = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
 
