@@ -190,23 +190,6 @@ def sam3_video() -> Any:
     return Sam3VideoModel(Sam3VideoConfig(detector_config=detector, tracker_config=tracker))
 
 
-def eomt(classes: int = 133) -> Any:
-    from transformers import EomtConfig, EomtForUniversalSegmentation
-
-    return EomtForUniversalSegmentation(
-        EomtConfig(
-            hidden_size=16,
-            num_hidden_layers=3,
-            num_attention_heads=2,
-            image_size=64,
-            patch_size=16,
-            num_blocks=1,
-            num_queries=12,
-            num_labels=classes,
-        )
-    )
-
-
 def depth_pro(*, use_fov_model: bool = True) -> Any:
     from transformers import DepthProConfig, DepthProForDepthEstimation
 

@@ -20,7 +20,6 @@ from physic_core.errors import NoPersonError
 from physic_core.types import PeoplePrompt
 from physic_testing import build_world, check_backend, world_of
 from physic_transformers.depth_pro import DepthPro
-from physic_transformers.eomt import Eomt
 from physic_transformers.grounded_sam2 import GroundedSam2
 from physic_transformers.sam3 import Sam3
 
@@ -123,31 +122,6 @@ class DepthProStandIn(StandIn):
         raw = squashed(focal / width / self.depth, 384, 384)
         angle = np.degrees(2 * np.arctan(width / 2 / focal))
         return SimpleNamespace(predicted_depth=batch(raw), field_of_view=torch.tensor([angle]))
-
-
-class EomtStandIn(StandIn):
-    config = SimpleNamespace(image_size=640, id2label={i: f"LABEL_{i}" for i in range(133)})
-    floor_class = 122  # floor-other-merged
-
-    def run(self, *, pixel_values: np.ndarray) -> Any:
-        height, width = self.size
-        inner = (round(640 * height / max(self.size)), round(640 * width / max(self.size)))
-        frame = np.zeros((640, 640, 3))
-        frame[: inner[0], : inner[1]] = photo_at(self.image, *inner)
-        require_shown(pixel_values[0], frame, *IMAGENET)
-        found = [(0, mask) for mask in self.masks()] + [(self.floor_class, self.floor())]
-        classes = np.full((1, len(found) + 1, 134), -5.0)
-        masks = np.full((1, len(found) + 1, 160, 160), -9.0)
-        for q, (kind, mask) in enumerate(found):
-            classes[0, q, kind] = 5.0 - 0.1 * q
-            whole = np.full((640, 640), -10.0)
-            whole[: inner[0], : inner[1]] = soft(mask, *inner)
-            masks[0, q] = squashed(gaussian_filter(whole, 1.6), 160, 160)
-        classes[0, -1, 133] = 5.0
-        return SimpleNamespace(
-            class_queries_logits=torch.from_numpy(classes),
-            masks_queries_logits=torch.from_numpy(masks),
-        )
 
 
 class Words:
@@ -318,10 +292,6 @@ class TellingDepthPro(Telling, DepthPro):
     stand_ins = (("weights", DepthProStandIn),)
 
 
-class TellingEomt(Telling, Eomt):
-    stand_ins = (("weights", EomtStandIn),)
-
-
 class TellingGroundedSam2(Telling, GroundedSam2):
     stand_ins = (("detector", GroundingDinoStandIn), ("masks", Sam2StandIn))
 
@@ -329,11 +299,6 @@ class TellingGroundedSam2(Telling, GroundedSam2):
 class TellingSam3(Telling, Sam3):
     stand_ins = (("weights", Sam3StandIn),)
 
-
-EXACT_LIMITS: dict[type, dict[str, float]] = {TellingEomt: {"IoU": 0.97}}
-"""EoMT has a mask of 160 x 160 cells, each of two px in these photos, whatever the network
-knows.
-"""
 
 ACCURATE = {"IoU": 0.97, "floor IoU": 0.98, "found": 1.0}
 WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
@@ -343,7 +308,7 @@ WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
 @pytest.mark.parametrize("kind", Telling.__subclasses__(), ids=lambda kind: kind.__name__)
 def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     own = frozenset(getattr(kind, "capabilities", ()))
-    report = check_backend(kind, capabilities=own | {"exact"}, exact_limits=EXACT_LIMITS.get(kind))
+    report = check_backend(kind, capabilities=own | {"exact"})
     print(report.text)
     report.raise_if_failed()
     bounds = [

@@ -16,14 +16,13 @@ from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints
 from physic_transformers import models
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.eomt import Eomt, EomtOptions
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro)
+BACKENDS = (GroundedSam2, Sam3, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
@@ -71,8 +70,8 @@ def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
 
 
 def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
-    folder = saved("eomt")
-    with pytest.raises(BackendError, match="type 'eomt'"):
+    folder = saved("sam2")
+    with pytest.raises(BackendError, match="type 'sam2'"):
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
@@ -105,11 +104,6 @@ def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) 
     (folder / "config.json").write_text("[]")
     with pytest.raises(BackendError, match=r"config\.json cannot be read"):
         DepthPro(DepthProOptions(weights=str(folder))).load()
-
-
-def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]) -> None:
-    with pytest.raises(BackendError, match="knows 5 classes"):
-        Eomt(EomtOptions(weights=str(saved("eomt", 5)))).load()
 
 
 def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:

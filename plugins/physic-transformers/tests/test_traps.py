@@ -18,7 +18,6 @@ from physic_core.interfaces import INTERFACES
 from physic_core.types import CameraTrust, Hints, Intrinsics, People
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.eomt import Eomt, class_names
 from physic_transformers.grounded_sam2 import (
     GroundedSam2,
     GroundedSam2Options,
@@ -91,7 +90,6 @@ class TestWithoutTorchvision:
         [
             (GroundedSam2, {"detector": "grounding_dino", "masks": "sam2"}, LOW),
             (Sam3, {"weights": "sam3"}, {"person_score": 0}),
-            (Eomt, {"weights": "eomt"}, {"threshold": 0, "held": 0}),
             (DepthPro, {"weights": "depth_pro"}, {"farthest": 1e6}),
         ],
     )
@@ -124,7 +122,7 @@ LOAD = """
 import sys
 from physic_core.pipeline.stage_runner import load_backend
 try:
-    load_backend("segmenter", "eomt-hf", weights=sys.argv[1])
+    load_backend("metric_depth", "depth-pro-hf", weights=sys.argv[1])
 except Exception as error:
     print(type(error).__name__, error)
 """
@@ -149,7 +147,7 @@ def test_a_torchvision_that_does_not_fit_torch_is_named(
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text(text)
     done = subprocess.run(
-        [sys.executable, "-c", LOAD, str(saved("eomt"))],
+        [sys.executable, "-c", LOAD, str(saved("depth_pro"))],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
         text=True,
@@ -400,8 +398,3 @@ class TestSam3:
         assert floor[45:, 52:].all()
         assert not floor[:38].any()
         assert self.run(person, floor_words=" , .")[0].floor is None
-
-
-class TestEomt:
-    def test_named_classes_are_taken_in_the_order_of_their_numbers(self) -> None:
-        assert class_names({"10": "ten", "2": "person"}) == ("person", "ten")
