@@ -21,7 +21,11 @@ from physic_embedded.networks.sessions import PackagedBackend, Products, open_pa
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import InfinityEstimate, disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, focal_of_segments
+from physic_embedded.single_view.focal import (
+    DEFAULT_FOCAL_SIGMA,
+    focal_of_segments,
+    manhattan_frame,
+)
 from physic_embedded.single_view.gravity import gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 
@@ -30,7 +34,6 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import Hints
-    from physic_embedded.single_view.gravity import Gravity
 
     FloatArray = NDArray[np.floating]
 
@@ -131,7 +134,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         if hints.scene is not None:
             short_side = min(short_side, self.options.photo_short_side)
         raw = predict_disparity(self.network[_DEPTH], image, short_side, self.options.max_tokens)
-        camera, gravity, notes = self._camera(image, hints)
+        camera, segments, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
@@ -143,7 +146,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                 notes.append(
                     "the photo's depth could not be matched to the scene's outside the people"
                 )
-            estimate = self._disparity_at_infinity(raw, camera, gravity, hints)
+            estimate = self._disparity_at_infinity(raw, camera, segments, hints)
             infinity = estimate.disparity
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
@@ -183,8 +186,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
 
     def _camera(
         self, image: NDArray[np.uint8], hints: Hints
-    ) -> tuple[Intrinsics, Gravity | None, list[str]]:
-        """Return the known, edge-based or default camera, gravity by edges, and notes."""
+    ) -> tuple[Intrinsics, NDArray[np.float64] | None, list[str]]:
+        """Return the known, edge-based or default camera, line segments (M, 2, 2), and notes."""
         height, width = image.shape[:2]
         camera = known_camera(hints, image)
         notes = []
@@ -199,12 +202,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         if camera is None:
             camera, note = self._estimated_camera(segments, width, height)
             notes = [note]
-        if segments is None:
-            return camera, None, notes
-        gravity = gravity_from_segments(
-            segments, width, height, camera.fx, focal_sigma=camera.focal_sigma or 0.0
-        )
-        return camera, gravity, notes
+        return camera, segments, notes
 
     def _estimated_camera(
         self, segments: NDArray[np.float64] | None, width: int, height: int
@@ -227,7 +225,11 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         ), f"the focal length is a {source}: it may be off by {sigma:.0%}"
 
     def _disparity_at_infinity(
-        self, raw: FloatArray, camera: Intrinsics, gravity: Gravity | None, hints: Hints
+        self,
+        raw: FloatArray,
+        camera: Intrinsics,
+        segments: NDArray[np.float64] | None,
+        hints: Hints,
     ) -> InfinityEstimate:
         """Estimate the disparity at infinity from the photo's cues."""
         rows, columns = raw.shape
@@ -244,6 +246,13 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
         )
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
+        seen = np.ones(raw.shape, bool) if hole is None else ~hole
+        gravity = None
+        frame = None
+        if segments is not None:
+            view = segments, camera.width, camera.height, camera.fx
+            gravity = gravity_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
+            frame = manhattan_frame(*view)
         return disparity_at_infinity(
             raw,
             fit_disparity_floor(raw, hole, ground),
@@ -251,6 +260,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             gravity=gravity,
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
+            frame=frame,
+            surfaces=None if frame is None else wall_planes(raw, seen, focal),
         )
 
 

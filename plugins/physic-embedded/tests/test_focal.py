@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_embedded.networks.line_segments import segments_outside_mask
-from physic_embedded.single_view.focal import focal_of_segments
+from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
 from physic_embedded.single_view.gravity import gravity_from_segments
 
 WIDTH = 800
@@ -105,6 +105,23 @@ def test_too_few_segments_say_nothing() -> None:
     clutter = edges_of_a_room(600.0, np.eye(3), count=0, noise=0, clutter=5, seed=4)
     assert focal_of(clutter) is None
     assert focal_of(np.zeros((0, 2, 2))) is None
+
+
+def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored(turn: np.ndarray) -> None:
+    segments = edges_of_a_room(560.0, turn, count=60, noise=1.0, clutter=20, seed=2)
+    axes, trust = manhattan_frame(segments, WIDTH, HEIGHT, 560.0)
+    assert np.degrees(np.arccos(np.abs(axes @ turn).max(1))).max() < 1.5
+    other, same = manhattan_frame(mirrored(segments), WIDTH, HEIGHT, 560.0)
+    assert np.abs(other * [-1, 1, 1] @ axes.T).max(1) == pytest.approx(1.0)
+    assert same == pytest.approx(trust)
+    few = edges_of_a_room(560.0, turn, count=60, noise=1.0, clutter=120, seed=2)
+    assert 0 < manhattan_frame(few, WIDTH, HEIGHT, 560.0)[1] < trust < 1
+
+
+def test_edges_of_any_direction_or_too_few_give_no_directions() -> None:
+    for clutter in (80, 5):
+        segments = edges_of_a_room(600.0, np.eye(3), count=0, noise=0, clutter=clutter, seed=4)
+        assert manhattan_frame(segments, WIDTH, HEIGHT, 600.0) is None
 
 
 @pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])

@@ -121,6 +121,23 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(
     assert found.rule.endswith("walls upright on the floor")
 
 
+@pytest.mark.parametrize("ahead", [2.5, 4.0, 8.0])
+def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead: float) -> None:
+    turn = Rotation.from_euler("yxz", [35, -4, 2], degrees=True).as_matrix()
+    corner = (rays() @ turn[:, 2] / ahead, rays() @ -turn[:, 0] / 2.5)
+    inverse = np.max(corner, axis=0)
+    far = np.percentile(inverse, 0.5)
+    span = np.ptp(np.percentile(inverse, [1, 99]))
+    disparity = (inverse - far) / span + 1.0
+    surfaces = wall_planes(disparity, np.ones(disparity.shape, bool), FOCAL)
+    for axes in (turn.T, -turn.T[[2, 0, 1]]):
+        found = disparity_at_infinity(disparity, None, FOCAL, frame=(axes, 0.9), surfaces=surfaces)
+        assert abs(np.log(found.gap * span / far)) < 2 * found.sigma
+        assert found.sigma < 0.4
+    unsure = disparity_at_infinity(disparity, None, FOCAL, frame=(turn.T, 0.1), surfaces=surfaces)
+    assert unsure.sigma > found.sigma
+
+
 def test_standing_people_define_planes_that_hold_gravity() -> None:
     turn = Rotation.from_euler("xz", [40, 12], degrees=True).as_matrix()
     camera = np.array([[500.0, 0, 320], [0, 500.0, 240], [0, 0, 1]])

@@ -1,4 +1,4 @@
-"""Estimate the focal length from line segments.
+"""Estimate the focal length and the directions of a room from line segments.
 
 Three orthogonal directions with one focal length explain most straight edges of rooms and streets.
 The principal point is taken at the centre of the picture. All searches run over fixed grids that
@@ -135,17 +135,18 @@ def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
     return np.array(found)
 
 
-def _frames(lines: _Segments, focal: float) -> FloatArray:
-    """Return the best frames (F, S, 3, 3) of each focal length of the grid that have a vanishing
-    point as an axis.
+def _frames(lines: _Segments, focal: float, focals: FloatArray) -> FloatArray:
+    """Return the best frames (F, S, 3, 3) of each focal length that have a vanishing point as an
+    axis.
 
     Args:
         lines: of the picture.
         focal: for which directions are evenly spaced, in long sides.
+        focals: (F,) in long sides.
     """
     seen = _vanishing_points(lines, focal)
     # (F, N, 3)
-    first = seen * np.stack([focal / _GRID, focal / _GRID, np.ones_like(_GRID)], -1)[:, None]
+    first = seen * np.stack([focal / focals, focal / focals, np.ones_like(focals)], -1)[:, None]
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     helper = np.where(np.abs(first[..., 2:]) < 0.8, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
     second = np.cross(first, helper)
@@ -156,8 +157,10 @@ def _frames(lines: _Segments, focal: float) -> FloatArray:
         + third[..., None, :] * np.sin(_TURNS)[:, None]
     )
     first = np.broadcast_to(first[..., None, :], turned.shape)
-    axes = np.stack([first, turned, np.cross(first, turned)], -2).reshape(len(_GRID), -1, 3, 3)
-    nats = np.array([_nats(lines, a, np.full(len(a), f)) for a, f in zip(axes, _GRID, strict=True)])
+    axes = np.stack([first, turned, np.cross(first, turned)], -2).reshape(len(focals), -1, 3, 3)
+    nats = np.array(
+        [_nats(lines, a, np.full(len(a), f)) for a, f in zip(axes, focals, strict=True)]
+    )
     best = np.argsort(nats, axis=1)[:, -_STARTS:]
     return np.take_along_axis(axes, best[..., None, None], 1)
 
@@ -189,6 +192,41 @@ def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArra
     return axes
 
 
+def _beyond_chance(lines: _Segments, axes: FloatArray, focal: FloatArray) -> float:
+    """Return how far the lines that a frame (3, 3) explains exceed chance, at most 1."""
+    odds = _ratios(lines, axes, focal).sum(0)
+    count = lines.weight.sum()
+    share = float(odds / (_OUTLIERS + odds) @ lines.weight / count)
+    return 1 - _BY_CHANCE**2 / float(share**2 * count)
+
+
+def manhattan_frame(
+    segments: FloatArray, width: int, height: int, focal_px: float
+) -> tuple[FloatArray, float] | None:
+    """Return the three orthogonal directions along which most straight edges run.
+
+    Args:
+        segments: (M, 2, 2) px.
+        width: of the picture, px.
+        height: of the picture, px.
+        focal_px: focal length, px.
+
+    Returns:
+        Unit axes (3, 3) in rows, in no order and with arbitrary signs, and how far they can be
+        trusted, 0 to 1; None if the segments are too few or explained no better than by chance.
+    """
+    if len(segments) < _MIN_SEGMENTS:
+        return None
+    lines = _normalised(segments, width, height)
+    focal = np.array([focal_px / max(width, height)])
+    starts = _frames(lines, float(focal[0]), focal)[0]
+    focals = np.broadcast_to(focal, len(starts))
+    axes = _refined(lines, starts, focals)
+    best = int(_nats(lines, axes, focals).argmax())
+    trust = _beyond_chance(lines, axes[best], focal[0])
+    return (axes[best], trust) if trust > 0 else None
+
+
 def focal_of_segments(
     segments: FloatArray, width: int, height: int, default_px: float, default_sigma: float
 ) -> tuple[float, float] | None:
@@ -216,16 +254,13 @@ def focal_of_segments(
         return None
     lines = _normalised(segments, width, height)
     default = default_px / max(width, height)
-    starts = _frames(lines, default)
+    starts = _frames(lines, default, _GRID)
     focals = np.broadcast_to(_GRID[:, None], starts.shape[:2])
     axes = _refined(lines, starts, focals)
     nats = _nats(lines, axes, focals)
 
     best = np.unravel_index(nats.argmax(), nats.shape)
-    odds = _ratios(lines, axes[best], focals[best]).sum(0)
-    count = lines.weight.sum()
-    share = float(odds / (_OUTLIERS + odds) @ lines.weight / count)
-    beyond_chance = 1 - _BY_CHANCE**2 / (share**2 * count)
+    beyond_chance = _beyond_chance(lines, axes[best], focals[best])
     if beyond_chance <= 0:
         return None
     logs = np.linspace(np.log(_GRID[0]), np.log(_GRID[-1]), 10 * len(_GRID))

@@ -1,4 +1,4 @@
-"""Upright walls and bodies as a cue for the disparity at infinity.
+"""Walls and standing bodies as cues for the disparity at infinity.
 
 A plane of the scene is a plane over the pixels of a disparity map, ``disparity = a x + b y + c``
 with the ray (x, y, 1), and its normal is proportional to (a, b, c - infinity). So two planes that
@@ -34,18 +34,21 @@ _LARGEST_SLOPES = 90  # percentile of the slopes of wall pixels; the steepest ar
 _WALL_SIGMA_DEG = 5.0  # error of a wall's normal
 _MAX_WALL_DEG = 30.0  # a larger deviation is not a wall
 _WALLS = 6.0  # number of independent observations that the pixels of all walls are worth
+_FRAME_SIGMA = np.radians(8.0)  # error of a surface's normal about a direction of its room
+_CLUTTER = 0.4  # share of surfaces in any direction
+_SURFACES = 12.0  # number of independent observations that the pixels of all surfaces are worth
 
 
 def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: float) -> FloatArray:
-    """Return the local planes (M, 3) a, b, c of a disparity map at its wall pixels.
+    """Return the local planes (M, 3) a, b, c of a disparity map at pixels of walls or any surfaces.
 
     Args:
         disparity: (H, W), larger is nearer.
-        walls: (H, W) bool.
+        walls: (H, W) bool, of the pixels.
         focal_px: focal length at the resolution of ``disparity``.
 
     Returns:
-        (M, 3) float64, M = 0 where too little wall is seen.
+        (M, 3) float64, M = 0 where too few pixels are left.
     """
     import cv2
 
@@ -93,6 +96,29 @@ def walls_cost(
     return np.asarray(
         _WALLS * np.log(np.minimum(tilt, _MAX_WALL_DEG) ** 2 + _WALL_SIGMA_DEG**2).mean(1)
     )
+
+
+def frame_cost(
+    planes: FloatArray, infinity: FloatArray, axes: FloatArray, most: int = 1500
+) -> FloatArray:
+    """Return how badly surfaces agree with the directions of a room, -2 log likelihood up to a
+    constant, (C,).
+
+    A normal lies about one of the directions, or anywhere.
+
+    Args:
+        planes: (M, 3) of :func:`wall_planes`.
+        infinity: (C,) candidates of the disparity at infinity.
+        axes: (3, 3) unit directions in rows.
+        most: planes that are looked at.
+    """
+    planes = planes[:: max(1, -(-len(planes) // most))]
+    rest = planes[:, 2] - infinity[:, None]
+    along = planes[:, :2] @ axes[:, :2].T + rest[..., None] * axes[:, 2]
+    length = np.sqrt((planes[:, :2] ** 2).sum(1) + rest**2) + 1e-12
+    near = np.exp((np.abs(along) / length[..., None] - 1) / _FRAME_SIGMA**2).sum(-1)
+    odds = _CLUTTER + (1 - _CLUTTER) / 3 / _FRAME_SIGMA**2 * near
+    return np.asarray(-2 * _SURFACES * np.log(odds).mean(1))
 
 
 def body_planes(
