@@ -287,6 +287,7 @@ class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
         return super().build(device)
 
 
+@pytest.mark.slow
 def test_camerahmr_conforms(smpl_file: Path) -> None:
     # The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
     options = {"smpl_file": str(smpl_file)}

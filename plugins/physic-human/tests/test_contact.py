@@ -180,6 +180,7 @@ class DecoOnWorlds(CropsOnWorlds, Deco):
         return super().build(device)
 
 
+@pytest.mark.slow
 def test_deco_conforms(smpl_file: Path) -> None:
     # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders
     # of the contact.

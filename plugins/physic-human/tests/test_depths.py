@@ -123,6 +123,7 @@ class MogeOnWorlds(OnWorlds, Moge1):
     perfect_network = PerfectMoge
 
 
+@pytest.mark.slow
 @parametrize_with_checks("relative_pointmap", MogeOnWorlds, capabilities={"exact"})
 def test_moge_conforms(check: Callable[[], None]) -> None:
     check()
@@ -136,11 +137,13 @@ class Moge3DepthOnWorlds(OnWorlds, Moge3Depth):
     perfect_network = PerfectMoge3
 
 
+@pytest.mark.slow
 @parametrize_with_checks("relative_pointmap", Moge3PointsOnWorlds, capabilities={"exact"})
 def test_moge_3_conforms_as_a_pointmap(check: Callable[[], None]) -> None:
     check()
 
 
+@pytest.mark.slow
 @parametrize_with_checks("metric_depth", Moge3DepthOnWorlds, capabilities={"exact"})
 def test_moge_3_conforms_as_a_depth(check: Callable[[], None]) -> None:
     check()

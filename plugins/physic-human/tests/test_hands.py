@@ -408,6 +408,7 @@ class WilorOnWorlds(CropsOnWorlds, Wilor):
     perfect_network = PerfectWilor
 
 
+@pytest.mark.slow
 @parametrize_with_checks(
     "hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"}
 )

@@ -303,6 +303,7 @@ class NlfOnWorlds(Nlf):
         return PerfectNlf()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", ["smplx", "smpl"])
 def test_nlf_conforms(body: str) -> None:
     check_backend(NlfOnWorlds, options={"body": body}, capabilities={"exact"}).raise_if_failed()

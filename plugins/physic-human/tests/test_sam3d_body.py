@@ -403,6 +403,7 @@ class SamOnWorlds(OnWorlds, Sam3dBody):
 
 
 # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
+@pytest.mark.slow
 @parametrize_with_checks(
     "body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16}
 )

@@ -417,6 +417,7 @@ NETWORKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NETWORKS)
 def test_conformance(name, accuracy_of):
     accuracy = accuracy_of(*NETWORKS[name])

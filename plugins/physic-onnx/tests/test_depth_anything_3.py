@@ -168,6 +168,7 @@ def perfect(shown, fed):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
 def test_conformance(form, accuracy_of):
     shape = FORMS[form][0]

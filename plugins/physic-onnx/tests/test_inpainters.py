@@ -166,6 +166,7 @@ def painted(shown, feed):
     return {"output": filled.transpose(2, 0, 1)[None]}
 
 
+@pytest.mark.slow
 def test_conformance(stand_in, stand_in_network):
     def attach(backend):
         inputs = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}

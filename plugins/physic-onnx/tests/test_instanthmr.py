@@ -317,6 +317,7 @@ def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
     return stand_in(InstantHmr, attach)  # type: ignore[no-any-return]
 
 
+@pytest.mark.slow
 def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
     # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
     report = check_backend(

@@ -179,6 +179,7 @@ def loaded(perfect):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [Moge2Depth, Moge2Pointmap])
 def test_conformance(perfect, kind):
     check_backend(perfect(kind)).raise_if_failed()
@@ -209,6 +210,7 @@ class TestWorld:
         )
         assert found.unknown == "scale"
 
+    @pytest.mark.slow
     def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(
         self, perfect, loaded
     ):

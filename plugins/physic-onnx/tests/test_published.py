@@ -14,11 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from physic_core import Reconstruction, load_backend
 from physic_core.adapters.people import Detections
-from physic_core.cli import main
 from physic_core.weights import missing, read_manifest
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
@@ -141,7 +139,7 @@ class TestFromPhotoToFiles:
         assert sam.surfaces is not None
         assert not (sam.floor & sam.masks.any(0)).any()
 
-    def test_a_run_writes_its_files(self, tmp_path):
+    def test_a_run_writes_its_files(self, tmp_path, physic):
         settings = [
             "segmenter.backend=sam2-onnx", "segmenter.options.weights=sam2-hiera-tiny",
             "segmenter.options.detector=embedded",
@@ -149,7 +147,7 @@ class TestFromPhotoToFiles:
         sets = [word for setting in settings for word in ("--set", setting)]
         photo = str(PHOTO.with_name("couple.jpg"))
         out = str(tmp_path / "out")
-        done = CliRunner().invoke(main, ["run", photo, "-o", out, "--no-report", *sets])
+        done = physic("run", photo, "-o", out, "--no-report", *sets)
         assert done.exit_code == 0, done.output
         found = Reconstruction.load(out)
         assert len(found.people) == 2

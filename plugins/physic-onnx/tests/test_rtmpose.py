@@ -251,6 +251,7 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "skeleton", "count", "size"),
     [

@@ -589,6 +589,7 @@ def sam2(stand_in, stand_in_network):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("signature", "detector"),
     [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)],

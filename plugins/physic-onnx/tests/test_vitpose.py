@@ -198,6 +198,7 @@ def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("skeleton", "count"), [("coco_wholebody133", 133), ("coco17", 17)])
 def test_conformance(stand_in_vitpose: Any, skeleton: str, count: int) -> None:
     report = check_backend(stand_in_vitpose(skeleton, count), "keypoint_detector")

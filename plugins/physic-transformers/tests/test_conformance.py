@@ -305,6 +305,7 @@ WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
 """What is lost between a perfect network and the answer: half a pixel would be more."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", Telling.__subclasses__(), ids=lambda kind: kind.__name__)
 def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     own = frozenset(getattr(kind, "capabilities", ()))
