@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from click.testing import CliRunner, Result
 from hypothesis import settings
 
 from physic_core.cache.folders import cache_folder
@@ -98,6 +99,18 @@ def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
         str(folder), "pictures"
     )
     return folder
+
+
+@pytest.fixture(scope="session")
+def physic() -> Callable[..., Result]:
+    """A function that runs the command ``physic`` with these arguments in this process."""
+
+    def run(*arguments: object) -> Result:
+        from physic_core.cli import main
+
+        return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+    return run
 
 
 @pytest.fixture

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from click.testing import CliRunner
 
 import hostile
 from physic_core.batch.workers import WorkerSettings, run_in_workers
-from physic_core.cli import main
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.error_text import PluginExit
 from physic_core.discovery.plugin_code import plugin_code
@@ -151,8 +149,8 @@ def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
     ("name", "state", "message"),
     [("Printing", "ok", ""), ("Forging", "broken", "it ended Python with code 0: physic-doctor: ")],
 )
-def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str) -> None:
-    done = CliRunner().invoke(main, ["plugins", "doctor", f"hostile:{name}", "--json"])
+def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str, physic) -> None:
+    done = physic("plugins", "doctor", f"hostile:{name}", "--json")
     [found] = json.loads(done.stdout)
     assert found["state"] == state
     assert found["message"].startswith(message)

@@ -11,30 +11,24 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
 from PIL import Image
 
 from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob, failed_row
-from physic_core.cli import main
 from physic_testing.worlds import build_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["batch", *arguments])
-
-
 def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/stand.png")
     Path("photos/broken.jpg").write_text("no photo")
     options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--workers", "1")
-    done = physic(*options)
+    done = physic("batch", *options)
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines() == [
         "1 done, 1 failed (1 InputError)",
@@ -59,16 +53,14 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
     for command in ("show", "export"):
-        refused = CliRunner().invoke(
-            main, [command, "out", *(["--to", "glb"] if command == "export" else [])]
-        )
+        refused = physic(command, "out", *(["--to", "glb"] if command == "export" else []))
         assert (
             refused.exit_code,
             Path("out", rows["stand.png"]["folder"]).as_posix() in refused.output,
         ) == (3, True)
     journal = Path("out/journal.jsonl").read_text()
     Path("out/people.csv").unlink()
-    again = physic(*options)
+    again = physic("batch", *options)
     assert again.exit_code == 0  # summary.csv and the page of the first run are replaced
     assert len(Path("out/people.csv").read_text().splitlines()) == 2
     assert again.stderr == (
@@ -77,19 +69,19 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
     assert Path("out/journal.jsonl").read_text() == journal
     for name in ("x", "y"):
         Path("photos", f"{name}.jpg").write_text("no photo")
-    rest = physic(*options, "--limit", "1", "--dry-run")
+    rest = physic("batch", *options, "--limit", "1", "--dry-run")
     assert rest.stdout == f"{tmp_path}/photos/x.jpg\n"
     assert "2 to do, 1 done before; 1 failed before" in rest.stderr
 
 
 def test_a_dry_run_lists_the_photos_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
         Path("photos", name).write_text("no photo")
-    done = physic("photos", "-o", "out", "--preset", "mock", "--dry-run")
+    done = physic("batch", "photos", "-o", "out", "--preset", "mock", "--dry-run")
     assert done.stdout.splitlines() == [
         f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")
     ]
@@ -122,10 +114,11 @@ def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
     arguments: tuple[str, ...],
     code: int,
     message: str,
+    physic,
 ):
     monkeypatch.chdir(tmp_path)
     Path("a.jpg").touch()
-    done = physic("-o", "out", *arguments)
+    done = physic("batch", "-o", "out", *arguments)
     assert done.exit_code == code
     assert message in done.stderr
     assert not Path("out").exists()
@@ -152,7 +145,9 @@ def use_executor(monkeypatch: pytest.MonkeyPatch, rows: Any) -> None:
     monkeypatch.setattr("physic_core.batch.run.open_executor", lambda name, settings: rows)
 
 
-def test_the_tables_are_written_every_20_photos(folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_tables_are_written_every_20_photos(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, physic
+):
     seen = []
 
     def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
@@ -162,7 +157,7 @@ def test_the_tables_are_written_every_20_photos(folder: Path, monkeypatch: pytes
 
     use_executor(monkeypatch, rows)
     monkeypatch.setattr("physic_core.cli.batch._PAUSES", 0)
-    assert physic("photos", "-o", "out", "--preset", "mock").exit_code == 0
+    assert physic("batch", "photos", "-o", "out", "--preset", "mock").exit_code == 0
     assert seen[18:20] == [0, 20]
     assert seen[39:] == [40] * 6
     assert rows_of_table() == 45
@@ -170,7 +165,7 @@ def test_the_tables_are_written_every_20_photos(folder: Path, monkeypatch: pytes
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_batch_that_is_stopped_has_its_tables(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, physic
 ):
     number = getattr(signal, name, None)
     if number is None:
@@ -183,18 +178,20 @@ def test_a_batch_that_is_stopped_has_its_tables(
         yield failed_row(job, items[3], "Timeout", "no result", 0.0)
 
     use_executor(monkeypatch, rows)
-    stopped = physic("photos", "-o", "out", "--preset", "mock")
+    stopped = physic("batch", "photos", "-o", "out", "--preset", "mock")
     assert stopped.exit_code == 130
     assert rows_of_table() == 3
     assert stopped.stdout.startswith(
         "stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed"
     )
     assert "contact-sheet.html" in stopped.stdout
-    assert "42 to do" in physic("photos", "-o", "out", "--preset", "mock", "--dry-run").stderr
+    assert (
+        "42 to do" in physic("batch", "photos", "-o", "out", "--preset", "mock", "--dry-run").stderr
+    )
 
 
 def test_a_changed_configuration_says_how_many_results_it_replaces(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, physic
 ):
     def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
         for item in items[:5]:
@@ -204,8 +201,8 @@ def test_a_changed_configuration_says_how_many_results_it_replaces(
 
     use_executor(monkeypatch, rows)
     options = ("photos", "-o", "out", "--preset", "mock", "--save", "none", "--no-thumbnails")
-    assert physic(*options).exit_code == 0
-    again = physic(*options, "--set", "photo.max_side=640", "--dry-run")
+    assert physic("batch", *options).exit_code == 0
+    again = physic("batch", *options, "--set", "photo.max_side=640", "--dry-run")
     assert "45 to do" in again.stderr
     assert "40 of those to do have a result of other settings" in again.stderr
     assert "-o" in again.stderr

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from physic_core import Reconstruction, save_reconstruction
 from physic_core.batch.comparison import changed_lines, compare_results, pair_results
 from physic_core.body import JOINT_NAMES
-from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner, Grade
@@ -154,23 +152,23 @@ def test_photos_of_a_batch_are_sorted_by_name(result: Reconstruction, tmp_path: 
     ]
 
 
-def test_the_command_prints_a_table_or_json(saved: list[str]):
-    done = CliRunner().invoke(main, ["compare", *saved])
+def test_the_command_prints_a_table_or_json(saved: list[str], physic):
+    done = physic("compare", *saved)
     assert done.exit_code == 0, done.output
     row = next(line for line in done.output.splitlines() if "only B: left hand: table" in line)
     assert re.search(r"person 1 of A, 0 of B +doubtful +bad +3.84 m +4.14 m +300 mm \(", row)
     assert "beach.jpg" in done.output
     assert "grades of people in B: 1 worse, 1 the same" in done.output
-    data = json.loads(CliRunner().invoke(main, ["compare", *saved, "--json"]).output)
+    data = json.loads(physic("compare", *saved, "--json").output)
     assert data["photos"][0]["people"][1]["joints"]["mean_m"] == pytest.approx(0.3, abs=1e-4)
     assert data["only_a"] == data["only_b"] == []
 
 
 def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
-    saved: list[str], tmp_path: Path, chromium: Any
+    saved: list[str], tmp_path: Path, chromium: Any, physic
 ):
     path = tmp_path / "page.html"
-    done = CliRunner().invoke(main, ["compare", *saved, "--html", str(path)])
+    done = physic("compare", *saved, "--html", str(path))
     assert done.output.endswith(f"wrote {path}\n")
     page = chromium.open(path.as_uri(), 390, 800)
     words = page.evaluate("document.body.innerText")
@@ -185,24 +183,24 @@ def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
     page.close()
 
 
-def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Path):
+def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Path, physic):
     for place in ("a/1", "a/2", "b/1", "b/2"):
         save_reconstruction(
             replace(result, photo=f"sha256:{place[-1]}"), tmp_path / place, "numbers"
         )
     (tmp_path / "b/1/reconstruction.npz").write_bytes(b"broken")
-    done = CliRunner().invoke(main, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
+    done = physic("compare", str(tmp_path / "a"), str(tmp_path / "b"))
     assert done.exit_code == 3
     assert "reconstruction.npz" in done.output
     assert "people in both: 2" in done.output
 
 
-def test_a_file_of_the_user_is_not_replaced_by_the_page(result: Reconstruction, tmp_path: Path):
+def test_a_file_of_the_user_is_not_replaced_by_the_page(
+    result: Reconstruction, tmp_path: Path, physic
+):
     save_reconstruction(result, tmp_path / "a", "numbers")
     page = tmp_path / "page.html"
     page.write_text("mine")
-    done = CliRunner().invoke(
-        main, ["compare", str(tmp_path / "a"), str(tmp_path / "a"), "--html", str(page)]
-    )
+    done = physic("compare", str(tmp_path / "a"), str(tmp_path / "a"), "--html", str(page))
     assert done.exit_code != 0
     assert page.read_text() == "mine"

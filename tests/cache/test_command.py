@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
-
-from physic_core.cli import main
 
 pytestmark = pytest.mark.quick
 
@@ -30,27 +27,23 @@ def fill(folder: Path) -> None:
     (folder / "mine.npz").write_text("not theirs")
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["cache", *arguments])
-
-
-def test_info_prints_each_folder_and_its_content(folder: Path):
+def test_info_prints_each_folder_and_its_content(folder: Path, physic):
     fill(folder)
-    first, *others = physic("info").output.splitlines()
+    first, *others = physic("cache", "info").output.splitlines()
     assert first == f"{folder}: 4 files, 1.4 MB"
     assert [one.split()[0] for one in others] == [
         f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")
     ]
 
 
-def test_clear_removes_all_entries_and_says_how_many(folder: Path):
+def test_clear_removes_all_entries_and_says_how_many(folder: Path, physic):
     fill(folder)
-    assert physic("clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")
+    assert physic("cache", "clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
-    assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("clear").output
+    assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("cache", "clear").output
 
 
-def test_the_other_caches_are_listed_and_removed_too(folder: Path):
+def test_the_other_caches_are_listed_and_removed_too(folder: Path, physic):
     others = {"maps": "a.map.npz", "graphs": "a.graph.onnx", "hashes": "a.sha256"}
     for name, file in others.items():
         (folder.parent / name).mkdir(parents=True)
@@ -60,15 +53,17 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
         f"{folder}: 0 files, 0.0 MB",
         *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others),
     ]
-    assert physic("info").output.splitlines() == printed
-    assert len(physic("clear").output.splitlines()) == 4
+    assert physic("cache", "info").output.splitlines() == printed
+    assert len(physic("cache", "clear").output.splitlines()) == 4
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {
         "mine.onnx"
     }
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])
-def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pytest.MonkeyPatch):
+def test_a_cache_that_is_switched_off_is_an_error(
+    command: str, monkeypatch: pytest.MonkeyPatch, physic
+):
     monkeypatch.setenv("PHYSIC_CACHE", "off")
-    done = physic(command)
+    done = physic("cache", command)
     assert (done.exit_code, "PHYSIC_CACHE" in done.output) == (2, True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from physic_core.cli import main
 from physic_core.cli.config import config_toml
@@ -22,12 +22,8 @@ from .results import empty_reconstruction
 pytestmark = pytest.mark.quick
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 def refusal(*arguments: str, code: int = 2) -> str:
-    done = physic(*arguments)
+    done = CliRunner().invoke(main, [*arguments])
     assert (done.exit_code, done.stdout) == (code, ""), done.output
     return done.stderr.removeprefix("Error: ").rstrip("\n")
 
@@ -75,7 +71,7 @@ def names() -> list[str]:
     return sorted(path.name for path in Path("photo-physic").iterdir())
 
 
-def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
+def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline, physic):
     done = physic(*run())
     assert done.exit_code == 0, done.output
     for words in (
@@ -93,12 +89,14 @@ def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     assert pipeline.calls[0][0] == Path("photo.jpg")
 
 
-def test_run_ends_with_the_path_of_the_page(pipeline):
+def test_run_ends_with_the_path_of_the_page(pipeline, physic):
     assert physic(*run("--report")).stdout.splitlines()[-1] == "page: photo-physic/report.html"
     assert Path("photo-physic/report.html").is_file()
 
 
-def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(pipeline, monkeypatch):
+def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(
+    pipeline, monkeypatch, physic
+):
     def interrupted(result: Reconstruction, title: str) -> str:
         raise KeyboardInterrupt
 
@@ -108,7 +106,7 @@ def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(pipe
     Reconstruction.load("photo-physic")
 
 
-def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch):
+def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     default = run("--save", "pictures")
     done = physic(*default)
@@ -123,7 +121,7 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
     assert pipeline.calls == []
 
 
-def test_show_prints_what_the_run_printed(pipeline):
+def test_show_prints_what_the_run_printed(pipeline, physic):
     done = physic(*run())
     assert physic("show", "photo-physic").stdout == done.stdout
     assert "people: 1.2 s\nscene: 2.0 s\n" in physic("show", "photo-physic", "-v").stdout
@@ -138,7 +136,7 @@ def test_show_prints_what_the_run_printed(pipeline):
         ("", 2, "empty"),
     ],
 )
-def test_run_refuses_what_is_no_file(photo: str, code: int, message: str):
+def test_run_refuses_what_is_no_file(photo: str, code: int, message: str, physic):
     Path("photos").mkdir()
     done = physic("run", photo, "--preset", "mock")
     assert (done.exit_code, done.stdout) == (code, "")
@@ -161,7 +159,7 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert [p.name for p in Path().iterdir()] == ["taken"]
 
 
-def test_a_run_does_not_ask_the_system_whether_files_may_be_read(pipeline, monkeypatch):
+def test_a_run_does_not_ask_the_system_whether_files_may_be_read(pipeline, monkeypatch, physic):
     Path("photo.jpg").touch()
     Path("my.toml").write_text('extends = "mock"\n')
     Path("mine").mkdir()
@@ -179,7 +177,7 @@ def test_a_missing_gpu_is_reported(pipeline, monkeypatch):
     assert "only 'cuda:0' is" in refusal(*run("--device", "cuda:1"))
 
 
-def test_a_run_that_fails_leaves_no_empty_folder_and_the_older_result(pipeline):
+def test_a_run_that_fails_leaves_no_empty_folder_and_the_older_result(pipeline, physic):
     pipeline.error = InputError("no photo at photo.jpg")
     Path("mine").mkdir()
     Path("mine/reconstruction.json").write_text("old")
@@ -193,7 +191,7 @@ def test_a_run_that_fails_leaves_no_empty_folder_and_the_older_result(pipeline):
     assert [path.read_text() for path in Path("mine").iterdir()] == ["old"]
 
 
-def test_a_lack_of_memory_is_a_message(pipeline):
+def test_a_lack_of_memory_is_a_message(pipeline, physic):
     pipeline.error = MemoryError("Unable to allocate 4.85 MiB")
     done = physic(*run())
     assert done.exit_code == 1
@@ -222,7 +220,7 @@ def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pip
     assert expected in refusal(*arguments).splitlines()[-1]
 
 
-def test_debug_shows_the_traceback(pipeline, monkeypatch):
+def test_debug_shows_the_traceback(pipeline, monkeypatch, physic):
     pipeline.error = InputError("no photo at photo.jpg")
     monkeypatch.setenv("PHYSIC_DEBUG", "1")
     done = physic(*run())
@@ -231,7 +229,7 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
     assert done.stderr.endswith("\nError: no photo at photo.jpg\n")
 
 
-def test_the_listing_names_interface_backend_and_plugin_of_each_backend(site):
+def test_the_listing_names_interface_backend_and_plugin_of_each_backend(site, physic):
     site.offer("physic-mine", "inpainter", "own", version="1.2")
     head, *rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
     assert head.split() == ["interface", "backend", "plugin", "version", "state"]
@@ -270,7 +268,9 @@ class Net(interfaces.Inpainter):
 """
 
 
-def test_the_listing_says_what_a_backend_needs_without_its_import(site, tmp_path, monkeypatch):
+def test_the_listing_says_what_a_backend_needs_without_its_import(
+    site, tmp_path, monkeypatch, physic
+):
     manifest = MANIFEST.replace(
         "[odd]", '[odd]\ndefault_of = ["inpainter.net"]\nneeds = "a GPU, a key"'
     )
@@ -292,7 +292,7 @@ def test_the_listing_says_what_a_backend_needs_without_its_import(site, tmp_path
 @pytest.mark.parametrize(
     ("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")]
 )
-def test_details_show_the_licences_of_the_default_weights(site, default: str, printed: str):
+def test_details_show_the_licences_of_the_default_weights(site, default: str, printed: str, physic):
     folder = site.list_weights("physic-lists", MANIFEST).parent
     entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
     site.install("physic-net", NET.format(default), entry=entry)
@@ -305,7 +305,7 @@ def test_details_show_the_licences_of_the_default_weights(site, default: str, pr
         assert words in shown
 
 
-def test_details_show_what_a_backend_is():
+def test_details_show_what_a_backend_is(physic):
     shown = physic("plugins", "show", "telea").stdout
     for words in (
         "physic-opencv 0.1.0",
@@ -321,7 +321,7 @@ def test_details_show_what_a_backend_is():
     )
 
 
-def test_check_prints_ok_or_the_faults():
+def test_check_prints_ok_or_the_faults(physic):
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
     assert physic("config", "check", "--config", "my.toml").stdout == "my.toml: no errors\n"
     assert refusal(
@@ -344,7 +344,7 @@ def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
     assert load_config(flags={"shown": printed}).as_dict() == config.as_dict()
 
 
-def test_show_says_where_each_value_is_from():
+def test_show_says_where_each_value_is_from(physic):
     Path("my.toml").write_text("[photo]\nmax_side = 640\n")
     shown = physic("config", "show", "--config", "my.toml", "--set", "run.device=cuda").stdout
     assert "max_side = 640  # my.toml\n" in shown
@@ -354,7 +354,7 @@ def test_show_says_where_each_value_is_from():
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
+def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str, physic):
     done = physic("config", "init", "--preset", preset)
     assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
     assert load_config("physic.toml").as_dict() == load_config(preset=preset).as_dict()

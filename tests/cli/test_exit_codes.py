@@ -4,17 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
 
 from physic_core import errors
-from physic_core.cli import main
 from physic_core.cli.exit_codes import EXIT_CODES, MEANINGS, exit_code
 
 pytestmark = pytest.mark.quick
-
-
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
 
 
 def test_every_error_has_one_code():
@@ -22,7 +16,7 @@ def test_every_error_has_one_code():
     assert exit_code(ValueError()) == 1
 
 
-def test_help_and_documentation_list_every_code(repository: Path):
+def test_help_and_documentation_list_every_code(repository: Path, physic):
     rows = [f"| {code} | {meaning} |" for code, meaning in MEANINGS.items()]
     assert "\n".join(rows) in (repository / "docs" / "running.md").read_text()
     shown = physic("--help").output
@@ -30,7 +24,7 @@ def test_help_and_documentation_list_every_code(repository: Path):
 
 
 @pytest.mark.parametrize("name", errors.__all__)
-def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.MonkeyPatch):
+def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.MonkeyPatch, physic):
     def reconstruct(*_: Any, **__: Any) -> None:
         raise getattr(errors, name)("no good")
 
@@ -42,7 +36,7 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
     )
 
 
-def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch):
+def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch, physic):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -134,7 +128,7 @@ ENTRIES = "\n".join(
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )
 def test_every_command_ends_with_the_documented_code(
-    arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch
+    arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)

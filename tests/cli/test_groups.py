@@ -8,9 +8,7 @@ import sys
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
 
-from physic_core.cli import main
 from physic_core.discovery.catalog import COMMANDS, how_to_install
 
 PLUGIN = """
@@ -39,10 +37,6 @@ number = 3
 """
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 @pytest.fixture
 def plugin(site: Any) -> Any:
     site.install("physic-hello", PLUGIN)
@@ -51,7 +45,7 @@ def plugin(site: Any) -> Any:
 
 
 @pytest.mark.parametrize("group", [(), ("plugins",)], ids=str)
-def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
+def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...], physic):
     done = physic(*group, "hello", "--name", "world")
     assert (done.exit_code, done.output) == (0, "hello world\n")
     summary = "Greet the plugins." if group else "Greet."
@@ -67,7 +61,7 @@ def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
     ],
 )
 def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(
-    plugin: Any, name: str, message: str
+    plugin: Any, name: str, message: str, physic
 ):
     done = physic(name)
     assert (done.exit_code, done.stdout, message in done.stderr) == (5, "", True)
@@ -98,7 +92,7 @@ def test_help_imports_no_command(plugin: Any):
 
 
 def test_a_restriction_hides_the_commands_of_other_plugins(
-    plugin: Any, monkeypatch: pytest.MonkeyPatch
+    plugin: Any, monkeypatch: pytest.MonkeyPatch, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-hello")
     assert physic("hello").exit_code == 0
@@ -108,7 +102,7 @@ def test_a_restriction_hides_the_commands_of_other_plugins(
     assert "hello" not in physic("--help").output
 
 
-def test_a_misspelt_command_names_the_nearest(plugin: Any):
+def test_a_misspelt_command_names_the_nearest(plugin: Any, physic):
     done = physic("hallo")
     assert done.exit_code == 2
     assert "Did you mean 'hello'?" in done.stderr
@@ -116,7 +110,7 @@ def test_a_misspelt_command_names_the_nearest(plugin: Any):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_known_command_that_is_not_installed_names_its_distribution(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, monkeypatch: pytest.MonkeyPatch, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic(*name.split())

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner, Result
 from PIL import Image
 
 from physic_core.cli import main
@@ -23,10 +22,6 @@ RUN = ("run", "a.png", "--preset", "mock")
 BATCH = ("batch", "a.png", "--preset", "mock", "-o", "many", "--dry-run")
 SCENE = ("scene", "a.png", "b.png", "--preset", "mock", "-o", "out")
 WEB = "https://example.org/a.png"
-
-
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
 
 
 @pytest.fixture(autouse=True)
@@ -144,7 +139,7 @@ MISTAKES = [
     ids=[" ".join(arguments) for _, _, arguments in MISTAKES],
 )
 def test_a_mistake_is_one_message_with_the_code_of_its_kind(
-    code: int, words: str, arguments: tuple[str, ...]
+    code: int, words: str, arguments: tuple[str, ...], physic
 ):
     if arguments[0] == "export":
         save_reconstruction(empty_reconstruction(), "result", "numbers")
@@ -153,7 +148,7 @@ def test_a_mistake_is_one_message_with_the_code_of_its_kind(
     assert done.stderr.count("Error: ") == 1
 
 
-def test_a_second_server_on_one_port_is_a_wrong_argument():
+def test_a_second_server_on_one_port_is_a_wrong_argument(physic):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         done = physic("serve", "--preset", "mock", "--port", str(taken.getsockname()[1]))
     assert (done.exit_code, "give another --port" in done.stderr) == (USAGE, True), done.output

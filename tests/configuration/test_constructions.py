@@ -6,10 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
-from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.errors import NoPersonError
@@ -52,9 +50,9 @@ def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_a_run_of_the_command_line_constructs_each_backend_once(
-    constructed: Counter[str], photo: str
+    constructed: Counter[str], photo: str, physic
 ):
-    done = CliRunner().invoke(main, ["run", photo, "--preset", "mock", "--no-cache"])
+    done = physic("run", photo, "--preset", "mock", "--no-cache")
     assert "nobody was found" in done.output
     assert constructed == ONCE
 

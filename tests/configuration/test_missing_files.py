@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 from physic_core import interfaces, load_config, reconstruct
-from physic_core.cli import main
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, missing_requirements
 from physic_core.errors import BackendError, WeightsMissingError
@@ -96,10 +94,6 @@ def heavy(site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "mine" / "net"
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 def bring(folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "model.onnx").write_bytes(b"net")
@@ -117,14 +111,14 @@ def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: 
     assert asked == []
 
 
-def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
+def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path, physic):
     done = physic("config", "check", "--config", "my.toml")
     assert done.exit_code == 4
     assert done.stdout.startswith("my.toml: no errors\n2 things are missing")
     assert f"{BOTH}: {NET}\n" in done.stdout
 
 
-def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy: Path):
+def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy: Path, physic):
     done = physic("plugins", "show", "physic-heavy:heavy")
     assert done.stdout.count("not ready; weights 'net'") == 2
     bring(heavy)

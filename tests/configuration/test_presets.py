@@ -7,9 +7,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
-
-from physic_core.cli import main
 
 SHARED = ("vitpose-h-wholebody", "wilor-mini", "https://github.com/warmshao/WiLoR-mini")
 LACKING = {
@@ -48,13 +45,9 @@ WAYS = (
 )
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, arguments)
-
-
 @pytest.mark.parametrize("preset", LACKING)
 def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
-    preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ) -> None:
     for name in ("PHYSIC_WEIGHTS", "PHYSIC_CACHE", "HF_HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name.lower()))
@@ -72,7 +65,7 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
 
 @pytest.mark.parametrize(("seen", "code"), [(False, 2), (True, 0)])
 def test_a_missing_gpu_is_reported_before_the_photo_is_read(
-    seen: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    seen: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ) -> None:
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: seen)
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)

@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import find_backend, list_backends
-from physic_core.cli import main
 from physic_core.discovery.backends import find_by_name, load_class
 from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
@@ -131,14 +129,16 @@ def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
         "no version",
     ],
 )
-def test_a_hostile_backend_is_named_with_the_fault(site, source: str, words: tuple[str, ...]):
+def test_a_hostile_backend_is_named_with_the_fault(
+    site, source: str, words: tuple[str, ...], physic
+):
     site.install("physic-bad", source, entry="bad = physic_bad:B", group="physic.inpainter")
     said = message(BackendError, load, "inpainter", "bad")
     assert said.startswith("inpainter 'bad' (physic-bad 1.0)")
     assert all(word in said for word in words), said
-    listed = CliRunner().invoke(main, ["plugins"])
+    listed = physic("plugins")
     assert (listed.exit_code, "physic-bad" in listed.stdout) == (0, True)
-    shown = CliRunner().invoke(main, ["plugins", "show", "bad"])
+    shown = physic("plugins", "show", "bad")
     assert (shown.exit_code, words[-1] in shown.stdout) == (0, True)
 
 

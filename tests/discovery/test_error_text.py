@@ -12,9 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from physic_core.cli import main
 from physic_core.discovery.error_text import describe_error
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -119,25 +117,25 @@ def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
 # ------------------------------------------------------------------------------------------------
 
 
-def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool):
-    done = CliRunner().invoke(main, ["plugins", "check", "raises"])
+def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, physic):
+    done = physic("plugins", "check", "raises")
     assert done.exit_code == 5
     assert f"  got:      {SAID}\n" in done.output
     assert ("Traceback (most recent call last)" in done.output) is debug
     assert ("return self.options.nothere" in done.output) is debug
-    as_json = json.loads(CliRunner().invoke(main, ["plugins", "check", "raises", "--json"]).stdout)
+    as_json = json.loads(physic("plugins", "check", "raises", "--json").stdout)
     (found,) = [r for r in as_json[0]["results"] if r["check"] == "returns_valid_output"]
     assert ("traceback" in found) is debug
 
 
 def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(
-    broken: Path, debug: bool, monkeypatch
+    broken: Path, debug: bool, monkeypatch, physic
 ):
     source = BROKEN.replace("    return [", "    1 / 0\n    return [")
     (broken / "physic_broken.py").write_text(source)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
     for command in ("doctor",), ():
-        done = CliRunner().invoke(main, ["plugins", *command])
+        done = physic("plugins", *command)
         assert "(physic_broken.py:20)" in done.output
         assert ("Traceback (most recent call last)" in done.output) is debug
 

@@ -10,9 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.local_modules import load_module, split_folder
@@ -113,9 +111,9 @@ def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: py
     ],
     ids=lambda command: command[1],
 )
-def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[str, ...]):
+def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[str, ...], physic):
     Path("own_depth.py").write_text(DEPTH)
-    done = CliRunner().invoke(main, command)
+    done = physic(*command)
     assert done.exit_code == 0, done.output
     assert "BROKEN" not in done.output
 

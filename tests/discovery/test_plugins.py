@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from physic_core import engine_preset_names, list_backends
-from physic_core.cli import main
 from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS
 from physic_core.discovery.plugins import broken_plugins, find_items
 from physic_core.weights.library import read_library
@@ -30,7 +28,7 @@ def causes() -> list[str]:
     return [str(plugin) for plugin in broken_plugins()]
 
 
-def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(site):
+def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(site, physic):
     """All at once: none of them takes another away."""
     site.install("physic-a", "import no_such_module\n", version="0.3")
     site.install("physic-b", "", entry="b = physic-b/plugin.py")
@@ -58,14 +56,14 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
     )
     for word, cause in zip(words, causes(), strict=True):
         assert word in cause
-    done = CliRunner().invoke(main, ["plugins"])
+    done = physic("plugins")
     assert done.exit_code == 0
     assert [
         line
         for line in done.stdout.splitlines()
         if line.startswith("BROKEN: physic-c 1.0 (SystemExit: 3")
     ]
-    assert CliRunner().invoke(main, ["--help"]).exit_code == 0
+    assert physic("--help").exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -188,10 +186,12 @@ def test_a_list_of_weights_is_read_without_importing_its_package(site):
     ],
     ids=["no licence", "no folder", "no package"],
 )
-def test_a_wrong_list_of_weights_is_told_by_the_command(site, text: str, target: str, says: str):
+def test_a_wrong_list_of_weights_is_told_by_the_command(
+    site, text: str, target: str, says: str, physic
+):
     with_weights(site, text, target)
     ((offer, why),) = read_library().broken
     assert offer.distribution == "physic-own"
     assert says in why
-    done = CliRunner().invoke(main, ["weights", "list"])
+    done = physic("weights", "list")
     assert (done.exit_code, "BROKEN" in done.stdout) == (0, True)

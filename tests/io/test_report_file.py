@@ -11,9 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from physic_core.cli import main
 from physic_core.errors import InputError
 from physic_core.io.result_folder import add_report
 from physic_core.io.results import load_reconstruction, read_record, record_of, save_reconstruction
@@ -34,10 +32,6 @@ def saved(result, tmp_path_factory):
 @pytest.fixture
 def folder(saved, tmp_path):
     return Path(shutil.copytree(saved, tmp_path / saved.name))
-
-
-def physic(*arguments: object):
-    return CliRunner().invoke(main, list(map(str, arguments)))
 
 
 def test_the_page_is_a_file_of_the_result(folder, result):
@@ -96,7 +90,7 @@ def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
     assert "run the reconstruction again" in page
 
 
-def test_a_folder_without_a_result_gets_no_page(tmp_path):
+def test_a_folder_without_a_result_gets_no_page(tmp_path, physic):
     done = physic("report", tmp_path)
     assert done.exit_code == 3
     message = (
@@ -107,7 +101,7 @@ def test_a_folder_without_a_result_gets_no_page(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_path):
+def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_path, physic):
     done = physic("report", tmp_path / "nothing", folder)
     assert done.exit_code == 3
     assert f"wrote {folder / 'report.html'}\n" in done.output
@@ -120,7 +114,7 @@ def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_
     assert done.output.endswith("Error: --out needs one result, got 2\n")
 
 
-def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path):
+def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path, physic):
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "reconstruction.json").write_text("{")
     (tmp_path / "cut").mkdir()
@@ -149,7 +143,9 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     )
 
 
-def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(folder, tmp_path):
+def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(
+    folder, tmp_path, physic
+):
     (tmp_path / "contact-sheet.html").write_text("mine")
     done = physic("report", "--each", tmp_path)
     assert (done.exit_code, (tmp_path / "contact-sheet.html").read_text()) == (2, "mine")

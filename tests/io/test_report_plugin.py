@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
 
 from physic_core import InputError, save_reconstruction
-from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.result_folder import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
@@ -46,12 +44,8 @@ def install(site: Any, body: str) -> None:
     site.install("physic-page", PAGE.format(body=body))
 
 
-def physic(*arguments: object) -> Result:
-    return CliRunner().invoke(main, list(map(str, arguments)))
-
-
 @pytest.mark.usefixtures("hidden")
-def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
+def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path, physic):
     result = make(people=0)
     for way in (
         lambda: report_html(result),
@@ -72,13 +66,13 @@ def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
 
 
 @pytest.mark.usefixtures("hidden")
-def test_a_contact_sheet_needs_no_plugin(folder: Path):
+def test_a_contact_sheet_needs_no_plugin(folder: Path, physic):
     done = physic("report", "results")
     assert (done.exit_code, done.stdout) == (0, "wrote results/contact-sheet.html\n")
 
 
 def test_the_page_of_another_plugin_is_written(
-    folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch
+    folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch, physic
 ):
     install(site, PLAIN)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")

@@ -11,12 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from click.testing import CliRunner
 
 from physic_core import KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
-from physic_core.cli import main
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, vertices_at_ray
 from physic_core.engine.sizes.stature import betas_with_stature, stature_factor
 from physic_core.errors import ConfigError
@@ -270,7 +268,7 @@ def test_an_impossible_size_is_refused(setting: str, message: str) -> None:
         load_config(preset="mock", overrides=[f"photo.{setting}"])
 
 
-def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World) -> None:
+def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World, physic) -> None:
     from PIL import Image
 
     photo = tmp_path / "photo.png"
@@ -280,7 +278,7 @@ def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World) -> 
     tall = float(MODEL.stature(torch.tensor(stand.parameters.betas))[0])
     sizes = ["--stature", f"{tall:.2f}", "--camera-height", f"{stand.floor.offset:.2f}"]
     sizes += ["--known-length", f"10,100,150,100,{np.linalg.norm(a - b):.2f}"]
-    out = CliRunner().invoke(main, ["run", str(photo), "-o", str(tmp_path / "out"), *quick, *sizes])
+    out = physic("run", str(photo), "-o", str(tmp_path / "out"), *quick, *sizes)
     assert out.exit_code == 0, out.output
     from physic_core import load_reconstruction
 
@@ -288,7 +286,7 @@ def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World) -> 
     assert result.config["photo"]["stature"] == [round(tall, 2)]
     length = "the length from (10, 100) to (150, 100)"
     assert set(given_and_result(result)) == {"the stature of person 0", "the camera height", length}
-    wrong = CliRunner().invoke(main, ["run", str(photo), "--known-length", "1,2,3"])
+    wrong = physic("run", str(photo), "--known-length", "1,2,3")
     assert wrong.exit_code == 2
     assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
 

@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from click.testing import CliRunner, Result
 
 from physic_core import Reconstruction, find_exporter
-from physic_core.cli import main
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, export_frame
@@ -57,12 +55,8 @@ def plugin(site: Any) -> Any:
     return site
 
 
-def physic(*arguments: object) -> Result:
-    return CliRunner().invoke(main, list(map(str, arguments)))
-
-
 def test_a_plugin_adds_a_format(
-    plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path
+    plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path, physic
 ):
     (line,) = [
         line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")
@@ -121,7 +115,7 @@ def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
 
 @pytest.mark.parametrize("arguments", [("--to", "bvh"), ("-o", "a.usdz")])
 def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
-    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...]
+    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...], physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
@@ -132,7 +126,7 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
     )
 
 
-def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path):
+def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path, physic):
     for arguments in (("--to", "fbx"), ("-o", "a.fbx")):
         done = physic("export", saved_pair, *arguments)
         assert done.exit_code == 2
@@ -140,7 +134,7 @@ def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair
 
 
 def test_without_plugins_the_core_writes_glb(
-    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
@@ -171,7 +165,7 @@ def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
 
 
 def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(
-    plugin: Any, result: Reconstruction, tmp_path: Path
+    plugin: Any, result: Reconstruction, tmp_path: Path, physic
 ):
     out = tmp_path / "out"
     result.save(str(out), "numbers")

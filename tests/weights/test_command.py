@@ -8,17 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
-
-from physic_core.cli import main
 
 from .conftest import CONTENT, HASH
 
 pytestmark = pytest.mark.quick
-
-
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["weights", *arguments])
 
 
 def manifest(url: str) -> str:
@@ -69,46 +62,52 @@ def put(folder: Path, content: bytes = CONTENT) -> Path:
     return folder
 
 
-def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin: Any, own_cache: Path):
+def test_the_list_shows_size_licence_and_state_of_each_weight_set(
+    plugin: Any, own_cache: Path, physic
+):
     put(own_cache / "own" / "own.json", b"{}")
-    free, gated, own = (re.split(r"  +", line) for line in physic("list").stdout.splitlines()[1:])
+    free, gated, own = (
+        re.split(r"  +", line) for line in physic("weights", "list").stdout.splitlines()[1:]
+    )
     assert free == ["free", "physic-nets", "1.05 MB", "yes", "-", "missing", "MIT"]
     assert gated[3:] == ["NO", "needed", "missing", "Own licence: research only"]
     assert own[3:] == ["not stated", "-", "in part", "CC-BY-4.0"]
     put(own_cache / "free" / "free.onnx")
-    assert physic("list").stdout.splitlines()[1].split()[6] == "here"
-    assert [line.split()[0] for line in physic("list", "--missing").stdout.splitlines()[1:]] == [
+    assert physic("weights", "list").stdout.splitlines()[1].split()[6] == "here"
+    assert [
+        line.split()[0] for line in physic("weights", "list", "--missing").stdout.splitlines()[1:]
+    ] == [
         "gated",
         "own",
     ]
     put(own_cache / "free" / "free.onnx", b"cut off")
-    assert "here, DIFFERS  MIT" in physic("list").stdout
+    assert "here, DIFFERS  MIT" in physic("weights", "list").stdout
 
 
-def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
+def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd")
     path = site.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
-    done = physic("list")
+    done = physic("weights", "list")
     assert done.exit_code == 0
     assert re.search(rf"physic-odd .*BROKEN.*{re.escape(str(path))}.*\[odd\]", done.stdout)
-    done = physic("verify", "nothing")
+    done = physic("weights", "verify", "nothing")
     assert done.exit_code == 2
     assert re.search(r"'nothing'.*physic-odd 1\.0", done.stderr, re.DOTALL)
 
 
-def test_a_fetched_set_is_kept_and_verified(plugin: Any, own_cache: Path):
+def test_a_fetched_set_is_kept_and_verified(plugin: Any, own_cache: Path, physic):
     there = own_cache / "free" / "free.onnx"
-    done = physic("fetch", "free")
+    done = physic("weights", "fetch", "free")
     assert (done.exit_code, str(there) in done.stdout) == (0, True)
     assert "1.05 MB" in done.stderr
-    done = physic("fetch", "free")
+    done = physic("weights", "fetch", "free")
     assert (done.exit_code, done.stderr) == (0, "")
     assert f"already in {there}" in done.stdout
-    assert physic("verify", "free").exit_code == 0
+    assert physic("weights", "verify", "free").exit_code == 0
 
 
-def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
-    done = physic("fetch", "own", "gated", "free")
+def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path, physic):
+    done = physic("weights", "fetch", "own", "gated", "free")
     assert (done.exit_code, str(own_cache / "free" / "free.onnx") in done.stdout) == (4, True)
     assert f"tools/export_own.py; then copy it into {own_cache / 'own'}" in done.stderr
     assert "Own licence: research only" in done.stderr
@@ -116,42 +115,44 @@ def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
 
 
 def test_a_fetched_folder_is_read_offline_by_another_machine(
-    plugin: Any, tmp_path: Path, server: Any, monkeypatch
+    plugin: Any, tmp_path: Path, server: Any, monkeypatch, physic
 ):
     stick = tmp_path / "stick"
-    done = physic("fetch", "free", "--to", str(stick))
+    done = physic("weights", "fetch", "free", "--to", str(stick))
     assert (done.exit_code, str(stick / "free") in done.stdout) == (0, True)
     server.close()
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(stick))
-    assert physic("verify").exit_code == 0
-    assert f"already in {stick / 'free' / 'free.onnx'}" in physic("fetch", "free").stdout
+    assert physic("weights", "verify").exit_code == 0
+    assert f"already in {stick / 'free' / 'free.onnx'}" in physic("weights", "fetch", "free").stdout
 
 
 def test_a_name_that_two_plugins_list_needs_its_distribution(
-    plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path
+    plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
     site.list_weights("physic-more", manifest(f"{server.address}/gone"))
-    done = physic("verify", "free")
+    done = physic("weights", "verify", "free")
     assert done.exit_code == 2
     assert (
         "several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'"
         in done.stderr
     )
-    assert physic("fetch", "physic-nets:free").exit_code == 0
+    assert physic("weights", "fetch", "physic-nets:free").exit_code == 0
 
 
-def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, own_cache: Path):
+def test_verify_lists_what_differs_and_what_has_no_published_hash(
+    plugin: Any, own_cache: Path, physic
+):
     put(own_cache / "free" / "free.onnx", CONTENT[::-1])
     put(own_cache / "own" / "own.json", b"{}")
-    done = physic("verify")
+    done = physic("weights", "verify")
     assert done.exit_code == 4
     assert re.search(
         rf"DIFFERS.* {hashlib.sha256(CONTENT[::-1]).hexdigest()} .*{HASH}", done.stdout
     )
     assert re.search(r"ok .*own\.json.*no SHA-256", done.stdout)
-    done = physic("verify", "own")
+    done = physic("weights", "verify", "own")
     assert [line.split()[0] for line in done.stdout.splitlines()[:2]] == ["missing", "ok"]
     assert done.exit_code == 4
     put(own_cache / "free" / "free.onnx", b"cut off")
-    assert f"7 bytes instead of {len(CONTENT)}" in physic("verify", "free").stdout
+    assert f"7 bytes instead of {len(CONTENT)}" in physic("weights", "verify", "free").stdout

@@ -10,11 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
-from physic_core.cli import main
 from physic_core.errors import ConfigError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
@@ -114,12 +112,12 @@ def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_p
 
 
 def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(
-    result: Reconstruction, tmp_path: Path
+    result: Reconstruction, tmp_path: Path, physic
 ):
     out = tmp_path / "out"
     result.save(str(out), "numbers")
     before = {file.name for file in out.iterdir()}
-    done = CliRunner().invoke(main, ["export", str(out), "--to", "colmap"])
+    done = physic("export", str(out), "--to", "colmap")
     assert done.exit_code == 0, done.output
     (out / "images" / "mine.jpg").write_text("mine")
     result.save(str(out), "numbers")
@@ -128,12 +126,12 @@ def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(
 
 
 def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(
-    result: Reconstruction, tmp_path: Path
+    result: Reconstruction, tmp_path: Path, physic
 ):
     out = tmp_path / "out"
     moved = tmp_path / "moved"
     result.save(str(out), "numbers")
-    assert CliRunner().invoke(main, ["export", str(out), "--to", "colmap"]).exit_code == 0
+    assert physic("export", str(out), "--to", "colmap").exit_code == 0
     (out / "sparse" / "0").rename(moved)
     (out / "sparse" / "0").symlink_to(moved)
     result.save(str(out), "numbers")

@@ -12,16 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 from physic_core import Reconstruction, export_reconstruction, find_exporter
-from physic_core.cli import main
 from physic_core.errors import ConfigError, InputError, OutputError, PhysicError
 from physic_export import physic_exporters
-
-
-def physic(*arguments: object) -> Result:
-    return CliRunner().invoke(main, list(map(str, arguments)))
 
 
 def without_floor(result: Reconstruction) -> Reconstruction:
@@ -42,7 +36,7 @@ def without_body(result: Reconstruction, index: int) -> Reconstruction:
     )
 
 
-def test_the_list_names_every_format_with_suffix_and_needs():
+def test_the_list_names_every_format_with_suffix_and_needs(physic):
     done = physic("export", "--list")
     assert done.exit_code == 0
     lines = done.output.splitlines()
@@ -130,7 +124,7 @@ def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
     assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
 
 
-def test_an_existing_file_is_refused(saved_pair: Path, tmp_path: Path):
+def test_an_existing_file_is_refused(saved_pair: Path, tmp_path: Path, physic):
     copy = shutil.copytree(saved_pair, tmp_path / "copy")
     (copy / "skeleton_1.bvh").write_text("mine")
     done = physic("export", copy, "--to", "bvh")
@@ -164,7 +158,7 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
     assert not (tmp_path / "a.xml").exists()
 
 
-def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):
+def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path, physic):
     done = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert done.exit_code == 0, done.output
     names = [

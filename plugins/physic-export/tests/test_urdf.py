@@ -11,13 +11,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import trimesh
-from click.testing import CliRunner
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.cli import main
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
@@ -77,11 +75,13 @@ def test_the_scene_is_a_robot_of_one_link_that_collides(result: Reconstruction, 
     assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
 
 
-def test_a_run_removes_the_meshes_of_an_earlier_result(result: Reconstruction, tmp_path: Path):
+def test_a_run_removes_the_meshes_of_an_earlier_result(
+    result: Reconstruction, tmp_path: Path, physic
+):
     out = tmp_path / "out"
     result.save(str(out), "numbers")
     before = {file.name for file in out.iterdir()}
-    done = CliRunner().invoke(main, ["export", str(out), "--to", "urdf"])
+    done = physic("export", str(out), "--to", "urdf")
     assert done.exit_code == 0, done.output
     assert (out / "meshes" / "robot_scene_surface.stl").exists()
     (out / "meshes" / "notes.txt").write_text("mine")

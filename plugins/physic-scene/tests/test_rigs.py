@@ -8,11 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from physic_core.cli import main
 from physic_core.errors import ConfigError, InputError
 from physic_scene import KnownCamera, read_calibration
 
@@ -188,16 +186,16 @@ def test_cameras_in_millimetres_need_their_unit_before_any_photo_is_reconstructe
 
 @pytest.mark.parametrize("unit", ["nan", "0", "-1", "inf"])
 @pytest.mark.parametrize("cameras", [[], ["--cameras", "rig.toml"]])
-def test_a_length_of_the_unit_that_is_none_is_a_wrong_argument(unit, cameras):
+def test_a_length_of_the_unit_that_is_none_is_a_wrong_argument(unit, cameras, physic):
     arguments = ["scene", "a.jpg", "b.jpg", "-o", "out", "--camera-unit", unit, *cameras]
-    assert CliRunner().invoke(main, arguments).exit_code == 2
+    assert physic(*arguments).exit_code == 2
 
 
-def test_the_command_says_that_cameras_are_taken_in_order(tmp_path):
+def test_the_command_says_that_cameras_are_taken_in_order(tmp_path, physic):
     photos = [str(tmp_path / name) for name in ("a.png", "b.png", "c.png")]
     for photo, size in zip(photos, SIZES, strict=True):
         Image.new("L", size).save(photo)
     rig = ["--cameras", str(RIGS / "pose2sim.toml"), "--preset", "none", "--quiet"]
-    run = CliRunner().invoke(main, ["scene", *photos, "-o", str(tmp_path / "out"), *rig])
+    run = physic("scene", *photos, "-o", str(tmp_path / "out"), *rig)
     assert run.exit_code == 2  # no such preset
     assert "a.png is left, b.png is middle, c.png is right" in run.output

@@ -5,9 +5,6 @@ from __future__ import annotations
 import socket
 
 import pytest
-from click.testing import CliRunner
-
-from physic_core.cli import main
 
 
 @pytest.fixture
@@ -16,8 +13,8 @@ def used_port():
         yield server.getsockname()[1]
 
 
-def test_a_port_in_use_is_refused_with_its_option(used_port: int) -> None:
-    done = CliRunner().invoke(main, ["serve", "--preset", "mock", "--port", str(used_port)])
+def test_a_port_in_use_is_refused_with_its_option(used_port: int, physic) -> None:
+    done = physic("serve", "--preset", "mock", "--port", str(used_port))
     assert done.exit_code == 2
     assert f"--port {used_port}" in done.output
     assert "loading" not in done.output

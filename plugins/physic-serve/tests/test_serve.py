@@ -15,11 +15,9 @@ from typing import Any
 
 import httpx2
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Reconstruction
-from physic_core.cli import main
 from physic_serve.command import example_photos
 from physic_testing import build_world
 
@@ -153,7 +151,7 @@ def test_an_example_is_clicked_and_stopped_in_the_browser(address: str, chromium
     page.close()
 
 
-def test_a_wrong_option_is_an_error_before_anything_is_loaded():
-    done = CliRunner().invoke(main, ["serve", "--preset", "mokc"])
+def test_a_wrong_option_is_an_error_before_anything_is_loaded(physic):
+    done = physic("serve", "--preset", "mokc")
     assert done.exit_code == 2
     assert "mokc" in done.stderr

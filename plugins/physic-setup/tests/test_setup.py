@@ -9,11 +9,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 from physic_core import load_config
 from physic_core.adapters.checkouts import checkout_commit
-from physic_core.cli import main
 
 PLUGIN = """
 from pathlib import Path
@@ -63,13 +61,9 @@ source = "https://example.org/other.onnx"
 """
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 @pytest.mark.parametrize("run", [(), ("--run",)])
 def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: tuple[str, ...]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: tuple[str, ...], physic
 ) -> None:
     monkeypatch.setattr("physic_setup.commands._run", lambda step: None)
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
@@ -145,7 +139,7 @@ def written(folder: Path, **options: str) -> Path:
 
 
 def test_the_embedded_preset_needs_a_configuration_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ) -> None:
     monkeypatch.chdir(tmp_path)
     printed = physic("setup", "embedded", "--folder", "mine")
@@ -160,7 +154,9 @@ def test_the_embedded_preset_needs_a_configuration_alone(
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 
 
-def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path, str]) -> None:
+def test_each_requirement_is_a_step_and_their_costs_are_added(
+    thing: tuple[Path, str], physic
+) -> None:
     folder, commit = thing
     written(folder)
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
@@ -183,7 +179,7 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path,
         assert line in lines
 
 
-def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str]) -> None:
+def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str], physic) -> None:
     written(thing[0], weights="other-net")
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     assert "#    by hand: licence: https://example.org/licence" in lines
@@ -238,7 +234,7 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
     ],
 )
 def test_a_small_installation_is_told_the_plugins_of_each_preset(
-    monkeypatch: pytest.MonkeyPatch, preset: str, missing: list[str]
+    monkeypatch: pytest.MonkeyPatch, preset: str, missing: list[str], physic
 ) -> None:
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-embedded,physic-setup")
     printed = physic("setup", preset)
@@ -261,7 +257,11 @@ def test_a_small_installation_is_told_the_plugins_of_each_preset(
     ],
 )
 def test_torchvision_is_of_the_build_of_the_installed_torch(
-    thing: tuple[Path, str], monkeypatch: pytest.MonkeyPatch, version: str, expected: list[str]
+    thing: tuple[Path, str],
+    monkeypatch: pytest.MonkeyPatch,
+    version: str,
+    expected: list[str],
+    physic,
 ) -> None:
     import torch
 
@@ -296,7 +296,7 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> 
     assert all(resolved.backend.requirements() == () for resolved in plan.backends.values())
 
 
-def test_a_package_without_commercial_use_is_left_to_the_user() -> None:
+def test_a_package_without_commercial_use_is_left_to_the_user(physic) -> None:
     lines = physic("setup", "paper").stdout.splitlines()
     installs = [line for line in lines if line.startswith("python -m pip install")]
     assert installs

@@ -6,15 +6,6 @@ import json
 import sys
 from typing import Any
 
-from click.testing import CliRunner, Result
-
-from physic_core.cli import main
-
-
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 SICK = (
     "import os, time\n"
     "from physic_core.errors import BackendError\n"
@@ -41,7 +32,7 @@ def install(site: Any, *names: str) -> None:
     site.install("physic-sick", SICK, entry=entries, group="physic.inpainter")
 
 
-def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch):
+def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-bad,physic-testing")
     install(site, *NAMES)
     site.install("physic-bad", "import no_such_module\n", version="0.3")
@@ -65,7 +56,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     assert total == "6 checked: 1 ok, 1 missing, 4 broken"
 
 
-def test_a_backend_that_hangs_is_broken_after_the_time_limit(site, monkeypatch):
+def test_a_backend_that_hangs_is_broken_after_the_time_limit(site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
     install(site, "hanging")
     done = physic("plugins", "doctor", "--timeout", "2")
@@ -76,7 +67,7 @@ def test_a_backend_that_hangs_is_broken_after_the_time_limit(site, monkeypatch):
     assert "2 s" in line
 
 
-def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
+def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
     install(site, *NAMES)
     done = physic("plugins", "doctor", "lacking", "--json")
@@ -88,7 +79,7 @@ def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
     )
 
 
-def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):
+def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path, physic):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "doctor_fill.py").write_text(
@@ -101,7 +92,7 @@ def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):
     assert done.stdout.startswith("ok       inpainter 'doctor_fill:Fill' (named in the config): ")
 
 
-def test_another_version_and_a_missing_module_are_broken(site, monkeypatch):
+def test_another_version_and_a_missing_module_are_broken(site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-new,physic-gone,physic-testing")
     site.offer("physic-new", "segmenter", "new", api=2)
     site.install("physic-gone", "", entry="gone = json.gone:C", group="physic.segmenter")

@@ -6,9 +6,7 @@ import json
 import re
 
 import pytest
-from click.testing import CliRunner, Result
 
-from physic_core.cli import main
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
 
@@ -56,10 +54,6 @@ def registration(name: str):
     return start_checks(find_backend(name, "metric_depth")).result("registration_is_light")
 
 
-def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
-
-
 def test_light_hooks_pass(offer):
     offer("physic-flat", 3.0)
     assert registration("flat").outcome == "passed"
@@ -83,7 +77,7 @@ def test_a_module_of_hooks_that_computes_is_caught(offer):
     assert "0.5 s of processor time" in result.expected
 
 
-def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer):
+def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer, physic):
     offer("physic-flat", 3.0)
     done = physic("plugins", "check", "flat")
     assert done.exit_code == 0, done.output
@@ -95,7 +89,7 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
     assert "  hint:     Is it centimetres?\n" in done.stdout
 
 
-def test_check_says_what_is_wrong_with_its_arguments(offer):
+def test_check_says_what_is_wrong_with_its_arguments(offer, physic):
     offer("physic-flat", 3.0)
     assert "Did you mean 'flat'?" in physic("plugins", "check", "flatt").stderr
     assert (
@@ -107,7 +101,7 @@ def test_check_says_what_is_wrong_with_its_arguments(offer):
     assert "Error: metric_depth 'flat': gain: unknown option\n" in done.stderr
 
 
-def test_compare_prints_a_table_and_json(offer):
+def test_compare_prints_a_table_and_json(offer, physic):
     offer("physic-flat", 3.0)
     offer("physic-far", 300.0)
     done = physic("plugins", "compare", "metric_depth", "flat", "far", "--world", "stand")
