@@ -124,9 +124,8 @@ def _people(
     """
     count = len(result.people)
     bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
-    if person is None:
-        person = range(count)
-    wanted = [person] if isinstance(person, int) else list(dict.fromkeys(person))
+    chosen = range(count) if person is None else person
+    wanted = [chosen] if isinstance(chosen, int) else list(dict.fromkeys(chosen))
     for index in wanted:
         if not 0 <= index < count:
             there = (
