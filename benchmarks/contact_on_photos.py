@@ -56,8 +56,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core import Pipeline
-    from physic_core.engine.contact.problem import ContactInput
-    from physic_core.engine.state import Estimates
+    from physic_core.engine.state import Estimates, State
     from physic_core.types import BodyContact, Person
 
 Array = NDArray[np.float64]
@@ -92,7 +91,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "unseen seat": (),
     SKIN: (),
 }
-"""Kind of part -> its features, see :func:`physic_core.engine.contact.parts.part_features`."""
+"""Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
 
 CUTS = (("knee", "ankle"), ("hip", "knee"), ("shoulder", "hip"))
 """Joints above and below each cut."""
@@ -181,17 +180,17 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         return
     import cv2
 
-    from physic_core.engine.contact import parts, solve
+    from physic_core.engine.contact import probability, solve
     from physic_core.errors import PhysicError
 
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
     skin: list[list[tuple[str, str, float]]] = []
-    features_of = parts.part_features
+    features_of = probability.part_features
     contacts_of = solve.body_contacts
 
-    def recorded(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
-        features = features_of(given, gap)
+    def recorded(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
+        features = features_of(state, gap)
         kept.append(
             {part: {key: v.tolist() for key, v in own.items()} for part, own in features.items()}
         )
@@ -205,7 +204,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         return contacts_of(*given, **{**options, "least": 0.0})
 
     with (
-        patch.object(parts, "part_features", recorded),
+        patch.object(probability, "part_features", recorded),
         patch.object(solve, "body_contacts", all_contacts),
     ):
         try:
@@ -267,7 +266,7 @@ def _logit(probability: float) -> float:
 
 def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
     """Return the judged parts of the samples in OUT."""
-    from physic_core.engine.contact.parts import kind_of_part
+    from physic_core.engine.contact.probability import kind_of_part
 
     cases: list[Case] = []
     for sample in samples:

@@ -14,11 +14,9 @@ from dataclasses import dataclass, field, replace
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
-from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import (
     LimitSettings,
@@ -52,10 +50,12 @@ from physic_core.engine.joint.terms.scene import (
     SoleTerm,
 )
 from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.variables import Variables
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
+from physic_core.engine.state import State
 
 # of the steps with the people term, a small share of an energy that has converged
 _LATE_TOLERANCE = 1e-3
@@ -97,74 +97,72 @@ class DefaultOptimisation(JointMethod):
         """Search radius of vertices for scene points, metres."""
         return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with the scene points that have a normal, and with static contacts if
-        selected.
-        """
-        problem = super().prepare(problem)
-        return with_static_contacts(problem) if self.contact.source == "static" else problem
+    def prepare(self, state: State) -> State:
+        """Return the state with static contacts if these are selected."""
+        return with_static_contacts(state) if self.contact.source == "static" else state
 
-    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
         """Return the keypoints, weighted by confidence, with less weight on invisible limbs."""
-        return weighted_keypoints(problem)
+        return weighted_keypoints(state)
 
-    def initial_state(self, context: JointContext) -> State:
+    def initial_variables(self, sampling: Sampling) -> Variables:
         """Return whitened parameters, with a depth offset for each person."""
-        problem = context.problem
+        state = sampling.state
         frozen = set(self.frozen)
-        offset_sigma = depth_offset_sigmas(self.depth, context)
+        offset_sigma = depth_offset_sigmas(self.depth, sampling)
         if "offset" in frozen:
             offset_sigma = torch.zeros_like(offset_sigma)
         if not offset_sigma.any():
             frozen.add("offset")
-        if not len(problem.scene_points) and problem.floor_normal is None:
+        around = sampling.around
+        if not len(around.points) and around.floor_normal is None:
             frozen.add("scale")  # nothing constrains the scale
-        return State(
-            problem.rotations0,
-            problem.betas0,
-            problem.transl0,
-            context.start.joints[:, 0],
+        return Variables(
+            state.rotations,
+            state.betas,
+            state.transl,
+            sampling.start.joints[:, 0],
             frozen=sorted(frozen),
-            scale_sigma=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
+            scale_sigma=DEPTH_SCALE_SIGMA if state.scale_sigma is None else state.scale_sigma,
             offset_sigma=offset_sigma,
         )
 
-    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+    def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
         surface = SurfaceTerms(
-            context,
-            depth=DepthTerm(self.depth, context, state),
-            contact=ContactTerm(self.contact, context),
-            penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),
-            floor=FloorTerm(self.floor, context),
-            soles=SoleTerm(self.soles, context),
+            sampling,
+            depth=DepthTerm(self.depth, sampling, variables),
+            contact=ContactTerm(self.contact, sampling),
+            penetration=PenetrationTerm(self.penetration, sampling, occlusion_aware=aware),
+            floor=FloorTerm(self.floor, sampling),
+            soles=SoleTerm(self.soles, sampling),
             regularisation=RegularisationTerm(
-                self.regularisation, context, state, occlusion_aware=aware
+                self.regularisation, sampling, variables, occlusion_aware=aware
             ),
         )
         keypoints = self.reprojection
         return [
             ReprojectionTerm(
-                context,
+                sampling,
                 keypoints.weight,
-                context.person_px[:, None] * keypoints.sigma,
+                sampling.person_px[:, None] * keypoints.sigma,
                 keypoints.rho(),
             ),
             surface,
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
-            StatureTerm(self.stature, context),
-            ViewsTerm(keypoints, context),
+            StatureTerm(self.stature, sampling),
+            ViewsTerm(keypoints, sampling),
         ]
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
         """Return the people term.
 
         If used from the start, it would keep people apart on the wrong side of each other.
         """
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
-        return [PeopleTerm(self.contact, self.penetration, context)], late
+        return [PeopleTerm(self.contact, self.penetration, sampling)], late
 
 
 DEFAULT = EngineSettings(SceneMethod(), PlacementMethod(), DefaultOptimisation(), ContactMethod())

@@ -4,16 +4,20 @@ stages complete. OpenCV camera frame, metres and pixels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
+import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.limbs import observed_parts
+from physic_core.engine.scene.state import SceneState, Surroundings
 from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.engine.stance import Stance
+from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.floor import FloorSearch
 from physic_core.types import (
@@ -27,19 +31,22 @@ from physic_core.types import (
     Pointmap,
 )
 from physic_core.types.arrays import shape
+from physic_core.types.contacts import BodyContact, ContactPartner, Support
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import Skeleton
+from physic_core.types.skeletons import SIDES, Skeleton
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
+_UNKNOWN = torch.zeros(0)  # of a stage that has not run
+
 
 @dataclass(frozen=True)
 class OtherView(ShortRepr):
-    """View of the B people of a problem from another camera.
+    """View of the N people of a photo from another camera.
 
     Cameras and scene have one scale: with the factor s of stage 3 on the scene, a point x of the
-    problem's frame is ``rotation @ x + s * translation`` in the frame of this camera. Equal factors
+    photo's frame is ``rotation @ x + s * translation`` in the frame of this camera. Equal factors
     on scene, cameras and people change no pixel of any photo: the photos show proportions, and
     sizes of people and metric depth give the scale.
 
@@ -47,11 +54,11 @@ class OtherView(ShortRepr):
         rotation: (3, 3).
         translation: (3,) metres, before the factor on the scene.
         K: (3, 3) px.
-        keypoints: (B, J, 2) px, of the problem's skeleton; non-finite ones count as not visible.
-        keypoint_confidence: (B, J) in [0, 1]; 0 for people who are not in the photo.
-        masks: (B, H, W) bool, visible pixels of each person; empty for people who are not in the
+        keypoints: (N, J, 2) px, of the photo's skeleton; non-finite ones count as not visible.
+        keypoint_confidence: (N, J) in [0, 1]; 0 for people who are not in the photo.
+        masks: (N, H, W) bool, visible pixels of each person; empty for people who are not in the
             photo.
-        observed: (B, 55) bool, visible joints.
+        observed: (N, 55) bool, visible joints.
     """
 
     rotation: Tensor
@@ -63,7 +70,7 @@ class OtherView(ShortRepr):
     observed: Tensor
 
     def to_camera(self, points: Tensor, scale: Tensor | float = 1.0) -> Tensor:
-        """Transform points (..., 3) of the problem's frame to that of this camera, at a scale of
+        """Transform points (..., 3) of the photo's frame to that of this camera, at a scale of
         the scene.
         """
         return points @ self.rotation.T + scale * self.translation
@@ -132,6 +139,35 @@ class Estimates(ShortRepr):
 
 
 @dataclass(frozen=True)
+class Contact(ShortRepr):
+    """Contact of N people.
+
+    Attributes:
+        touches: (N, V) bool.
+        probability: (N, V) of contact with anything; None if the method estimates none.
+        distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
+        partner: (N, V) int16, index into ``partners``; -1 without contact.
+        partners: everything that people touch.
+        contacts: per person, contacts by body part, most probable first.
+        supports: per person, their support; None for non-finite vertices.
+        parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty
+            if the method estimates none.
+        unseen: body part -> (N,) bool, no pixel shows it, and its probability is a base rate; empty
+            as ``parts``.
+    """
+
+    touches: Tensor
+    probability: Tensor | None
+    distance: Tensor
+    partner: Tensor
+    partners: tuple[ContactPartner, ...]
+    contacts: tuple[tuple[BodyContact, ...], ...]
+    supports: tuple[Support | None, ...]
+    parts: Mapping[str, Tensor] = field(default_factory=dict)
+    unseen: Mapping[str, Tensor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class State(ShortRepr):
     """Scene and N people of a photo; a stage returns the state with what it has found.
 
@@ -150,10 +186,11 @@ class State(ShortRepr):
         betas: (N, K).
         expression: (N, E), never changed; E = 0 if the body has none.
         transl: (N, 3) metres.
+        scene: of stage 1, scaled to the sizes that the user knows.
+        K: (3, 3) px, camera of the scene.
         rotation_sigma: (N, 22) radians, stated errors of the rotations of pelvis and body joints,
             NaN where unknown; None if the body estimator states none.
         stance: of the people; None if unknown.
-        scene: of stage 1, scaled to the sizes that the user knows.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         known: sizes that the user knows; None without any.
         views: views of the same people from other cameras; their start is then based on all photos.
@@ -168,6 +205,18 @@ class State(ShortRepr):
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".
+        scene_scale: factor of stage 3 on all lengths of scene, photo and floor, which do not have
+            it; 1 before.
+        vertices: (N, V, 3) metres, by stage 3 as all below; NaN for people without a body.
+        joints: (N, 55, 3) metres.
+        depth_offset: (N,) log of the ratio of the depth map to the person's depth; NaN if stage 3
+            did not change the person.
+        losses: term -> its weighted value at the start and at the end, both under the visibility
+            at the end.
+        failures: per person, the reason why stage 3 did not change the person, or "".
+        evaluations: number of evaluations of energy and gradient.
+        steps: number of steps of the optimiser.
+        contact: by stage 4, with the scene before inpainted points were moved out of people.
     """
 
     model: BodyModel
@@ -181,9 +230,10 @@ class State(ShortRepr):
     betas: Tensor = field(metadata=shape("N", "K"))
     expression: Tensor = field(metadata=shape("N", "E"))
     transl: Tensor = field(metadata=shape("N", 3))
+    scene: SceneState
+    K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     stance: Stance | None = None
-    scene: SceneState | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None
     views: tuple[OtherView, ...] = ()
@@ -196,5 +246,120 @@ class State(ShortRepr):
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
     unplaced: tuple[str, ...] = ()
 
+    scene_scale: float = 1.0
+    vertices: Tensor = field(default=_UNKNOWN, metadata=shape("N", "V", 3))
+    joints: Tensor = field(default=_UNKNOWN, metadata=shape("N", 55, 3))
+    depth_offset: Tensor = field(default=_UNKNOWN, metadata=shape("N"))
+    losses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    failures: tuple[str, ...] = ()
+    evaluations: int = 0
+    steps: int = 0
+    contact: Contact | None = None
+
     def __len__(self) -> int:
         return len(self.transl)
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """Surfaces of the scene, without the factor of stage 3."""
+        return Surroundings.of(self.scene, self.transl)
+
+    @property
+    def finite(self) -> Tensor:
+        """People (N,) bool whose vertices are finite; the others touch nothing."""
+        return torch.isfinite(self.vertices).flatten(1).all(1)
+
+    @property
+    def up(self) -> Tensor:
+        """Unit vector (3,) up; of an upright camera without a floor."""
+        floor = self.scene.floor
+        if floor is None:
+            return self.transl.new_tensor([0.0, -1.0, 0.0])
+        normal: Tensor = floor.normal.to(self.transl)
+        return normal
+
+    @property
+    def observed_anywhere(self) -> Tensor:
+        """Joints (N, 55) bool that are visible in any photo."""
+        seen = [self.observed.bool(), *(view.observed.bool() for view in self.views)]
+        return torch.stack(seen).any(0)
+
+    @property
+    def seen(self) -> Tensor:
+        """Vertices (N, V) bool of limbs that any photo shows."""
+        parts = observed_parts(self.model.part_names, self.observed_anywhere)
+        return parts[:, self.model.part_of_vertex]
+
+    @property
+    def photos(self) -> Tensor:
+        """Number of photos (N,) that show each person; at least 1, for the photo of the state."""
+        here = torch.ones(len(self), device=self.K.device, dtype=torch.bool)
+        shown = [(view.keypoint_confidence > 0).any(1) for view in self.views]
+        return torch.stack([here, *shown]).sum(0)
+
+    def seen_by(self, view: OtherView) -> State:
+        """Return a copy with the camera and the detections of another view.
+
+        Bodies stay in the photo's frame, and joints count as visible that are visible in any photo.
+        """
+        return replace(
+            self,
+            K=view.K,
+            keypoints=view.keypoints,
+            keypoint_confidence=view.keypoint_confidence,
+            masks=view.masks,
+            observed=self.observed_anywhere,
+            photo_depth=None,
+            views=(),
+        )
+
+    def weight_of_feet(self) -> Tensor:
+        """Return the probability (N, V) that the foot of each vertex touches something; 1
+        elsewhere.
+        """
+        model = self.model
+        weight = self.transl.new_ones(len(self), model.num_vertices)
+        if self.foot_touch is not None:
+            for foot, side in enumerate(SIDES):
+                part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
+                weight[:, part] = self.foot_touch[:, foot, None].to(weight)
+        return weight
+
+    def check(self, name: str = "joint optimisation") -> None:
+        """Raise PhysicError if fields have wrong shapes; the message starts with the name and lists
+        all such fields.
+        """
+        model, (height, width) = self.model, self.masks.shape[-2:]
+        sizes = {"N": len(self), "J": self.keypoints.shape[1], "H": height, "W": width}
+        sizes |= {"K": model.num_betas, "E": model.num_expression, "V": model.num_vertices}
+        faults = []
+        for each in fields(self):
+            value, dims = getattr(self, each.name), each.metadata.get("shape")
+            if dims is not None and value is not None and value is not _UNKNOWN:
+                expected = tuple(sizes.get(part, part) for part in dims)
+                if tuple(value.shape) != expected:
+                    faults.append(f"{each.name} must be {expected}, got {tuple(value.shape)}")
+        if self.human_points is not None and len(self.human_points) != len(self):
+            faults.append(f"human_points must be {len(self)} tensors, got {len(self.human_points)}")
+        if faults:
+            raise PhysicError(f"{name}: " + "; ".join(faults))
+        for i, view in enumerate(self.views):
+            self.seen_by(view).check(f"{name}, view {i}")
+
+    def select_people(self, rows: Tensor) -> State:
+        """Return a copy with the tensors of a selection of the people, (n,) int64."""
+        changed: dict[str, Any] = {}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.metadata.get("shape", ("",))[0] == "N" and value is not None:
+                changed[each.name] = value if value is _UNKNOWN else value[rows]
+        if self.human_points is not None:
+            changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
+        if self.known is not None:
+            changed["known"] = self.known.select_people(rows)
+        shown = ("keypoints", "keypoint_confidence", "masks", "observed")
+        changed["views"] = tuple(
+            replace(view, **{name: getattr(view, name)[rows] for name in shown})
+            for view in self.views
+        )
+        return replace(self, **changed)

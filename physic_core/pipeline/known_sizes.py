@@ -20,8 +20,6 @@ from physic_core.types.known_sizes import KnownPeople
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.scene.state import SceneState
     from physic_core.engine.sizes.known_sizes import KnownGeometry
     from physic_core.engine.state import Estimates, State
     from physic_core.pipeline.solution import Solution
@@ -111,28 +109,23 @@ def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
 
 
 def compare_sizes(
-    estimates: Estimates,
-    solution: Solution,
-    scene: SceneState,
-    problem: JointProblem,
-    result: JointResult,
-    *,
-    is_sized: bool,
+    estimates: Estimates, solution: Solution, placed: State, state: State
 ) -> tuple[list[str], Solution]:
     """Compare the known sizes with the result; return warnings, and the solution with the
     comparison.
 
     Args:
-        scene: before the factor ``result.scene_scale``.
-        is_sized: whether the camera's height or a length gave the scale.
+        estimates: of the photo.
+        solution: of the engine.
+        placed: state of the people before stage 3.
+        state: after it.
 
     Raises:
         ConfigError: a size differs from the given one by more than three standard errors.
     """
-    warnings, measured = contradictions(estimates.known, scene, problem, result)
-    given = KnownPeople(estimates.ages, estimates.statures)
+    warnings, measured = contradictions(estimates.known, state)
     growth = _growth_to_floor(solution)
-    sizes = _compare_statures(given, problem, result, growth, is_sized=is_sized)
+    sizes = _compare_statures(estimates, placed, state, growth)
     limit = CHECKS["given_size"].threshold
     for i, (size, own) in enumerate(zip(sizes, growth, strict=True)):
         if own and size and (size["stature_sigmas"] or 0) <= limit:  # else the check warns
@@ -167,12 +160,9 @@ def _growth_to_floor(solution: Solution) -> FloatArray:
 
 
 def contradictions(
-    known: KnownSizes, scene: SceneState, problem: JointProblem, result: JointResult
+    known: KnownSizes, state: State
 ) -> tuple[list[str], dict[str, list[dict[str, float | str]]]]:
     """Compare given sizes with those of the result.
-
-    Args:
-        scene: before the factor ``result.scene_scale``.
 
     Returns:
         Warnings, and diagnostics: for each size its name, "given" and "result" in metres.
@@ -180,28 +170,28 @@ def contradictions(
     Raises:
         ConfigError: a size differs from the given one by more than three standard errors.
     """
-    if problem.known is None:
+    if state.known is None:
         return [], {}
     warnings = []
     sizes: list[tuple[str, float, float]] = []
-    own = problem.model.stature(result.betas).tolist()
-    heights = problem.known.stature.tolist()
+    own = state.model.stature(state.betas).tolist()
+    heights = state.known.stature.tolist()
     sizes += [
         (f"the stature of person {i}", h, s)
         for i, (h, s) in enumerate(zip(heights, own, strict=True))
         if math.isfinite(h)
     ]
     if known.camera_height is not None:
-        if scene.floor is None:
+        if state.scene.floor is None:
             warnings.append(
                 f"the camera height {known.camera_height:g} m was not used: no plane was found "
                 f"for the floor; give a "
                 "stature or a known length instead"
             )
         else:
-            height = scene.floor.offset * result.scene_scale
+            height = state.scene.floor.offset * state.scene_scale
             sizes.append(("the camera height", known.camera_height, height))
-    for i in problem.known.unused:
+    for i in state.known.unused:
         length = known.lengths[i]
         warnings.append(
             f"the known length of {length.metres:g} m was not used: the scene has no depth at one "
@@ -209,11 +199,10 @@ def contradictions(
             f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges "
             f"and inside the photo"
         )
-    distances = problem.known.distances
-    ends = distances.ends_on_bodies(
-        result.vertices, vertex_normals(result.vertices, problem.model.faces), problem.K
-    )
-    extents = distances.measure(ends, result.vertices, result.scene_scale)
+    distances = state.known.distances
+    normals = vertex_normals(state.vertices, state.model.faces)
+    ends = distances.ends_on_bodies(state.vertices, normals, state.K)
+    extents = distances.measure(ends, state.vertices, state.scene_scale)
     for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
         length = known.lengths[index]
         sizes.append(
@@ -239,12 +228,7 @@ def contradictions(
 
 
 def _compare_statures(
-    given: KnownPeople,
-    problem: JointProblem,
-    result: JointResult,
-    off_floor: FloatArray,
-    *,
-    is_sized: bool,
+    estimates: Estimates, placed: State, state: State, off_floor: FloatArray
 ) -> list[dict[str, float | None]]:
     """Compare each person's stature of the given age or size with what the photo shows.
 
@@ -252,23 +236,21 @@ def _compare_statures(
     stand on it.
 
     Args:
-        given: ages and statures of N people.
-        problem: of stage 3, whose bodies have the given statures, or the usual ones of the given
-            ages.
-        result: of stage 3.
+        estimates: with ages and statures of N people.
+        placed: state before stage 3, whose bodies have the given statures, or the usual ones of the
+            given ages.
+        state: after stage 3.
         off_floor: (N,) log factor by which each body must grow to stand on the floor.
-        is_sized: whether the camera's height or a length gave the scale.
 
     Returns:
         Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference
         of their logarithms in standard deviations; empty for people without a known age or stature.
     """
-    before, after = (
-        problem.model.stature(betas).double().log().numpy()
-        for betas in (problem.betas0, result.betas)
-    )
+    before, after = (one.model.stature(one.betas).double().log().numpy() for one in (placed, state))
     after = after + off_floor
+    given = KnownPeople(estimates.ages, estimates.statures)
     stature, years = given.filled(len(before))
+    is_sized = state.known is not None and state.known.unscaled is not None
     sigma = stature_sigmas(stature, years)
     found: list[dict[str, float | None]] = [{} for _ in before]
     for i in np.flatnonzero(

@@ -11,11 +11,8 @@ from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
-from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.engine_input import (
-    contact_input,
     initial_state,
-    joint_problem,
     scene_input,
     with_known_sizes,
 )
@@ -54,24 +51,18 @@ def run_engine(
 
             stages.warn(*check_placed_people(estimates, state, placed))
     with stages.time_engine("joint optimisation"):
-        problem = joint_problem(placed)
         # Without a common background the depth of people is unknown; a warning reports it.
-        blind = problem.human_depth is None
-        result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
+        blind = placed.photo_depth is None
+        state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
-        given = contact_input(estimates, placed, problem, result, settings.contact)
-        touch = solve_contact(given, settings.contact)
-        hole = tensor(estimates.hole)
-        assert placed.scene is not None
-        scene, problem = finalize_scene(placed.scene, problem, result, hole, settings.scene)
-        solution = assemble_solution(estimates, scene, problem, placed, result, touch)
+        state = solve_contact(estimates, state, settings.contact)
+        state = finalize_scene(estimates, state, settings.scene)
+        solution = assemble_solution(estimates, state)
     if not estimates.known:
         return solution
     from physic_core.pipeline.known_sizes import compare_sizes
 
-    warnings, solution = compare_sizes(
-        estimates, solution, scene, problem, result, is_sized=is_sized
-    )
+    warnings, solution = compare_sizes(estimates, solution, placed, state)
     stages.warn(*warnings)
     return solution

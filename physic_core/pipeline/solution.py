@@ -13,9 +13,9 @@ import torch
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.engine.contact.partner import DECIMALS
+from physic_core.engine.measures import measure_given_keypoints, measure_people
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.engine.sizes.stature import size_sigmas
-from physic_core.pipeline.person_measures import measure_given_keypoints, measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.short_repr import ShortRepr
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from physic_core.engine.contact.problem import ContactResult
-    from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.scene.state import SceneState
-    from physic_core.engine.state import Estimates, State
+    from physic_core.engine.state import Contact, Estimates, State
     from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support
 
 
@@ -75,84 +72,66 @@ class Solution(ShortRepr):
     diagnostics: Mapping[str, Any]
 
 
-def assemble_solution(
-    estimates: Estimates,
-    scene: SceneState,
-    problem: JointProblem,
-    placed: State,
-    result: JointResult,
-    touch: ContactResult,
-) -> Solution:
-    """Convert the results of the engine to arrays and diagnostics.
-
-    Args:
-        estimates: of the estimators.
-        scene: final scene before its scale is applied.
-        problem: of stage 3, with that scene.
-        placed: of stage 2.
-        result: of stage 3.
-        touch: of stage 4.
-    """
-    s = result.scene_scale
-    sigma = problem.scale_sigma
-    assert placed.photo_alignment is not None
-    stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(problem))
-    sized = sigma if problem.views or placed.size_ratio is not None else None
-    if (
-        sized is not None
-        and estimates.measured_scale is not None
-        and not estimates.intrinsics.known
-    ):
+def assemble_solution(estimates: Estimates, state: State) -> Solution:
+    """Convert the state of a photo with people, with its contact, to arrays and diagnostics."""
+    sigma, touch = state.scale_sigma, state.contact
+    assert touch is not None
+    assert state.photo_alignment is not None
+    stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(state))
+    sized = sigma if state.views or state.size_ratio is not None else None
+    measured = estimates.measured_scale is not None
+    if sized is not None and measured and not estimates.intrinsics.known:
         # lengths across a measured depth
         sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)
-    sizes = size_sigmas(stature, years, sized)
     people = tuple(
         {"placement_problem": problem or None, **measures, "size_sigma": size, **given}
         for problem, measures, size, given in zip(
-            placed.unplaced,
-            measure_people(problem, result, touch),
-            sizes.tolist(),
-            measure_given_keypoints(problem, result, estimates),
+            state.unplaced,
+            measure_people(state),
+            size_sigmas(stature, years, sized).tolist(),
+            measure_given_keypoints(estimates, state),
             strict=True,
         )
     )
+    likely = touch.probability
+    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
     return Solution(
-        intrinsics=_intrinsics(scene.K, estimates),
-        scene=_scene(scene, s, sigma, estimates),
+        intrinsics=_intrinsics(state.scene.K, estimates),
+        scene=_scene(estimates, state),
         parameters=parameters_from_rotations(
-            result.rotations, result.betas, problem.expression0, result.transl
+            state.rotations, state.betas, state.expression, state.transl
         ),
-        vertices=result.vertices.float().cpu().numpy(),
-        joints=result.joints.float().cpu().numpy(),
-        contact=touch.contact.cpu().numpy(),
+        vertices=state.vertices.float().cpu().numpy(),
+        joints=state.joints.float().cpu().numpy(),
+        contact=touch.touches.cpu().numpy(),
         distance=touch.distance.float().cpu().numpy(),
-        contact_probability=None
-        if touch.probability is None
-        else touch.probability.cpu().numpy().astype(np.float16),
+        contact_probability=None if likely is None else likely.cpu().numpy().astype(np.float16),
         contact_partner=touch.partner.cpu().numpy(),
         partners=touch.partners,
         contacts=touch.contacts,
         supports=touch.supports,
-        world_contact=tuple(
-            {name: round(float(values[i]), DECIMALS) for name, values in touch.parts.items()}
-            or None
-            if one
-            else None
-            for i, one in enumerate(touch.supports)
-        ),
+        world_contact=tuple(_world_contact(touch, i) for i in range(len(state))),
         people=people,
-        failures=result.failures,
+        failures=state.failures,
         diagnostics={
-            "scene": dict(scene.diagnostics),
-            "placement": {"alignment": alignment_diagnostics(placed.photo_alignment)},
+            "scene": dict(state.scene.diagnostics),
+            "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
             "joint": {
-                "losses": {name: {"start": a, "end": b} for name, (a, b) in result.losses.items()},
-                "scene_scale": s,
-                "steps": result.steps,
-                "evaluations": result.evaluations,
+                "losses": losses,
+                "scene_scale": state.scene_scale,
+                "steps": state.steps,
+                "evaluations": state.evaluations,
             },
         },
     )
+
+
+def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
+    """Return body part -> probability of contact with the world; None without any."""
+    if touch.supports[person] is None:
+        return None
+    found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
+    return found or None
 
 
 def scene_alone(estimates: Estimates, state: State) -> Solution:
@@ -160,10 +139,9 @@ def scene_alone(estimates: Estimates, state: State) -> Solution:
     people.
     """
     scene, model = state.scene, state.model
-    assert scene is not None
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
-        scene=_scene(scene, 1.0, state.scale_sigma, estimates),
+        scene=_scene(estimates, state),
         parameters=estimates.bodies.parameters,
         vertices=np.zeros((0, model.num_vertices, 3), np.float32),
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
@@ -194,11 +172,9 @@ def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
     )
 
 
-def _scene(
-    scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates
-) -> Scene:
-    """Convert the scene of the engine, multiplied by the scale of stage 3."""
-    floor = None
+def _scene(estimates: Estimates, state: State) -> Scene:
+    """Convert the scene, multiplied by the scale of stage 3."""
+    scene, scale, floor = state.scene, state.scene_scale, None
     if scene.floor is not None:
         floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
     return Scene(
@@ -209,6 +185,6 @@ def _scene(
         floor=floor,
         floor_points=(scene.floor_points * scale).float().numpy(),
         scale=scale,
-        scale_sigma=scale_sigma,
+        scale_sigma=state.scale_sigma,
         measured=estimates.measured_scale is not None,
     )

@@ -11,8 +11,9 @@ import torch
 
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.settings import with_overrides
+from physic_core.engine.state import State
+from physic_core.geometry.tensors import to_device
 
 Settings = TypeVar("Settings")
 T = TypeVar("T")
@@ -30,28 +31,43 @@ def adjusted(settings: Settings, **changes: Any) -> Settings:
     return with_overrides(settings, overrides)
 
 
-def without_photo(problem: JointProblem) -> JointProblem:
-    """Return the problem without keypoints, depth, scene and floor."""
-    nothing = torch.zeros(0, 3)
+def without_photo(state: State) -> State:
+    """Return the state without keypoints, depth, scene and floor."""
     return replace(
-        problem,
-        keypoint_confidence=torch.zeros_like(problem.keypoint_confidence),
-        floor_normal=None,
-        scene_points=nothing,
-        scene_normals=nothing,
-        human_depth=None,
+        state,
+        keypoint_confidence=torch.zeros_like(state.keypoint_confidence),
+        scene=replace(state.scene, valid=torch.zeros_like(state.scene.valid), floor=None),
+        photo_depth=None,
     )
 
 
-def in_float64(problem: JointProblem) -> JointProblem:
-    """Return the problem with body and all numbers in double precision."""
-    tensors = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    double = {
-        n: t.double()
-        for n, t in tensors.items()
-        if isinstance(t, torch.Tensor) and t.is_floating_point()
-    }
-    return replace(problem, model=problem.model.to(dtype=torch.float64), **double)
+def with_scene(state: State, **changes: Any) -> State:
+    """Return the state with other values of its scene: fields of ``SceneState``, or the offset of
+    the floor.
+    """
+    offset = changes.pop("floor_offset", None)
+    scene = replace(state.scene, **changes)
+    if offset is not None and scene.floor is not None:
+        scene = replace(scene, floor=replace(scene.floor, offset=offset))
+    return replace(state, scene=scene)
+
+
+def with_points(state: State, points: torch.Tensor, normals: torch.Tensor) -> State:
+    """Return the state with M points (M, 3) and their normals as its scene."""
+    valid = torch.ones(len(points), 1, dtype=torch.bool)
+    return with_scene(state, points=points[:, None], normals=normals[:, None], valid=valid)
+
+
+def larger_scene(state: State, factor: float) -> State:
+    """Return the state with its scene and the depth of its photo times a factor."""
+    scene, floor = state.scene, state.scene.floor
+    larger = with_scene(state, points=factor * scene.points, floor_offset=factor * floor.offset)
+    return replace(larger, photo_depth=factor * state.photo_depth)
+
+
+def in_float64(state: State) -> State:
+    """Return the state with body and all numbers in double precision."""
+    return to_device(state, dtype=torch.float64)
 
 
 def with_options(joint: JointMethod, **changes: Any) -> JointMethod:

@@ -17,9 +17,13 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.scene.state import SceneState
+from physic_core.engine.state import State
+from physic_core.geometry.alignment import Alignment
+from physic_core.geometry.floor import PlaneFit
 from physic_testing.worlds import BLAZEPOSE
 
+UP = torch.tensor([0.0, -1.0, 0.0])
 FLOOR_Y = 1.3  # the camera looks level, this high over the floor
 WIDTH = 320
 HEIGHT = 240
@@ -30,7 +34,7 @@ FOCAL = 280.0
 class Stage:
     """True people in a scene, and the problem that starts at the truth."""
 
-    problem: JointProblem
+    state: State
     vertices: torch.Tensor
     joints: torch.Tensor
 
@@ -112,34 +116,38 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
             [(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1
         )
         known = np.isfinite(depth)
-        points = (ray * depth[..., None])[known]
-        normals = room.face_normals[face][known]
+        points = np.where(known[..., None], ray * depth[..., None], 0.0)
         K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
         landmarks = body.landmarks(output, BLAZEPOSE)
         keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]
         contact = torch.zeros(count, body.num_vertices)
         for ids in body.contact_sets.values():
             contact[:, ids] = 1.0
-        problem = JointProblem(
+        state = State(
             model=body,
-            rotations0=rotations,
-            betas0=betas,
-            expression0=torch.zeros(count, body.num_expression),
-            transl0=transl,
+            rotations=rotations,
+            betas=betas,
+            expression=torch.zeros(count, body.num_expression),
+            transl=transl,
             keypoints=keypoints,
             keypoint_confidence=torch.ones(keypoints.shape[:2]),
             skeleton=BLAZEPOSE,
             K=K,
             masks=masks,
-            scene_points=torch.from_numpy(points).float(),
-            scene_normals=torch.from_numpy(normals).float(),
-            contact_probability=contact,
+            scene=SceneState(
+                points=torch.from_numpy(points).float(),
+                normals=torch.from_numpy(room.face_normals[face]).float(),
+                valid=torch.from_numpy(known),
+                floor_points=torch.zeros(0, 3),
+                K=K.double(),
+                alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
+                floor=PlaneFit(UP, FLOOR_Y, torch.from_numpy(known), 1.0, 0.0, "floor mask"),
+            ),
+            contact_prior=contact,
             observed=torch.ones(count, 55, dtype=torch.bool),
-            floor_normal=torch.tensor([0.0, -1.0, 0.0]),
-            floor_offset=FLOOR_Y,
-            human_depth=torch.from_numpy(np.where(owner >= 0, human, np.nan)).float(),
+            photo_depth=torch.from_numpy(np.where(owner >= 0, human, np.nan)).float(),
         )
-        return Stage(problem, output.vertices, output.joints)
+        return Stage(state, output.vertices, output.joints)
 
     return build
 

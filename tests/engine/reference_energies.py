@@ -7,7 +7,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import root_relative
+from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import pairwise
 
 import pytest
@@ -12,7 +12,7 @@ from physic_bench.worlds.ablation import ABLATION, ablation_rows
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 
-from .adjusted import adjusted
+from .adjusted import adjusted, with_scene
 
 STAGES = ("scene", "placement", "joint", "contact")
 
@@ -61,13 +61,9 @@ def test_each_row_adds_one_term_to_the_row_before():
 def test_every_row_runs_and_tells_its_terms(standing, row):
     full = row.settings(engine_preset("default"))
     # As the pipeline does where stage 1 looks for no floor.
-    problem = (
-        replace(standing.problem, floor_normal=None)
-        if full.scene.floor == "off"
-        else standing.problem
-    )
+    state = with_scene(standing.state, floor=None) if full.scene.floor == "off" else standing.state
     settings = adjusted(full.joint, optimiser__steps=8, optimiser__refresh_steps=4)
-    result = optimize(problem, settings)
+    result = optimize(state, settings)
     assert result.failures == ("",)
     assert torch.isfinite(result.vertices).all()
     wanted = {

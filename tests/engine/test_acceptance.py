@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, keep_lowest_energy, revert_if_worse
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.variables import Variables
 from physic_paper.adam import AdamOptimiser
 
 LBFGS = LbfgsOptimiser(steps=40, refresh_steps=20, tolerance=0.0)
@@ -25,7 +25,7 @@ class Two:
     def __init__(self, *, scale=None, wall=None, after_refresh=None):
         eye = torch.eye(3).double().expand(2, 55, 3, 3)
         frozen = ["root", "pose", "hands", "betas", "offset", *([] if scale else ["scale"])]
-        self.state = State(eye, torch.zeros(2, 2).double(), STARTS, STARTS, frozen=frozen)
+        self.variables = Variables(eye, torch.zeros(2, 2).double(), STARTS, STARTS, frozen=frozen)
         self.goals = GOALS.clone()
         self.wall = wall
         self.after_refresh = after_refresh
@@ -36,7 +36,7 @@ class Two:
             self.goals[0] = self.after_refresh
 
     def __call__(self):
-        estimate = self.state.unpack()
+        estimate = self.variables.unpack()
         own = 100 * (estimate.transl - self.goals * estimate.log_scale.exp()).square().sum(-1)
         if self.wall is not None:
             beyond = torch.stack([estimate.transl[0, 0] > self.wall, torch.tensor(False)])
@@ -47,7 +47,7 @@ class Two:
         return energies
 
     def places(self):
-        return self.state.unpack().transl.detach()
+        return self.variables.unpack().transl.detach()
 
 
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
@@ -96,13 +96,13 @@ def test_where_all_end_better_the_end_stays(settings):
 
 def test_the_one_scale_is_the_one_with_the_lowest_total():
     energy = Two(scale=0.1)
-    start = energy.state.pack()
+    start = energy.variables.pack()
     with torch.no_grad():
-        energy.state.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
-        energy.state.load_people(start, torch.ones(2, dtype=torch.bool))
-    end = energy.state.pack()
+        energy.variables.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
+        energy.variables.load_people(start, torch.ones(2, dtype=torch.bool))
+    end = energy.variables.pack()
     keep_lowest_energy(energy, (start, end))
-    torch.testing.assert_close(energy.state.pack(), end)
+    torch.testing.assert_close(energy.variables.pack(), end)
 
 
 def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
@@ -112,34 +112,34 @@ def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
 
     class Bound(Two):
         def __call__(self):
-            moved = self.state.values["translation"][:, 0]
+            moved = self.variables.values["translation"][:, 0]
             parted = 100 * (moved[0] - moved[1]).square()
             return {"own": moved * torch.tensor([-1.0, 2.0]), "between": parted.expand(2)}
 
     energy = Bound()
-    start = energy.state.pack()
+    start = energy.variables.pack()
     with torch.no_grad():
-        energy.state.values["translation"][:, 0] += 1.0
-    before, after = revert_if_worse(energy, energy.state.pack(), start)
+        energy.variables.values["translation"][:, 0] += 1.0
+    before, after = revert_if_worse(energy, energy.variables.pack(), start)
     assert before == after == {"own": 0.0, "between": 0.0}
-    torch.testing.assert_close(energy.state.pack(), start)
+    torch.testing.assert_close(energy.variables.pack(), start)
 
 
 def test_people_of_one_group_keep_their_common_end():
     """The first person loses by the motion less than the second one gains."""
     energy = Two()
-    start = energy.state.pack()
+    start = energy.variables.pack()
     with torch.no_grad():
-        energy.state.values["translation"][1] += 1.0
+        energy.variables.values["translation"][1] += 1.0
         energy.goals[1] = energy.places()[1]
-        energy.state.values["translation"][0] -= 0.1
-    end = energy.state.pack()
+        energy.variables.values["translation"][0] -= 0.1
+    end = energy.variables.pack()
     alone = []
     together = []
     for groups, places in ((None, alone), (torch.tensor([0, 0]), together)):
-        energy.state.load(end)
+        energy.variables.load(end)
         revert_if_worse(energy, end, start, groups)
         places.append(energy.places())
     torch.testing.assert_close(alone[0][0], STARTS[0])
-    energy.state.load(end)
+    energy.variables.load(end)
     torch.testing.assert_close(together[0], energy.places())

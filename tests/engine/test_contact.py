@@ -6,7 +6,7 @@ import pytest
 import torch
 import trimesh
 
-from physic_core.engine.contact.distance import (
+from physic_core.engine.contact.distances import (
     ContactSurfaces,
     distance_along_normal,
     surface_distances,

@@ -7,9 +7,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.engine.contact.distance import SurfaceDistances
-from physic_core.engine.contact.features import KINDS, Distances
-from physic_core.engine.contact.objects import ObjectDistances
+from physic_core.engine.contact.distances import (
+    KINDS,
+    Distances,
+    ObjectDistances,
+    SkinDistances,
+    SurfaceDistances,
+)
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
@@ -20,12 +24,24 @@ from physic_core.engine.contact.partner import (
 from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
-from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
 UP = torch.tensor([0.0, -1.0, 0.0])
 BACK = torch.tensor([0.0, 0.0, -1.0])
+
+
+def distances_of(
+    normals: torch.Tensor,
+    surface: SurfaceDistances,
+    parts: SceneParts,
+    skin: SkinDistances,
+    objects: ObjectDistances | None,
+) -> Distances:
+    """Distances of people to whom the skin of others is as near as their own."""
+    nothing = torch.zeros_like(normals)
+    hidden = torch.zeros(normals.shape[:2], dtype=torch.bool)
+    return Distances(normals, surface, parts, skin, skin, objects, nothing, hidden)
 
 
 def square(height: float, x: float = 0.0) -> torch.Tensor:
@@ -102,7 +118,7 @@ def assigned(
     skin = SkinDistances(torch.zeros(1, count), one, one)
     surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
     objects = ObjectDistances(torch.zeros(1, count), 4 * one)
-    near = Distances(torch.zeros(1, count, 3), surface, parts, skin, skin, objects)
+    near = distances_of(torch.zeros(1, count, 3), surface, parts, skin, objects)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
     return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
@@ -141,9 +157,7 @@ def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(
     surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])
     down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
     regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
-    table, _ = assign_partners(
-        touched, Distances(down, surface, parts, skin, skin, None), regions, UP
-    )
+    table, _ = assign_partners(touched, distances_of(down, surface, parts, skin, None), regions, UP)
     assert [partner.surface for partner in table] == [name]
 
 

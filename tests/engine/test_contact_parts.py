@@ -11,16 +11,16 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.contact.features import measure_distances
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.parts import contact_parts, scene_contact
-from physic_core.engine.contact.solve import solve_contact
+from physic_core.engine.contact.probability import contact_parts, scene_contact
+from physic_core.engine.contact.solve import contact_of
 from physic_core.engine.stance import Stance
 from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
 
-from .test_contact_probability import alone
+from .adjusted import with_scene
+from .test_contact_probability import alone, near_of
 
 METHOD = ContactMethod()
 
@@ -32,22 +32,21 @@ def person(body):
     return alone(body, (torch.tensor([0.0, 1.0, 0.0]), -soles), Stance.unknown(1))
 
 
-def touch(given):
-    """Probability of contact with the scene: of the vertices (V,), and of each part."""
-    vertices, parts = scene_contact(given, measure_distances(given, METHOD.measure, skin=False))
+def touch(state, **changed):
+    """Probability of contact with the scene: of the vertices (V,), and of each part; ``changed``
+    are other distances.
+    """
+    near = near_of(state, replace(METHOD, people=False))
+    vertices, parts = scene_contact(state, replace(near, **changed))
     return vertices[0], {name: float(value) for name, value in parts.items()}
 
 
-def raised(given, height: float):
-    return replace(
-        given,
-        plane=(given.plane[0], given.plane[1] + height),
-        surfaces=over(given.surfaces, height),
-    )
+def contact(state):
+    return contact_of(state, near_of(state, METHOD), METHOD)
 
 
-def over(surfaces, height: float):
-    return replace(surfaces, floor=(surfaces.floor[0], surfaces.floor[1] + height))
+def raised(state, height: float):
+    return with_scene(state, floor_offset=state.scene.floor.offset + height)
 
 
 def test_each_outer_vertex_belongs_to_one_part(body):
@@ -66,7 +65,7 @@ def test_parts_touch_less_the_farther_the_scene_is(person):
 def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
     vertices, parts = touch(person)
     foot = contact_parts(person.model)["left_foot"]
-    height = person.vertices[0, foot, 1] + person.plane[1]
+    height = person.vertices[0, foot, 1] + person.scene.floor.offset
     sole = height < 0.01
     assert vertices[foot].max() <= parts["left_foot"]
     assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
@@ -121,7 +120,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
         vertices=stage.vertices,
         joints=stage.joints,
     )
-    found = solve_contact(sits, METHOD)
+    found = contact(sits)
     assert set(found.parts) == set(contact_parts(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
@@ -134,8 +133,7 @@ def cut_at_the_knees(given):
     observed[
         :, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]
     ] = False
-    legs = given.part("leg", "foot") | contact_parts(given.model)["seat"]
-    return replace(given, observed=observed, in_mask=~legs[None])
+    return replace(given, observed=observed)
 
 
 def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
@@ -150,13 +148,13 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
     assert 0.5 < found["left_foot"] < 0.95
     assert found["seat"] < LEAST_PROBABILITY
     assert found["left_hand"] == seen["left_hand"]
-    shown = replace(cut, in_mask=torch.ones_like(cut.in_mask))
-    assert touch(shown)[1] == seen
+    everywhere = torch.ones(cut.vertices.shape[:2], dtype=torch.bool)
+    assert touch(cut, in_mask=everywhere)[1] == seen
 
 
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
-    measured = solve_contact(person, METHOD)
-    cut = solve_contact(cut_at_the_knees(person), METHOD)
+    measured = contact(person)
+    cut = contact(cut_at_the_knees(person))
     assert {one.part for one in measured.contacts[0]} >= {"left_foot", "right_foot"}
     assert not any(one.assumed for one in measured.contacts[0])
     feet = [one for one in cut.contacts[0] if one.part.endswith("foot")]
@@ -173,10 +171,5 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
 def test_unseen_hands_hold_nothing(person):
     observed = person.observed.clone()
     observed[:, [JOINT_INDEX[f"{side}_wrist"] for side in SIDES]] = False
-    gone = replace(
-        person, observed=observed, in_mask=torch.zeros_like(person.prior, dtype=torch.bool)
-    )
-    assert all(
-        float(solve_contact(gone, METHOD).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY
-        for side in SIDES
-    )
+    gone = replace(person, observed=observed)
+    assert all(float(contact(gone).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY for side in SIDES)

@@ -13,13 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distance import ContactSurfaces
-from physic_core.engine.contact.features import KINDS, measure_distances, part_gaps
-from physic_core.engine.contact.probability import ContactModel
-from physic_core.engine.contact.problem import ContactInput
+from physic_core.engine.contact.distances import KINDS, ContactSurfaces, Distances
+from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.probability import ContactModel, part_gaps
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
-from physic_core.engine.contact.solve import solve_contact
+from physic_core.engine.contact.solve import contact_of, measure_distances
+from physic_core.engine.scene.state import SceneState
+from physic_core.engine.state import State
+from physic_core.geometry.alignment import Alignment
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.types import SKELETONS
 
 LINEAR = ContactModel(
     {"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {}
@@ -60,22 +64,48 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def alone(body, plane=None, stance=None) -> ContactInput:
+def alone(body, plane=None, stance=None) -> State:
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
-    empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
-    none = torch.zeros(0, dtype=torch.int64)
-    return ContactInput(
+    nowhere = torch.zeros(2, 2, dtype=torch.bool)
+    rotations, betas, transl = body.zero_pose()
+    floor = None if plane is None else PlaneFit(*plane, nowhere, 1.0, 0.0, "floor mask")
+    K = torch.eye(3)
+    return State(
         model=body,
+        skeleton=SKELETONS["coco17"],
+        keypoints=torch.zeros(1, 17, 2),
+        keypoint_confidence=torch.zeros(1, 17),
+        masks=nowhere[None],
+        observed=torch.ones(1, 55, dtype=torch.bool),
+        contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
+        rotations=rotations,
+        betas=betas,
+        expression=torch.zeros(1, body.num_expression),
+        transl=transl,
+        scene=SceneState(
+            points=torch.zeros(2, 2, 3),
+            normals=torch.zeros(2, 2, 3),
+            valid=nowhere,
+            floor_points=torch.zeros(0, 3),
+            K=K.double(),
+            alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
+            floor=floor,
+        ),
+        K=K,
+        stance=stance,
         vertices=posed.vertices,
         joints=posed.joints,
-        prior=torch.full(posed.vertices.shape[:2], 0.5),
-        observed=torch.ones(1, 55, dtype=torch.bool),
-        surfaces=ContactSurfaces(empty, none, plane),
-        classes=ClassifiedPoints(("unknown",), none, none.bool()),
-        plane=plane,
-        stance=stance,
     )
+
+
+def near_of(state: State, method: ContactMethod) -> Distances:
+    """Distances of people who are near no point of a scene."""
+    empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
+    none = torch.zeros(0, dtype=torch.int64)
+    surfaces = ContactSurfaces(empty, none, state.scene.floor_plane)
+    classes = ClassifiedPoints(("unknown",), none, none.bool())
+    return measure_distances(state, surfaces, classes, method)
 
 
 def test_up_is_that_of_an_upright_camera_without_a_floor(body):
@@ -89,7 +119,7 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)
-    near = measure_distances(given, settings.measure)
+    near = near_of(given, settings)
     near = replace(near, own=replace(near.own, distance=torch.zeros_like(near.own.distance)))
     model = ContactModel({"own body": {"constant": -1.5}}, LINEAR.part, {})
     on_floor = torch.isfinite(near.surface.nearest) & body.outer
@@ -107,13 +137,12 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
     one = alone(body)
     apart = torch.tensor([0.0, 0.0, 0.15])
     given = replace(
-        one,
+        one.select_people(torch.tensor([0, 0])),
         vertices=torch.cat([one.vertices, one.vertices + apart]),
         joints=torch.cat([one.joints, one.joints + apart]),
-        prior=one.prior.expand(2, -1),
-        observed=one.observed.expand(2, -1),
     )
-    found = solve_contact(given, replace(engine_preset("default").contact, skin_threshold=0.0))
+    method = replace(engine_preset("default").contact, skin_threshold=0.0)
+    found = contact_of(given, near_of(given, method), method)
     thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
     touched = {
         found.partners[number].kind

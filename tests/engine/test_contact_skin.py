@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.engine.contact.skin import own_distances, people_distances
+from physic_core.engine.contact.distances import own_distances, people_distances
 from physic_core.geometry.mesh import vertex_normals
 
 RADIUS_M = 0.15

@@ -9,8 +9,12 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.contact.dents import GIVE_M, dent_depths, largest_dents
-from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.distances import (
+    GIVE_M,
+    SurfaceDistances,
+    dent_depths,
+    largest_dents,
+)
 from physic_core.engine.contact.scene_parts import SceneParts
 from physic_core.types import SURFACE_NAMES
 

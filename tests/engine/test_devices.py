@@ -12,7 +12,7 @@ import torch
 from torch.overrides import TorchFunctionMode
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distance import (
+from physic_core.engine.contact.distances import (
     ContactSurfaces,
     distance_along_normal,
     surface_distances,
@@ -21,8 +21,9 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block, total_energy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.tensors import to_device
 
-from .adjusted import adjusted, in_float64, with_options
+from .adjusted import adjusted, with_options
 
 DEFAULT = engine_preset("default").joint
 HERE = {
@@ -68,14 +69,14 @@ def relocated(thing, device, memo):
 @pytest.mark.parametrize("name", HERE)
 def test_an_evaluation_stays_on_one_device(two, name):
     """Without a GPU: tensors without content refuse to meet those of the CPU."""
-    energy = JointEnergy(two.problem, HERE[name])
+    energy = JointEnergy(two.state, HERE[name])
     expected = energy()
     there = relocated(energy, "meta", {})
     found = there()
     assert set(found) == set(expected)
     assert all(value.device.type == "meta" for value in found.values())
     gradients = torch.autograd.grad(
-        total_energy(found), there.state.parameters(), allow_unused=True
+        total_energy(found), there.variables.parameters(), allow_unused=True
     )
     assert all(g.device.type == "meta" for g in gradients if g is not None)
 
@@ -108,7 +109,7 @@ class HostReads(TorchFunctionMode):
 @pytest.mark.parametrize("steps", [1, 9])
 def test_the_host_waits_once_an_evaluation_and_once_a_step(two, steps):
     """For energy and checksum; for the slope of a step."""
-    energy = JointEnergy(two.problem, DEFAULT)
+    energy = JointEnergy(two.state, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
         block = _lbfgs_block(energy, settings.tolerance, LbfgsHistory(), steps)
@@ -116,22 +117,21 @@ def test_the_host_waits_once_an_evaluation_and_once_a_step(two, steps):
     assert reads.count == block.evaluations + block.steps
 
 
-def as_double(problem, device):
-    problem = in_float64(problem)
-    return replace(problem, model=problem.model.to(device)).to_model_dtype()
+def as_double(state, device):
+    return to_device(state, device, torch.float64)
 
 
 @needs_cuda
 @pytest.mark.parametrize("name", [*HERE, "paper"])
 def test_cuda_has_the_cpus_energy(two, name):
     settings = HERE.get(name, engine_preset("paper").joint)
-    here, there = (JointEnergy(as_double(two.problem, d), settings) for d in ("cpu", "cuda"))
+    here, there = (JointEnergy(as_double(two.state, d), settings) for d in ("cpu", "cuda"))
     for energy in (here, there):
-        packed = energy.state.pack()
+        packed = energy.variables.pack()
         noise = torch.randn(
             len(packed), generator=torch.Generator().manual_seed(0), dtype=packed.dtype
         )
-        energy.state.load(packed + 0.01 * noise.to(packed))
+        energy.variables.load(packed + 0.01 * noise.to(packed))
         energy.refresh()
     mine = here()
     theirs = there()
@@ -141,9 +141,9 @@ def test_cuda_has_the_cpus_energy(two, name):
 
 @needs_cuda
 def test_cuda_ends_where_the_cpu_does(two):
-    problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
+    state = replace(two.state, transl=two.state.transl + torch.tensor([0.0, -0.05, 0.1]))
     here, there = (
-        optimize(as_double(problem, d), adjusted(DEFAULT, optimiser__steps=30))
+        optimize(as_double(state, d), adjusted(DEFAULT, optimiser__steps=30))
         for d in ("cpu", "cuda")
     )
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
@@ -154,13 +154,12 @@ def test_cuda_ends_where_the_cpu_does(two):
 def test_cuda_gives_the_distances_of_the_cpu(two):
     answers = []
     for device in ("cpu", "cuda"):
-        problem = as_double(two.problem, device)
-        body = problem.model(problem.rotations0, problem.betas0, problem.transl0)
-        scene = NearestPointSearch(problem.scene_points, problem.scene_normals)
-        plane = (problem.floor_normal, problem.floor_offset)
-        surfaces = ContactSurfaces(
-            scene, torch.arange(len(problem.scene_points), device=device), plane
-        )
+        state = as_double(two.state, device)
+        body = state.model(state.rotations, state.betas, state.transl)
+        around = state.surroundings
+        scene = NearestPointSearch(around.points, around.normals)
+        rows = torch.arange(len(around.points), device=device)
+        surfaces = ContactSurfaces(scene, rows, (around.floor_normal, around.floor_offset))
         distance = surface_distances(body.vertices, surfaces, distance_along_normal).nearest
         assert distance.device.type == device
         answers.append(distance.cpu())

@@ -21,7 +21,7 @@ from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS
 from physic_paper.terms.chamfer import HumanPoints
 
-from .adjusted import adjusted
+from .adjusted import adjusted, with_scene
 
 SETTINGS = engine_preset("default").joint
 
@@ -45,11 +45,9 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
 
 
 def test_thinning_changes_the_energy_little(standing):
-    problem = replace(
-        standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0])
-    )
+    state = replace(standing.state, transl=standing.state.transl + torch.tensor([0.0, 0.04, 0.0]))
     thin, full = (
-        JointEnergy(problem, adjusted(SETTINGS, visibility__vertex_spacing_m=s))()
+        JointEnergy(state, adjusted(SETTINGS, visibility__vertex_spacing_m=s))()
         for s in (0.02, 0.0)
     )
     for name in ("contact", "floor", "soles"):
@@ -83,20 +81,20 @@ def test_keypoints_go_with_their_limb(skeleton):
 
 
 def test_keypoints_outside_the_image_count_nothing(standing):
-    keypoints = standing.problem.keypoints.clone()
+    keypoints = standing.state.keypoints.clone()
     keypoints[0, 0] = torch.tensor([-5.0, 10.0])
     keypoints[0, 1, 0] = torch.nan
-    confidence = standing.problem.keypoint_confidence.clone()
+    confidence = standing.state.keypoint_confidence.clone()
     confidence[0, 2] = 0.2
     energy = JointEnergy(
-        replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS
+        replace(standing.state, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS
     )
-    weight = energy.context.keypoints.weight[0]
+    weight = energy.sampling.keypoints.weight[0]
     assert weight[:4].tolist() == pytest.approx([0, 0, 0, 1])
 
 
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
-    occlusion = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context)
+    occlusion = OcclusionTracker(JointEnergy(standing.state, SETTINGS).sampling)
     vertices = standing.vertices
     first = occlusion(vertices)[0].clone()
     rough = (
@@ -104,7 +102,7 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
         + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0))
         - 0.005
     )
-    fresh = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context)(rough)[0]
+    fresh = OcclusionTracker(JointEnergy(standing.state, SETTINGS).sampling)(rough)[0]
     assert not torch.equal(fresh, first)
     assert torch.equal(occlusion(rough)[0], first)
     assert torch.equal(occlusion(3 * vertices)[0], first)
@@ -113,8 +111,8 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
 
 
 def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
-    problem = standing.problem
-    cloud = HumanPoints.from_problem(problem, most=0)
+    state = standing.state
+    cloud = HumanPoints.of_state(state, most=0)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
     facing = torch.rand(vertices.shape[:2], generator=torch.Generator().manual_seed(0)) < 0.5
     log_scale = torch.tensor(0.1)
@@ -126,8 +124,8 @@ def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
 
 
 def test_a_thinned_cloud_stands_for_the_whole(standing):
-    whole = HumanPoints.from_problem(standing.problem, most=0)
-    thinned = HumanPoints.from_problem(standing.problem, most=2000)
+    whole = HumanPoints.of_state(standing.state, most=0)
+    thinned = HumanPoints.of_state(standing.state, most=2000)
     assert len(thinned.points[0]) <= 2000 < len(whole.points[0])
     vertices = standing.vertices[:, ::7]
     facing = torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
@@ -138,9 +136,9 @@ def test_a_thinned_cloud_stands_for_the_whole(standing):
 
 
 def test_depth_is_read_where_the_photo_shows_the_person(standing):
-    energy = JointEnergy(standing.problem, SETTINGS)
+    energy = JointEnergy(standing.state, SETTINGS)
     rows = energy.weights["depth"][0] > 0
-    vertices = standing.vertices[0, energy.context.ids[rows]]
+    vertices = standing.vertices[0, energy.sampling.ids[rows]]
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
     seen = surface.depth.log_map_depth[0, rows].exp()
     assert rows.sum() > 300
@@ -148,11 +146,11 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
 
 
 def test_points_of_the_floor_are_left_to_the_plane(standing):
-    energy = JointEnergy(standing.problem, SETTINGS)
-    height = standing.problem.floor_offset - energy.context.problem.scene_points[:, 1]
+    energy = JointEnergy(standing.state, SETTINGS)
+    height = standing.state.scene.floor.offset - energy.sampling.around.points[:, 1]
     assert height.amin() > 0.05
-    without = JointEnergy(replace(standing.problem, floor_normal=None), SETTINGS)
-    assert len(without.context.problem.scene_points) > len(energy.context.problem.scene_points)
+    without = JointEnergy(with_scene(standing.state, floor=None), SETTINGS)
+    assert len(without.sampling.around.points) > len(energy.sampling.around.points)
     assert (without.weights["floor"] == 0).all()
     assert "floor" not in without()
 

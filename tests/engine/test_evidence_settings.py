@@ -46,16 +46,16 @@ def test_near_mask_equals_its_slow_reference(seed, reach):
 
 
 def test_confidence_counts_by_its_power(standing):
-    confidence = torch.full_like(standing.problem.keypoint_confidence, 0.6)
-    problem = replace(standing.problem, keypoint_confidence=confidence)
-    once, twice = (confident_keypoints(problem, power=power).weight for power in (1.0, 2.0))
+    confidence = torch.full_like(standing.state.keypoint_confidence, 0.6)
+    state = replace(standing.state, keypoint_confidence=confidence)
+    once, twice = (confident_keypoints(state, power=power).weight for power in (1.0, 2.0))
     torch.testing.assert_close(twice, 0.6 * once)
-    assert torch.equal(JointEnergy(problem, PROX).context.keypoints.weight, twice)
+    assert torch.equal(JointEnergy(state, PROX).sampling.keypoints.weight, twice)
     plain, halved = (
-        replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5})
+        replace(state.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5})
     )
     full, half = (
-        confident_keypoints(replace(problem, skeleton=skeleton)).weight
+        confident_keypoints(replace(state, skeleton=skeleton)).weight
         for skeleton in (plain, halved)
     )
     torch.testing.assert_close(
@@ -65,7 +65,7 @@ def test_confidence_counts_by_its_power(standing):
 
 def test_the_union_of_masks_makes_hidden_people_visible(behind):
     own, union = (
-        JointEnergy(behind.problem, joint).snapshot.visibility for joint in (PAPER, RELEASE)
+        JointEnergy(behind.state, joint).snapshot.visibility for joint in (PAPER, RELEASE)
     )
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 
@@ -74,8 +74,8 @@ def test_contact_vertices_may_penetrate_in_the_released_code_alone(make_stage):
     stage = make_stage(
         [({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.0, 3.0), (0.5, 1.3, 4.0))], stands_at=1.02
     )
-    spared, plain = (JointEnergy(stage.problem, joint) for joint in (RELEASE, PAPER))
-    contact = plain.context.is_contact
+    spared, plain = (JointEnergy(stage.state, joint) for joint in (RELEASE, PAPER))
+    contact = plain.sampling.is_contact
     assert (plain.weights["penetration"][contact] > 0).any()
     assert (spared.weights["penetration"][contact] == 0).all()
     assert (spared.weights["penetration"][~contact] > 0).any()
@@ -85,21 +85,21 @@ def test_self_occluded_vertices_penetrate_in_the_released_code_only(make_stage):
     crossed = {"left_shoulder": (0.0, -1.3, -0.6), "left_elbow": (0.0, -1.6, 0.0)}
     stage = make_stage([(crossed, (0.0, 0.0, 3.0))], boxes=[((-0.6, -0.4, 3.08), (0.6, 1.3, 3.3))])
     for joint, wanted in ((PAPER, False), (RELEASE, True)):
-        energy = JointEnergy(stage.problem, joint)
+        energy = JointEnergy(stage.state, joint)
         own = energy.snapshot.visibility.hidden & energy.snapshot.visibility.in_mask
         assert own.any()
         assert bool((energy.weights["penetration"] > 0)[own].any()) == wanted
 
 
 def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing):
-    problem = standing.problem
-    off = replace(problem, keypoints=problem.keypoints + torch.tensor([3.0, 4.0]))
+    state = standing.state
+    off = replace(state, keypoints=state.keypoints + torch.tensor([3.0, 4.0]))
     energy = JointEnergy(off, PROX)
     assert term_of(energy, ReprojectionByAxisTerm)
     robust = partial(robust_loss, "geman_mcclure", c=100.0)
     want = (
         sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0))
-        * energy.context.keypoints.weight
+        * energy.sampling.keypoints.weight
     )
     assert energy()["reprojection"].item() == pytest.approx(float(want.sum()), rel=1e-3)
 
@@ -107,9 +107,7 @@ def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing
 @pytest.mark.parametrize("preset", ["release", "prox"])
 def test_other_energies_than_ours_go_down(standing, preset):
     joint = engine_preset(preset).joint
-    start = replace(
-        standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, -0.05, 0.1])
-    )
+    start = replace(standing.state, transl=standing.state.transl + torch.tensor([0.0, -0.05, 0.1]))
     result = optimize(start, adjusted(joint, optimiser__steps=24, optimiser__refresh_steps=8))
     begin, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.7 * begin

@@ -11,7 +11,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.state import PARAMETER_GROUPS
+from physic_core.engine.joint.variables import PARAMETER_GROUPS
 
 from .adjusted import adjusted
 
@@ -34,15 +34,15 @@ def two(make_stage):
 @pytest.mark.parametrize("free", [(), ("scale",)])
 def test_held_people_stay_where_they_were_placed(two, free):
     held = adjusted(DEFAULT, frozen=tuple(group for group in PARAMETER_GROUPS if group not in free))
-    result = optimize(two.problem, held)
+    result = optimize(two.state, held)
     assert result.failures == ("", "")
-    assert torch.equal(result.transl, two.problem.transl0)
+    assert torch.equal(result.transl, two.state.transl)
     assert (result.scene_scale == 1.0) == (free == ())
 
 
 @pytest.fixture(scope="module")
 def start(two):
-    return replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.02, -0.05, 0.1]))
+    return replace(two.state, transl=two.state.transl + torch.tensor([0.02, -0.05, 0.1]))
 
 
 @pytest.fixture(scope="module")
@@ -54,25 +54,25 @@ def alone(start):
 FAULTS = [
     ("masks", False),
     ("observed", False),
-    ("human_depth", NAN),
-    ("human_depth", INF),
+    ("photo_depth", NAN),
+    ("photo_depth", INF),
     ("keypoints", NAN),
     ("keypoints", INF),
     ("keypoints", -1e30),
     ("keypoint_confidence", NAN),
-    ("contact_probability", NAN),
-    ("betas0", NAN),
-    ("betas0", 1e30),
-    ("rotations0", NAN),
-    ("transl0", INF),
-    ("transl0", -3.0),
+    ("contact_prior", NAN),
+    ("betas", NAN),
+    ("betas", 1e30),
+    ("rotations", NAN),
+    ("transl", INF),
+    ("transl", -3.0),
 ]
 
 
 @pytest.mark.parametrize(("field", "value"), FAULTS)
 def test_the_other_person_ends_as_if_alone(start, alone, field, value):
     broken = getattr(start, field).clone()
-    broken[start.masks[0] if field == "human_depth" else 0] = value
+    broken[start.masks[0] if field == "photo_depth" else 0] = value
     both = optimize(replace(start, **{field: broken}), DEFAULT)
     apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
     assert both.failures[1] == ""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.contact.objects import HeldObjects, object_distances
+from physic_core.engine.contact.distances import HeldObjects, object_distances
 from physic_core.pipeline.backend_results import select_held_objects
 from physic_core.types import Keypoints, People
 

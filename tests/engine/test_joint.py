@@ -20,9 +20,9 @@ from physic_core.engine.joint.terms.scene import lowest_height
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation
-from physic_paper.published import UnwhitenedState
+from physic_paper.published import UnwhitenedVariables
 
-from .adjusted import adjusted, in_float64, with_options
+from .adjusted import adjusted, in_float64, larger_scene, with_options, with_scene
 from .conftest import FLOOR_Y
 
 pytestmark = pytest.mark.kernels
@@ -38,15 +38,15 @@ SITTING = {
 }
 
 
-def moved(problem, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
+def moved(state, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
     """The problem with its people shifted by metres, and every joint turned at random by so many
     radians.
     """
-    noise = turn * torch.randn(len(problem), 54, 3, generator=torch.Generator().manual_seed(seed))
+    noise = turn * torch.randn(len(state), 54, 3, generator=torch.Generator().manual_seed(seed))
     rotations = torch.cat(
-        [problem.rotations0[:, :1], problem.rotations0[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1
+        [state.rotations[:, :1], state.rotations[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1
     )
-    return replace(problem, transl0=problem.transl0 + torch.tensor(by), rotations0=rotations)
+    return replace(state, transl=state.transl + torch.tensor(by), rotations=rotations)
 
 
 def error_mm(result, stage):
@@ -55,20 +55,22 @@ def error_mm(result, stage):
 
 def sole_mm(result, stage):
     """Lowest vertex over the floor."""
-    return (stage.problem.floor_offset * result.scene_scale - result.vertices[..., 1].amax(1)) * 1e3
+    return (
+        stage.state.scene.floor.offset * result.scene_scale - result.vertices[..., 1].amax(1)
+    ) * 1e3
 
 
-def lowest_sole_m(result, problem):
+def lowest_sole_m(result, state):
     """Height of the lower sole over the floor."""
-    height = problem.floor_offset * result.scene_scale - result.vertices[..., 1]
+    height = state.scene.floor.offset * result.scene_scale - result.vertices[..., 1]
     return min(
-        float(lowest_height(height[:, problem.model.contact_sets[f"{side}_sole"]]))
+        float(lowest_height(height[:, state.model.contact_sets[f"{side}_sole"]]))
         for side in ("left", "right")
     )
 
 
 def test_the_truth_stays_where_it_is(standing):
-    result = optimize(standing.problem, SETTINGS)
+    result = optimize(standing.state, SETTINGS)
     assert error_mm(result, standing) < 3
     assert result.scene_scale == pytest.approx(1.0, abs=0.01)
     assert result.failures == ("",)
@@ -76,14 +78,14 @@ def test_the_truth_stays_where_it_is(standing):
 
 @pytest.mark.parametrize("lift", [-0.08, 0.05], ids=["floating 8 cm", "sunk 5 cm"])
 def test_a_person_who_floats_or_sinks_ends_on_the_floor(standing, lift):
-    result = optimize(moved(standing.problem, by=(0.0, lift, 0.0)), SETTINGS)
+    result = optimize(moved(standing.state, by=(0.0, lift, 0.0)), SETTINGS)
     assert abs(sole_mm(result, standing)) < 5
     assert error_mm(result, standing) < 5
-    assert abs(lowest_sole_m(result, standing.problem)) < 0.005
+    assert abs(lowest_sole_m(result, standing.state)) < 0.005
 
 
 def test_a_noisy_start_comes_close(standing):
-    start = moved(standing.problem, by=(0.0, 0.0, 0.3), turn=0.05)
+    start = moved(standing.state, by=(0.0, 0.0, 0.3), turn=0.05)
     before = optimize(start, adjusted(SETTINGS, optimiser__steps=0))
     after = optimize(start, SETTINGS)
     assert error_mm(before, standing) > 280
@@ -91,7 +93,7 @@ def test_a_noisy_start_comes_close(standing):
 
 
 def seat_of(stage):
-    model = stage.problem.model
+    model = stage.state.model
     below = torch.cat([model.contact_sets["gluteus"], model.contact_sets["thighs"]])
     return stage.vertices[0, below, 1].amax().item()
 
@@ -101,39 +103,39 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     people = [(SITTING, (0.0, 0.0, 3.0))]
     seat = seat_of(make_stage(people))
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
-    result = optimize(moved(stage.problem, by=(0.0, lift, 0.0)), SETTINGS)
+    result = optimize(moved(stage.state, by=(0.0, lift, 0.0)), SETTINGS)
     gap = seat * result.scene_scale - seat_of(replace(stage, vertices=result.vertices))
     assert abs(gap) < 0.025
 
 
 def test_two_people_do_not_disturb_each_other(two):
     shifts = ((0.0, -0.08, 0.0), (0.0, 0.05, 0.2))
-    both = optimize(moved(two.problem, by=shifts), SETTINGS)
+    both = optimize(moved(two.state, by=shifts), SETTINGS)
     assert error_mm(both, two).amax() < 25
-    alone = optimize(moved(two.problem, by=shifts).select_people(torch.tensor([0])), SETTINGS)
+    alone = optimize(moved(two.state, by=shifts).select_people(torch.tensor([0])), SETTINGS)
     assert (alone.vertices[0] - both.vertices[0]).norm(dim=-1).mean() < 0.015
 
 
 def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
     """The box's front is all that the camera knows of it, and the legs are right behind."""
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
-    aware = optimize(stage.problem, SHORT)
-    blind = optimize(stage.problem, adjusted(SHORT, visibility__occlusion_aware=False))
+    aware = optimize(stage.state, SHORT)
+    blind = optimize(stage.state, adjusted(SHORT, visibility__occlusion_aware=False))
     legs = stage.vertices[0, :, 1] > 0.7
-    energy = JointEnergy(stage.problem, SHORT)
-    assert energy.snapshot.visibility.hidden[0][legs[energy.context.ids]].float().mean() > 0.9
+    energy = JointEnergy(stage.state, SHORT)
+    assert energy.snapshot.visibility.hidden[0][legs[energy.sampling.ids]].float().mean() > 0.9
     assert error_mm(aware, stage) < 5
     assert error_mm(blind, stage) > 5 * error_mm(aware, stage)
 
 
 def test_a_foot_in_the_air_stays_there(make_stage):
     stage = make_stage([({"left_hip": (-1.0, 0, 0), "left_knee": (1.2, 0, 0)}, (0.0, 0.0, 3.5))])
-    sole = stage.problem.model.contact_sets["left_sole"]
+    sole = stage.state.model.contact_sets["left_sole"]
 
     def height(vertices):
         return 1.3 - vertices[0, sole, 1].amax().item()
 
-    result = optimize(stage.problem, SETTINGS)
+    result = optimize(stage.state, SETTINGS)
     assert height(stage.vertices) > 0.1
     assert height(result.vertices) == pytest.approx(height(stage.vertices), abs=0.015)
     assert abs(sole_mm(result, stage)) < 8
@@ -143,13 +145,13 @@ def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
     stage = make_stage(
         [({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12
     )
-    result = optimize(stage.problem, SETTINGS)
+    result = optimize(stage.state, SETTINGS)
     assert error_mm(result, stage) < 15
 
 
-def hide_legs(problem):
+def hide_legs(state):
     """(N, 55) joints that the photo shows of people who are cut at the hips."""
-    observed = problem.observed.clone()
+    observed = state.observed.clone()
     for name in ("knee", "ankle", "foot"):
         observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
     return observed
@@ -157,20 +159,20 @@ def hide_legs(problem):
 
 def are_on_legs(energy):
     """(V,) whether each vertex of the energy is on a leg."""
-    model = energy.problem.model
+    model = energy.state.model
     legs = torch.tensor(
         [name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names]
     )
-    return legs[model.part_of_vertex[energy.context.ids]]
+    return legs[model.part_of_vertex[energy.sampling.ids]]
 
 
 def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
     """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull
     or push.
     """
-    problem = standing.problem
-    observed = hide_legs(problem)
-    cut = replace(problem, observed=observed, floor_offset=0.9)
+    state = standing.state
+    observed = hide_legs(state)
+    cut = with_scene(replace(state, observed=observed), floor_offset=0.9)
     energy = JointEnergy(cut, SETTINGS)
     on_legs = are_on_legs(energy)
     for weight in (
@@ -185,42 +187,36 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
         result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
     # knees, ankles, heels, toes
-    assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()
+    assert (JointEnergy(cut, SETTINGS).sampling.keypoints.weight[0, 25:] == 0).all()
 
 
 def test_unseen_feet_just_under_the_floor_are_lifted_and_the_scale_stays(standing):
     """A floor that is 10 cm too high, and a person who is cut at the hips."""
-    problem = standing.problem
-    observed = hide_legs(problem)
-    shown = replace(problem, floor_offset=problem.floor_offset - 0.1)
+    state = standing.state
+    observed = hide_legs(state)
+    shown = with_scene(state, floor_offset=state.scene.floor.offset - 0.1)
     sunk = JointEnergy(replace(shown, observed=observed), SETTINGS)
     on_legs = are_on_legs(sunk)
     share = 0.3 * JointEnergy(shown, SETTINGS).weights["floor"]
     torch.testing.assert_close(sunk.weights["floor"][0, on_legs], share[0, on_legs])
     floor = sunk()["floor"]
     assert floor.item() > 0
-    (slope,) = torch.autograd.grad(floor.sum(), [sunk.state.values["scale"]], allow_unused=True)
+    (slope,) = torch.autograd.grad(floor.sum(), [sunk.variables.values["scale"]], allow_unused=True)
     assert slope is None or slope.item() == 0.0
 
 
 def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
-    problem = replace(standing.problem, human_depth=1.15 * standing.problem.human_depth)
-    result = optimize(problem, SETTINGS)
+    state = replace(standing.state, photo_depth=1.15 * standing.state.photo_depth)
+    result = optimize(state, SETTINGS)
     assert result.depth_offset[0].item() == pytest.approx(-math.log(1.15), abs=0.04)
     assert error_mm(result, standing) < 60
-    tied = optimize(problem, adjusted(SHORT, depth__offset_sigma=0.0))
+    tied = optimize(state, adjusted(SHORT, depth__offset_sigma=0.0))
     assert error_mm(tied, standing) > 2 * error_mm(result, standing)
 
 
 def test_known_bodies_correct_the_scale_of_the_scene(standing):
     """A scene that came out 12 % too large shrinks until its people stand in it."""
-    problem = standing.problem
-    large = replace(
-        problem,
-        scene_points=1.12 * problem.scene_points,
-        floor_offset=1.12 * problem.floor_offset,
-        human_depth=1.12 * problem.human_depth,
-    )
+    large = larger_scene(standing.state, 1.12)
     result = optimize(large, SETTINGS)
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
     assert abs(lowest_sole_m(result, large)) < 0.005
@@ -229,24 +225,26 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
 
 
 def test_the_energy_does_not_depend_on_the_resolution(standing):
-    problem = moved(standing.problem, by=(0.02, 0.03, 0.1))
-    K = 2 * problem.K
+    state = moved(standing.state, by=(0.02, 0.03, 0.1))
+    K = 2 * state.K
     K[:2, 2] += 0.5  # integer coordinates are pixel centres
     K[2, 2] = 1
 
     def twice(image):
         return image.repeat_interleave(2, -1).repeat_interleave(2, -2)
 
-    fine = replace(
-        problem,
-        K=K,
-        keypoints=2 * problem.keypoints + 0.5,
-        masks=twice(problem.masks),
-        human_depth=twice(problem.human_depth),
-        scene_points=problem.scene_points.repeat(4, 1),
-        scene_normals=problem.scene_normals.repeat(4, 1),
+    scene = state.scene
+    points, normals = (
+        twice(x.permute(2, 0, 1)).permute(1, 2, 0) for x in (scene.points, scene.normals)
     )
-    coarse_terms = JointEnergy(problem, SETTINGS)()
+    fine = replace(
+        with_scene(state, points=points, normals=normals, valid=twice(scene.valid)),
+        K=K,
+        keypoints=2 * state.keypoints + 0.5,
+        masks=twice(state.masks),
+        photo_depth=twice(state.photo_depth),
+    )
+    coarse_terms = JointEnergy(state, SETTINGS)()
     fine_terms = JointEnergy(fine, SETTINGS)()
     for name, value in coarse_terms.items():
         assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
@@ -272,18 +270,18 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     stage = make_stage(
         [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
     )
-    problem = in_float64(moved(stage.problem, by=(0.01, 0.02, 0.05), turn=0.05))
+    state = in_float64(moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(problem, with_options(settings, nearest_every_step=False))
-    here = energy.state.pack()
+    energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
+    here = energy.variables.pack()
     generator = torch.Generator().manual_seed(0)
-    size = 1e-3 if isinstance(energy.state, UnwhitenedState) else 0.05
-    energy.state.load(
+    size = 1e-3 if isinstance(energy.variables, UnwhitenedVariables) else 0.05
+    energy.variables.load(
         here + size * torch.randn(len(here), generator=generator, dtype=torch.float64)
     )
-    here = energy.state.pack()
+    here = energy.variables.pack()
     terms = energy()
-    parameters = energy.state.parameters()
+    parameters = energy.variables.parameters()
     slopes = {}
     for name, value in terms.items():
         if not value.requires_grad:
@@ -304,7 +302,7 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     )
     ends = []
     for step in (1e-6, -1e-6):
-        energy.state.load(here + step * way)
+        energy.variables.load(here + step * way)
         ends.append({name: value.sum().item() for name, value in energy().items()})
     for name, slope in slopes.items():
         difference = (ends[0][name] - ends[1][name]) / 2e-6
@@ -313,61 +311,63 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
 
 def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     """Finite numbers that overflow once they are squared."""
-    betas = two.problem.betas0.clone()
+    betas = two.state.betas.clone()
     betas[0] = 1e30
-    result = optimize(replace(two.problem, betas0=betas), SETTINGS)
+    result = optimize(replace(two.state, betas=betas), SETTINGS)
     assert result.failures == ("the energy of the start is not finite", "")
     assert error_mm(result, two)[1] < 5
 
 
 def test_without_floor_and_scene_the_photo_alone_decides(standing):
-    empty = torch.zeros(0, 3)
-    problem = moved(standing.problem, by=(0.05, 0.0, 0.2))
-    problem = replace(problem, floor_normal=None, scene_points=empty, scene_normals=empty)
-    result = optimize(problem, SETTINGS)
+    state = moved(standing.state, by=(0.05, 0.0, 0.2))
+    state = with_scene(state, floor=None, valid=torch.zeros_like(state.scene.valid))
+    result = optimize(state, SETTINGS)
     assert result.scene_scale == 1.0
     assert error_mm(result, standing) < 30
 
 
 def test_the_same_problem_gives_the_same_answer_bit_for_bit(standing):
-    start = moved(standing.problem, by=(0.0, 0.0, 0.1), turn=0.05)
+    start = moved(standing.state, by=(0.0, 0.0, 0.1), turn=0.05)
     first, second = (optimize(start, adjusted(SETTINGS, optimiser__steps=20)) for _ in range(2))
     assert torch.equal(first.vertices, second.vertices)
     assert first.scene_scale == second.scene_scale
 
 
 def test_shapes_that_do_not_fit_are_all_named(standing):
-    broken = replace(standing.problem, K=torch.eye(4), betas0=torch.zeros(1, 3))
-    with pytest.raises(PhysicError, match=r"betas0 must be .*K must be"):
+    broken = replace(standing.state, K=torch.eye(4), betas=torch.zeros(1, 3))
+    with pytest.raises(PhysicError, match=r"betas must be .*K must be"):
         optimize(broken, SETTINGS)
 
 
 @pytest.mark.parametrize(
     ("preset", "message"),
     [
-        ("default", "the depth term compares pixels, but human_depth is missing: give it, or set"),
+        (
+            "default",
+            "the depth term compares pixels, but the depth of the photo is missing",
+        ),
         (
             "paper",
-            "the depth term compares point clouds, but there are neither human_points nor "
-            "human_depth: give one",
+            "the depth term compares point clouds, but neither points of people nor a depth of "
+            "the photo are there",
         ),
     ],
 )
 def test_depth_without_its_data_is_refused(standing, preset, message):
-    problem = replace(standing.problem, human_depth=None)
+    state = replace(standing.state, photo_depth=None)
     joint = engine_preset(preset).joint
     with pytest.raises(PhysicError, match=message):
-        optimize(problem, joint)
-    optimize(problem, adjusted(joint.without("depth"), optimiser__steps=2))
+        optimize(state, joint)
+    optimize(state, adjusted(joint.without("depth"), optimiser__steps=2))
 
 
 IN_AIR = torch.tensor([[0.0, 0.0], [1.0, 1.0]])
 
 
 def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
-    problem = moved(two.problem, by=(0.0, -0.15, 0.0))
-    everybody = JointEnergy(problem, SETTINGS)
-    one = JointEnergy(replace(problem, foot_touch=IN_AIR), SETTINGS)
+    state = moved(two.state, by=(0.0, -0.15, 0.0))
+    everybody = JointEnergy(state, SETTINGS)
+    one = JointEnergy(replace(state, foot_touch=IN_AIR), SETTINGS)
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
     alone = one()["soles"].tolist()
@@ -377,32 +377,34 @@ def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
 
 
 def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two):
-    state = JointEnergy(replace(two.problem, foot_touch=IN_AIR), SETTINGS).state
+    variables = JointEnergy(replace(two.state, foot_touch=IN_AIR), SETTINGS).variables
     with torch.no_grad():
-        state.values["offset"].fill_(1.0)
+        variables.values["offset"].fill_(1.0)
     sigmas = [SETTINGS.depth.offset_alone_sigma, SETTINGS.depth.offset_sigma]
-    assert state.unpack().offset.tolist() == pytest.approx(sigmas)
+    assert variables.unpack().offset.tolist() == pytest.approx(sigmas)
     tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
-    farther = replace(two.problem, human_depth=1.15 * two.problem.human_depth)
+    farther = replace(two.state, photo_depth=1.15 * two.state.photo_depth)
     result = optimize(replace(farther, foot_touch=IN_AIR), tied)
     assert result.depth_offset[0] == 0.0
     assert result.depth_offset[1] < -0.05
     assert (
         "offset"
-        not in JointEnergy(replace(farther, foot_touch=torch.zeros_like(IN_AIR)), tied).state.free
+        not in JointEnergy(
+            replace(farther, foot_touch=torch.zeros_like(IN_AIR)), tied
+        ).variables.free
     )
 
 
 def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_ones(make_stage):
     stage = make_stage([({}, (-0.6, 0.0, 3.3)), ({}, (0.6, 0.0, 3.5)), ({}, (0.2, 0.0, 6.5))])
-    problem = stage.problem
+    state = stage.state
     # The body of the small one is as large as the others', and so 1.5 times as far as the floor at
     # these feet.
-    feet = torch.stack([problem.transl0[2, 0], torch.tensor(FLOOR_Y), problem.transl0[2, 2]])
-    transl = problem.transl0.clone()
+    feet = torch.stack([state.transl[2, 0], torch.tensor(FLOOR_Y), state.transl[2, 2]])
+    transl = state.transl.clone()
     transl[2] += 0.5 * feet
-    body = problem.model(problem.rotations0, problem.betas0, transl)
-    keypoints = project(problem.model.landmarks(body, problem.skeleton), problem.K)
-    result = optimize(replace(problem, transl0=transl, keypoints=keypoints), SETTINGS)
+    body = state.model(state.rotations, state.betas, transl)
+    keypoints = project(state.model.landmarks(body, state.skeleton), state.K)
+    result = optimize(replace(state, transl=transl, keypoints=keypoints), SETTINGS)
     assert result.scene_scale == pytest.approx(1.0, abs=0.1)
     assert sole_mm(result, stage)[:2].abs().max() < 30

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from physic_core.engine.joint.optimiser import Gradient, LbfgsHistory, LbfgsOptimiser
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.variables import Variables
 from physic_paper.adam import AdamOptimiser
 
 LBFGS = LbfgsOptimiser()
@@ -24,7 +24,7 @@ class Bowl:
         eye = torch.eye(3).double().expand(1, 55, 3, 3)
         place = torch.tensor([[0.0, 0.0, 2.0]]).double()
         frozen = ["root", "pose", "hands", "betas", "scale", "offset"]
-        self.state = State(eye, torch.zeros(1, 2).double(), place, place, frozen=frozen)
+        self.variables = Variables(eye, torch.zeros(1, 2).double(), place, place, frozen=frozen)
         self.goal = torch.tensor([[0.3, -0.2, 3.0]]).double()
         self.wall = wall
         self.evaluations = self.refreshes = 0
@@ -34,7 +34,7 @@ class Bowl:
 
     def __call__(self):
         self.evaluations += 1
-        transl = self.state.unpack().transl
+        transl = self.variables.unpack().transl
         value = 100 * (transl - self.goal).square().sum(-1)
         if self.wall is not None and transl[0, 2] > self.wall:
             value = value * torch.nan
@@ -45,7 +45,7 @@ class Bowl:
 def test_the_optimiser_reaches_a_known_minimum(settings, within):
     energy = Bowl()
     trace = settings.minimise(energy)
-    torch.testing.assert_close(energy.state.unpack().transl, energy.goal, atol=within, rtol=0)
+    torch.testing.assert_close(energy.variables.unpack().transl, energy.goal, atol=within, rtol=0)
     # 100 * (0.3^2 + 0.2^2 + 1^2) at the start.
     assert trace.start == pytest.approx({"bowl": 113.0, "quarter": 28.25})
     assert trace.end["bowl"] < 1e-2
@@ -192,7 +192,7 @@ def test_the_optimiser_stops_when_its_steps_hardly_lower_the_energy():
 def test_the_optimiser_avoids_nan():
     energy = Bowl(wall=2.5)
     trace = LBFGS.minimise(energy)
-    assert torch.isfinite(energy.state.pack()).all()
-    place = energy.state.unpack().transl[0]
+    assert torch.isfinite(energy.variables.pack()).all()
+    place = energy.variables.unpack().transl[0]
     assert 2.0 < place[2] <= 2.5
     assert trace.end["bowl"] < trace.start["bowl"]

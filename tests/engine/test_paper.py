@@ -15,15 +15,15 @@ from physic_core.geometry.camera import project
 from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
 
-from .adjusted import adjusted
+from .adjusted import adjusted, with_points, with_scene
 
 PAPER = engine_preset("paper").joint
 
 
-def floor_grid(problem):
+def floor_grid(state):
     x, z = torch.meshgrid(torch.linspace(-2, 2, 81), torch.linspace(0.3, 6, 115), indexing="ij")
-    points = torch.stack([x, torch.full_like(x, problem.floor_offset), z], -1).reshape(-1, 3)
-    return replace(problem, floor_points=points)
+    height = torch.full_like(x, state.scene.floor.offset)
+    return with_scene(state, floor_points=torch.stack([x, height, z], -1).reshape(-1, 3))
 
 
 @pytest.fixture(scope="module")
@@ -31,19 +31,19 @@ def start(two):
     """Two people whose joints and places are off, and whose keypoints have errors of two pixels."""
     draws = torch.Generator().manual_seed(0)
     turns = 0.05 * torch.randn(2, 55, 3, generator=draws)
-    problem = floor_grid(two.problem)
+    state = floor_grid(two.state)
     return replace(
-        problem,
-        rotations0=problem.rotations0 @ roma.rotvec_to_rotmat(turns),
-        transl0=problem.transl0 + torch.tensor([[0.03, -0.04, 0.1], [-0.02, 0.03, -0.1]]),
-        keypoints=problem.keypoints + 2 * torch.randn(problem.keypoints.shape, generator=draws),
+        state,
+        rotations=state.rotations @ roma.rotvec_to_rotmat(turns),
+        transl=state.transl + torch.tensor([[0.03, -0.04, 0.1], [-0.02, 0.03, -0.1]]),
+        keypoints=state.keypoints + 2 * torch.randn(state.keypoints.shape, generator=draws),
     )
 
 
 def test_the_energy_falls_and_all_people_move(start):
     result = optimize(start, PAPER)
     before, after = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
-    moved = (result.transl - start.transl0).norm(dim=-1)
+    moved = (result.transl - start.transl).norm(dim=-1)
     assert after < 0.9 * before
     assert (moved > 0.01).all()
     assert result.scene_scale != 1.0
@@ -67,7 +67,7 @@ def test_stage_three_moves_in_a_world():
 def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
     energy = JointEnergy(start, adjusted(PAPER, reprojection__reduction=reduction))
     with torch.no_grad():
-        posed = start.model(start.rotations0, start.betas0, start.transl0, start.expression0)
+        posed = start.model(start.rotations, start.betas, start.transl, start.expression)
         seen = project(start.model.landmarks(posed, start.skeleton), start.K)
         height, width = start.masks.shape[-2:]
         inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(
@@ -88,7 +88,7 @@ def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
 def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visible):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     energy = JointEnergy(
-        floor_grid(stage.problem), adjusted(PAPER, regularisation__visible_weight=visible)
+        floor_grid(stage.state), adjusted(PAPER, regularisation__visible_weight=visible)
     )
     weight = energy.weights["regularisation"]
     hidden = energy.snapshot.visibility.hidden | ~energy.snapshot.visibility.eligible
@@ -102,7 +102,7 @@ def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
     facing = energy.snapshot.visibility.facing
     hidden = energy.snapshot.visibility.hidden
     with torch.no_grad():
-        energy.state.values["translation"][:, 0] += 0.3
+        energy.variables.values["translation"][:, 0] += 0.3
     energy.refresh()
     assert torch.equal(energy.snapshot.visibility.facing, facing)
     assert not torch.equal(energy.snapshot.visibility.hidden, hidden)
@@ -111,8 +111,8 @@ def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
 def test_contact_outside_the_picture_counts(make_stage):
     """So near that the picture cuts the feet off, which stand on the samples of the floor."""
     stage = make_stage([({}, (0.0, 0.0, 1.8))])
-    energy = JointEnergy(floor_grid(stage.problem), PAPER)
-    soles = torch.cat(energy.context.soles)
+    energy = JointEnergy(floor_grid(stage.state), PAPER)
+    soles = torch.cat(energy.sampling.soles)
     assert not energy.snapshot.visibility.eligible[0, soles].any()
     assert (energy.weights["contact"][0, soles] > 0).float().mean() > 0.9
 
@@ -125,12 +125,10 @@ def test_penetration_looks_as_far_as_a_metre(make_stage):
     )
     wall = torch.stack([u, v, torch.full_like(u, 3.1)], -1).reshape(-1, 3)
     normals = torch.tensor([0.0, 0.0, -1.0]).expand_as(wall)
-    problem = replace(
-        floor_grid(stage.problem), scene_points=wall, scene_normals=normals, floor_normal=None
-    )
+    state = with_scene(with_points(stage.state, wall, normals), floor=None)
     with torch.no_grad():
         far, near = (
-            JointEnergy(problem, adjusted(PAPER, penetration__max_depth_m=reach))()["penetration"]
+            JointEnergy(state, adjusted(PAPER, penetration__max_depth_m=reach))()["penetration"]
             for reach in (1.0, 0.15)
         )
     assert far > 10

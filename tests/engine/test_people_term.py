@@ -29,7 +29,7 @@ REACH_M = 0.06
 def add_people(energy):
     """The term as the preset adds it after the others."""
     inside = adjusted(DEFAULT, penetration__people_weight=3.0, contact__people_weight=0.8)
-    return energy.add_terms([PeopleTerm(inside.contact, inside.penetration, energy.context)])
+    return energy.add_terms([PeopleTerm(inside.contact, inside.penetration, energy.sampling)])
 
 
 def beside(make_stage, x: float, z: float):
@@ -37,7 +37,7 @@ def beside(make_stage, x: float, z: float):
     nothing.
     """
     stage = make_stage([({}, (-x, 0.0, 3.0)), ({}, (x, 0.0, 3.0 + z))])
-    return replace(stage, problem=without_photo(stage.problem))
+    return replace(stage, state=without_photo(stage.state))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def pair_energy(distance, apart, touch):
 
 
 def pairs_of(stage, vertices):
-    model = stage.problem.model
+    model = stage.state.model
     ids = model.coarse.ids
     probes = select_probes(model, ids, torch.ones(len(vertices), len(ids)))
     normals = vertex_normals(vertices, model.faces)[:, ids]
@@ -65,12 +65,12 @@ def pairs_of(stage, vertices):
 
 
 def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
-    problem = crossing.problem.to_model_dtype()
-    energy = JointEnergy(problem, settings(3.0, 0.8))
+    state = crossing.state
+    energy = JointEnergy(state, settings(3.0, 0.8))
     assert add_people(energy) is not None
     people = energy.terms[-1]
     pairs = people.pairs
-    vertices = energy.context.start.vertices[:, energy.context.ids].clone().requires_grad_()
+    vertices = energy.sampling.start.vertices[:, energy.sampling.ids].clone().requires_grad_()
 
     def reference(vertices):
         offset = vertices[pairs.person, pairs.row] - vertices[pairs.other, pairs.other_row]
@@ -125,7 +125,7 @@ def distances(stage, result) -> torch.Tensor:
 
 
 def test_people_inside_each_other_are_moved_apart(crossing):
-    kept, moved = (optimize(crossing.problem, settings(weight, 0.0)) for weight in (0.0, 3.0))
+    kept, moved = (optimize(crossing.state, settings(weight, 0.0)) for weight in (0.0, 3.0))
     assert distances(crossing, kept).min() < -0.05
     assert distances(crossing, moved).min() > -0.015
     assert "people" not in kept.losses
@@ -135,15 +135,15 @@ def test_people_inside_each_other_are_moved_apart(crossing):
 
 def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(crossing):
     def touching(**changes):
-        energy = JointEnergy(replace(crossing.problem, **changes), settings(3.0, 0.8))
+        energy = JointEnergy(replace(crossing.state, **changes), settings(3.0, 0.8))
         assert add_people(energy) is not None
         people = energy.terms[-1]
-        return people.pairs.select(people.touch.weight > 0), energy.context
+        return people.pairs.select(people.touch.weight > 0), energy.sampling
 
-    pairs, context = touching()
-    model = crossing.problem.model
+    pairs, sampling = touching()
+    model = crossing.state.model
     parts = {
-        model.part_names[part] for part in model.part_of_vertex[context.ids[pairs.row]].tolist()
+        model.part_names[part] for part in model.part_of_vertex[sampling.ids[pairs.row]].tolist()
     }
     assert parts
     assert parts <= {"left_hand", "right_hand"}

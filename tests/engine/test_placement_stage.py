@@ -15,7 +15,6 @@ from physic_core import engine_preset
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
-from physic_core.engine.state import State
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit
@@ -25,6 +24,7 @@ from physic_core.types import Pointmap
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
 UP = torch.tensor([0.0, -1.0, 0.0])
+FLOOR_Y = 1.3
 WALL_M = 8.0
 
 
@@ -33,9 +33,9 @@ def given(make_stage):
     """A person who stands in a room, estimated 40 cm too far away, and a photo with an unknown
     scale.
     """
-    problem = make_stage([({}, (0.3, 0.0, 3.0))]).problem
-    rays = pixel_rays(*problem.masks.shape[-2:], problem.K)
-    on_floor = problem.floor_offset / rays[..., 1]
+    state = make_stage([({}, (0.3, 0.0, 3.0))]).state
+    rays = pixel_rays(*state.masks.shape[-2:], state.K)
+    on_floor = FLOOR_Y / rays[..., 1]
     is_floor = (on_floor > 0) & (on_floor < WALL_M)
     depth = torch.where(is_floor, on_floor, WALL_M)
     scene = SceneState(
@@ -43,29 +43,16 @@ def given(make_stage):
         normals=torch.where(is_floor[..., None], UP, torch.tensor([0.0, 0.0, -1.0])),
         valid=torch.ones_like(is_floor),
         floor_points=torch.zeros(0, 3),
-        K=problem.K.double(),
+        K=state.K.double(),
         alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
-        floor=PlaneFit(UP, problem.floor_offset, is_floor, 1.0, 0.0, "floor mask"),
+        floor=PlaneFit(UP, FLOOR_Y, is_floor, 1.0, 0.0, "floor mask"),
         diagnostics={"floor": {}},
     )
-    photo = torch.where(problem.human_depth.isnan(), depth, problem.human_depth)
+    photo = torch.where(state.photo_depth.isnan(), depth, state.photo_depth)
     points = (0.5 * rays * photo[..., None]).numpy()
     original = Pointmap(points, np.ones(photo.shape, bool), "scale")
-    state = State(
-        model=problem.model,
-        skeleton=problem.skeleton,
-        keypoints=problem.keypoints,
-        keypoint_confidence=problem.keypoint_confidence,
-        masks=problem.masks,
-        observed=problem.observed,
-        contact_prior=problem.contact_probability,
-        rotations=problem.rotations0,
-        betas=problem.betas0,
-        expression=problem.expression0,
-        transl=problem.transl0 + AWAY,
-        scene=scene,
-    )
-    return SimpleNamespace(original=original, hole=problem.masks.any(0).numpy()), state
+    state = replace(state, transl=state.transl + AWAY, scene=scene)
+    return SimpleNamespace(original=original, hole=state.masks.any(0).numpy()), state
 
 
 def test_placement_recovers_the_true_place_of_a_person(given):

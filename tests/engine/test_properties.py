@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.context import root_relative
+from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.snapshot import signed_distance
 from physic_core.engine.joint.terms.scene import sole_energy
 from physic_core.geometry.plane import height_over_plane

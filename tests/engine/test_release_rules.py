@@ -9,24 +9,27 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distance import surface_distances
+from physic_core.engine.contact.distances import surface_distances
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.types import SKELETONS, skeleton_named
 from physic_paper.released.pointmap import published_floor_grid, published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
 from physic_paper.released.visibility import visible_part_shares
 
+from .adjusted import with_scene
+
 RELEASE = engine_preset("release")
 PAPER = engine_preset("paper")
 
 
-def released(problem, **changed):
-    """A problem with the points that the preset asks for."""
+def released(state, **changed):
+    """A state with the points that the preset asks for."""
     x, z = torch.meshgrid(torch.linspace(-2, 2, 41), torch.linspace(2, 6, 41), indexing="ij")
-    floor = torch.stack([x, torch.full_like(x, problem.floor_offset), z], -1).reshape(-1, 3)
-    body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+    height = torch.full_like(x, state.scene.floor.offset)
+    floor = torch.stack([x, height, z], -1).reshape(-1, 3)
+    body = state.model(state.rotations, state.betas, state.transl, state.expression)
     points = tuple(v[::40] for v in body.vertices)
-    return replace(problem, **{"human_points": points, "floor_points": floor} | changed)
+    return replace(with_scene(state, floor_points=floor), **{"human_points": points} | changed)
 
 
 def weights(skeleton, confidence, points=None):
@@ -74,11 +77,9 @@ def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
 
 @pytest.mark.parametrize("preset", ["paper", "release"])
 def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
-    problem = released(
-        standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0])
-    )
+    state = released(standing.state, transl=standing.state.transl - torch.tensor([0.0, 0.03, 0.0]))
     sure, less = (
-        replace(problem, contact_probability=share * problem.contact_probability.clamp(max=1.0))
+        replace(state, contact_prior=share * state.contact_prior.clamp(max=1.0))
         for share in (1.0, 0.6)
     )
     values = [
@@ -105,16 +106,14 @@ def test_a_part_is_seen_where_rays_meet_it_first() -> None:
 
 
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
-    problem = released(
-        standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3)
-    )
-    over = torch.tensor(
-        [[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]]
-    )
+    state = released(standing.state)
+    state = with_scene(state, valid=torch.zeros_like(state.scene.valid))
+    height = state.scene.floor.offset - 0.01
+    over = torch.tensor([[[0.0, height, 3.0], [30.0, height, 3.0]]])
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
         method = engine_preset(preset).contact
         distance = surface_distances(
-            over, method.surfaces(problem, over, 1.0), method.measure
+            over, method.surfaces(state.surroundings, over, 1.0), method.measure
         ).nearest
         assert (distance[0] < 0.02).tolist() == expected
 

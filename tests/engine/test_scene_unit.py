@@ -24,7 +24,7 @@ STUBBORN = adjusted(
 def torn(make_stage):
     """One who stands between two walls that the hands are said to touch, and cannot."""
     walls = [((-0.6, 0.0, 2.0), (-0.36, 1.3, 4.5)), ((0.36, 0.0, 2.0), (0.6, 1.3, 4.5))]
-    return make_stage([({}, (0.0, 0.0, 3.2))], walls).problem
+    return make_stage([({}, (0.0, 0.0, 3.2))], walls).state
 
 
 def test_a_torn_surface_changes_neither_scale_nor_distance(torn):
@@ -32,6 +32,6 @@ def test_a_torn_surface_changes_neither_scale_nor_distance(torn):
     it.
     """
     result = optimize(torn, STUBBORN)
-    moved = float((result.transl[0, 2] / torn.transl0[0, 2]).log())
+    moved = float((result.transl[0, 2] / torn.transl[0, 2]).log())
     assert result.scene_scale == pytest.approx(1.0, abs=0.007)
     assert abs(moved) < 0.01

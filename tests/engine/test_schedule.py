@@ -17,22 +17,22 @@ JOINT, PROX = (engine_preset(name).joint for name in ("default", "prox"))
 
 
 def test_contact_and_penetration_of_prox_are_added_after_three_quarters_of_the_steps(two):
-    problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.06, 0.0]))
+    state = replace(two.state, transl=two.state.transl + torch.tensor([0.0, 0.06, 0.0]))
     prox = adjusted(PROX, optimiser__steps=6, optimiser__refresh_steps=2)
     progress: list[float] = []
-    late = optimize(problem, prox, progress.append)
+    late = optimize(state, prox, progress.append)
     assert progress == sorted(progress)
     assert progress[-1] == 1.0
-    alone = optimize(problem, adjusted(prox, contact__weight=0.0, penetration__weight=0.0))
+    alone = optimize(state, adjusted(prox, contact__weight=0.0, penetration__weight=0.0))
     assert {"contact", "penetration"} <= set(late.losses)
     assert set(alone.losses) == set(late.losses) - {"contact", "penetration"}
     assert late.steps == 8
 
 
 def test_prox_reports_losses_from_the_true_start(two):
-    problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.06, 0.0]))
+    state = replace(two.state, transl=two.state.transl + torch.tensor([0.0, 0.06, 0.0]))
     prox = adjusted(PROX, optimiser__steps=20, optimiser__refresh_steps=10)
-    energy = JointEnergy(problem, prox)
-    energy.add_terms(prox.late_terms(energy.context)[0])
+    energy = JointEnergy(state, prox)
+    energy.add_terms(prox.late_terms(energy.sampling)[0])
     start = energy()["contact"].sum().item()
-    assert optimize(problem, prox).losses["contact"][0] == pytest.approx(start, rel=0.05)
+    assert optimize(state, prox).losses["contact"][0] == pytest.approx(start, rel=0.05)

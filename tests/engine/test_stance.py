@@ -177,26 +177,26 @@ def test_people_without_a_body_have_average_feet():
     assert wider.touch[0].tolist() == touch().tolist()
 
 
-def floor_depth(problem):
+def floor_depth(state):
     """(H, W) depth of the floor alone."""
-    height, width = problem.masks.shape[-2:]
+    height, width = state.masks.shape[-2:]
     v, u = torch.meshgrid(torch.arange(height).float(), torch.arange(width).float(), indexing="ij")
     rays = torch.stack(
-        [(u - problem.K[0, 2]) / problem.K[0, 0], (v - problem.K[1, 2]) / problem.K[1, 1]], -1
+        [(u - state.K[0, 2]) / state.K[0, 0], (v - state.K[1, 2]) / state.K[1, 1]], -1
     )
-    return torch.where(rays[..., 1] > 0.02, problem.floor_offset / rays[..., 1], torch.nan)
+    return torch.where(rays[..., 1] > 0.02, state.scene.floor.offset / rays[..., 1], torch.nan)
 
 
-def people_of(problem):
+def people_of(state):
     """Keypoints and masks of a problem, and the depth (H, W) of the photo."""
-    photo = torch.where(problem.human_depth.isnan(), floor_depth(problem), problem.human_depth)
-    points, confidence = problem.keypoints.numpy(), problem.keypoint_confidence.numpy()
-    return Keypoints(points, confidence, problem.skeleton), problem.masks, photo
+    photo = torch.where(state.photo_depth.isnan(), floor_depth(state), state.photo_depth)
+    points, confidence = state.keypoints.numpy(), state.keypoint_confidence.numpy()
+    return Keypoints(points, confidence, state.skeleton), state.masks, photo
 
 
 def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_feet(make_stage):
     on_floor, over_it = (
-        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem))[0]
+        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).state))[0]
         for y in (1.3, 0.9)
     )
     assert on_floor[:2].max() < 0.06
@@ -204,7 +204,7 @@ def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_fe
 
 
 def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
-    keypoints, masks, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).problem)
+    keypoints, masks, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).state)
     points = keypoints.points.copy()
     left = [j for j, name in enumerate(keypoints.joint_set.names) if name.startswith("left_")]
     points[:, left] = math.nan
@@ -214,9 +214,7 @@ def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
 
 
 def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
-    on_floor, over_it = (
-        make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem for y in (1.3, 1.0)
-    )
+    on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).state for y in (1.3, 1.0))
     low, high = (
         depth_gaps_at_feet(*people_of(p), floor_depth(p), None)[0] for p in (on_floor, over_it)
     )
@@ -232,13 +230,13 @@ def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_s
 
 
 def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
-    problem = make_stage([({}, (0.0, 0.0, 3.0))]).problem
-    confidence = problem.keypoint_confidence.clone()
+    state = make_stage([({}, (0.0, 0.0, 3.0))]).state
+    confidence = state.keypoint_confidence.clone()
     confidence[
-        :, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]
+        :, [j for j, name in enumerate(state.skeleton.names) if name.startswith("left_")]
     ] = 0.1
-    unseen = replace(problem, keypoint_confidence=confidence)
-    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(problem), None)
+    unseen = replace(state, keypoint_confidence=confidence)
+    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(state), None)
     assert gap.isnan().tolist() == [[True, False]]
 
 
@@ -248,15 +246,15 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     """
     lifts = {"left_hip": (-0.6, 0, 0), "left_knee": (0.9, 0, 0), "left_ankle": (-0.3, 0, 0)}
     stage = make_stage([(lifts, (0.0, 0.0, 3.0))])
-    sole = stage.problem.model.contact_sets["left_sole"]
+    sole = stage.state.model.contact_sets["left_sole"]
     lift = 1.3 - float(stage.vertices[0, sole, 1].max())
     assert 0.05 < lift < 0.15
-    problem = replace(stage.problem, keypoint_confidence=0.35 * stage.problem.keypoint_confidence)
-    lifted = replace(problem, foot_touch=torch.tensor([[0.0, 1.0]]))
+    state = replace(stage.state, keypoint_confidence=0.35 * stage.state.keypoint_confidence)
+    lifted = replace(state, foot_touch=torch.tensor([[0.0, 1.0]]))
 
     def height(given):
         return 1.3 - float(
             optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max()
         )
 
-    assert height(lifted) > max(0.6 * lift, height(problem))
+    assert height(lifted) > max(0.6 * lift, height(state))

@@ -22,12 +22,12 @@ BENT = 0.3  # radians that the start has the elbow off
 @pytest.fixture(scope="module")
 def bent(make_stage):
     """A person whose left elbow is bent at the start, and straight in the photo."""
-    problem = make_stage([({}, (0.0, 0.0, 3.5))]).problem
-    rotations = problem.rotations0.clone()
+    state = make_stage([({}, (0.0, 0.0, 3.5))]).state
+    rotations = state.rotations.clone()
     rotations[:, ELBOW] = rotations[:, ELBOW] @ roma.rotvec_to_rotmat(
         torch.tensor([0.0, BENT, 0.0])
     )
-    return replace(problem, rotations0=rotations)
+    return replace(state, rotations=rotations)
 
 
 def stated(sigma):
@@ -37,10 +37,10 @@ def stated(sigma):
     return sigmas
 
 
-def turned(problem):
+def turned(state):
     """Radians by which stage 3 turns the left elbow."""
-    end = optimize(problem, SETTINGS).rotations[0, ELBOW]
-    return float(roma.rotmat_geodesic_distance(end, problem.rotations0[0, ELBOW].to(end)))
+    end = optimize(state, SETTINGS).rotations[0, ELBOW]
+    return float(roma.rotmat_geodesic_distance(end, state.rotations[0, ELBOW].to(end)))
 
 
 def test_the_smaller_its_stated_error_the_less_a_joint_turns(bent):

@@ -13,7 +13,7 @@ from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.sizes.stature import STATURE_SIGMA, linearise_stature, size_sigmas
 
-from .adjusted import adjusted
+from .adjusted import adjusted, larger_scene
 
 JOINT = engine_preset("default").joint
 
@@ -65,14 +65,8 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(
     wrong.
     """
     too_large = 1.08
-    problem = standing.problem
-    large = replace(
-        problem,
-        scene_points=too_large * problem.scene_points,
-        floor_offset=too_large * problem.floor_offset,
-        human_depth=too_large * problem.human_depth,
-        scale_sigma=scale_sigma,
-    )
+    state = standing.state
+    large = replace(larger_scene(state, too_large), scale_sigma=scale_sigma)
     # Pose and place have next to no say in it: only how large the person is, and how large the
     # scene.
     settings = adjusted(
@@ -89,6 +83,6 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(
     result = optimize(large, settings)
     precision = 1 / spread_of_stature(body) ** 2 + stature_weight / STATURE_SIGMA**2
     expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
-    grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
+    grown = math.log(float(body.stature(result.betas)) / float(body.stature(state.betas)))
     assert math.log(result.scene_scale) == pytest.approx(expected, abs=0.01)
     assert grown == pytest.approx(expected + math.log(too_large), abs=0.01)

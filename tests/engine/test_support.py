@@ -45,7 +45,7 @@ def posed(make_stage):
 
     def pose(bends):
         stage = make_stage([(bends, (0.0, 0.0, 3.0))])
-        model = stage.problem.model
+        model = stage.state.model
         normals = vertex_normals(stage.vertices, model.faces)[0]
         return model, PosedPerson(stage.vertices[0], normals)
 

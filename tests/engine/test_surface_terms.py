@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.joint.context import select_surface
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.sampling import select_surface
 from physic_core.engine.joint.terms.surface import SurfaceTerms, surface_energies
 
-from .adjusted import adjusted, in_float64, with_options
+from .adjusted import adjusted, in_float64, with_options, with_scene
 from .reference_energies import reference_surface_energies
 
 pytestmark = pytest.mark.quick
@@ -24,7 +24,10 @@ SETTINGS = {
     "default": DEFAULT,
     "frozen": adjusted(DEFAULT, frozen=("scale", "offset")),
     "no plane": with_options(
-        DEFAULT, prepare=lambda self, problem: select_surface(replace(problem, floor_normal=None))
+        DEFAULT,
+        surroundings=lambda self, state: select_surface(
+            replace(state.surroundings, floor_normal=None)
+        ),
     ),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
     "contact alone": adjusted(
@@ -41,20 +44,18 @@ def sunk(make_stage):
     stage = make_stage(
         [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
     )
-    problem = replace(
-        stage.problem, transl0=stage.problem.transl0 + torch.tensor([0.01, 0.03, 0.08])
-    )
-    return in_float64(problem)
+    state = replace(stage.state, transl=stage.state.transl + torch.tensor([0.01, 0.03, 0.08]))
+    return in_float64(state)
 
 
 def somewhere(energy: JointEnergy) -> None:
-    here = energy.state.pack()
+    here = energy.variables.pack()
     noise = torch.randn(len(here), generator=torch.Generator().manual_seed(3), dtype=here.dtype)
-    energy.state.load(here + 0.1 * noise)
+    energy.variables.load(here + 0.1 * noise)
 
 
 def slopes(energy: JointEnergy, value: torch.Tensor) -> list[torch.Tensor]:
-    parameters = energy.state.parameters()
+    parameters = energy.variables.parameters()
     weights = torch.tensor(UNALIKE, dtype=value.dtype)[: len(value)]
     found = torch.autograd.grad(
         (weights * value).sum(), parameters, allow_unused=True, retain_graph=True
@@ -103,9 +104,7 @@ def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
 
 
 def test_without_a_scene_there_is_the_floor(sunk):
-    nothing = sunk.scene_points.new_zeros(0, 3)
-    energies = assert_alike(
-        JointEnergy(replace(sunk, scene_points=nothing, scene_normals=nothing), DEFAULT)
-    )
+    empty = with_scene(sunk, valid=torch.zeros_like(sunk.scene.valid))
+    energies = assert_alike(JointEnergy(empty, DEFAULT))
     assert energies["penetration"].eq(0).all()
     assert energies["floor"].gt(0).all()

@@ -33,25 +33,25 @@ ARM = [JOINT_INDEX[f"left_{name}"] for name in ("elbow", "wrist")]
 
 def view_of(stage, turn_deg):
     """A camera at the same distance and height, turned about the first person."""
-    problem = stage.problem
+    state = stage.state
     middle = torch.tensor([0.0, 0.0, PLACE[2]])
     rotation = roma.rotvec_to_rotmat(torch.tensor([0.0, math.radians(turn_deg), 0.0]))
     translation = middle - rotation @ middle
     vertices = stage.vertices @ rotation.T + translation
-    body = problem.model(problem.rotations0, problem.betas0, problem.transl0)
-    landmarks = problem.model.landmarks(body, BLAZEPOSE) @ rotation.T + translation
+    body = state.model(state.rotations, state.betas, state.transl)
+    landmarks = state.model.landmarks(body, BLAZEPOSE) @ rotation.T + translation
     depths = [
-        cast(trimesh.Trimesh(v.numpy(), problem.model.faces.numpy(), process=False))[0]
+        cast(trimesh.Trimesh(v.numpy(), state.model.faces.numpy(), process=False))[0]
         for v in vertices
     ]
     return OtherView(
         rotation=rotation,
         translation=translation,
-        K=problem.K,
-        keypoints=landmarks[..., :2] / landmarks[..., 2:] * problem.K[0, 0] + problem.K[:2, 2],
+        K=state.K,
+        keypoints=landmarks[..., :2] / landmarks[..., 2:] * state.K[0, 0] + state.K[:2, 2],
         keypoint_confidence=torch.ones(landmarks.shape[:2]),
         masks=torch.stack([torch.from_numpy(depth < math.inf) for depth in depths]),
-        observed=torch.ones(len(problem), 55, dtype=torch.bool),
+        observed=torch.ones(len(state), 55, dtype=torch.bool),
     )
 
 
@@ -64,23 +64,23 @@ def blank(view):
     return replace(view, **nothing)
 
 
-def hide_left_arm(problem):
+def hide_left_arm(state):
     """The problem of a photo that guesses the left arm down: one of three photos, whose mean the
     start is.
     """
-    observed = problem.observed.clone()
-    confidence = problem.keypoint_confidence.clone()
+    observed = state.observed.clone()
+    confidence = state.keypoint_confidence.clone()
     observed[:, ARM] = False
-    for j, name in enumerate(problem.skeleton.names):
+    for j, name in enumerate(state.skeleton.names):
         if name.startswith("left_") and name.endswith(
             ("elbow", "wrist", "pinky", "index", "thumb")
         ):
             confidence[:, j] = 0.0
-    rotations = problem.rotations0.clone()
+    rotations = state.rotations.clone()
     for name, guess in (("left_shoulder", (0.0, 0.0, -1.2)), ("left_elbow", (0.0, 0.0, 0.0))):
         mean = (2 * torch.tensor(RAISED[name]) + torch.tensor(guess)) / 3
         rotations[:, JOINT_INDEX[name]] = roma.rotvec_to_rotmat(mean)
-    return replace(problem, observed=observed, keypoint_confidence=confidence, rotations0=rotations)
+    return replace(state, observed=observed, keypoint_confidence=confidence, rotations=rotations)
 
 
 @pytest.fixture(scope="module")
@@ -95,16 +95,16 @@ def two(make_stage):
 
 def posed(energy):
     """The bodies of the energy's state, as its terms get them."""
-    problem = energy.problem
-    estimate = energy.state.unpack()
-    body = problem.model(estimate.rotations, estimate.betas, estimate.transl)
-    keypoints = problem.model.landmarks(body, problem.skeleton)
+    state = energy.state
+    estimate = energy.variables.unpack()
+    body = state.model(estimate.rotations, estimate.betas, estimate.transl)
+    keypoints = state.model.landmarks(body, state.skeleton)
     return PosedBodies(
-        body.vertices[:, energy.context.ids],
+        body.vertices[:, energy.sampling.ids],
         body.joints,
         keypoints,
         estimate,
-        *energy.state.deviation(),
+        *energy.variables.deviation(),
     )
 
 
@@ -113,15 +113,15 @@ def arm_error_m(result, stage):
 
 
 def test_a_limb_that_the_photo_hides_is_found_by_other_cameras(raised):
-    problem = replace(hide_left_arm(raised.problem), scale_sigma=0.01)
+    state = replace(hide_left_arm(raised.state), scale_sigma=0.01)
     settings = adjusted(SETTINGS, optimiser__steps=200, optimiser__tolerance=1e-6)
-    assert arm_error_m(optimize(problem, settings), raised) > 0.03
+    assert arm_error_m(optimize(state, settings), raised) > 0.03
     views = (view_of(raised, 40.0), view_of(raised, -50.0))
-    assert arm_error_m(optimize(replace(problem, views=views), settings), raised) < 0.01
+    assert arm_error_m(optimize(replace(state, views=views), settings), raised) < 0.01
 
 
 def test_a_camera_that_shows_nobody_changes_no_bit(two):
-    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.0, 0.1]))
+    start = replace(two.state, transl=two.state.transl + torch.tensor([0.0, 0.0, 0.1]))
     short = adjusted(SETTINGS, optimiser__steps=20)
     alone, with_view = (
         optimize(replace(start, views=v), short) for v in ((), (blank(view_of(two, 40.0)),))
@@ -133,13 +133,13 @@ def test_a_camera_that_shows_nobody_changes_no_bit(two):
 def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
     views = (view_of(two, 40.0), view_of(two, 120.0))
     start = replace(
-        two.problem, transl0=two.problem.transl0 + torch.tensor([0.05, 0.0, 0.1]), views=views
+        two.state, transl=two.state.transl + torch.tensor([0.05, 0.0, 0.1]), views=views
     )
-    energy = JointEnergy(start.to_model_dtype(), SETTINGS)
+    energy = JointEnergy(start, SETTINGS)
     term = term_of(energy, ViewsTerm)
-    body = energy.problem.model(start.rotations0, start.betas0, start.transl0)
-    landmarks = energy.problem.model.landmarks(body, BLAZEPOSE)
-    stature = energy.problem.model.stature(start.betas0)
+    body = energy.state.model(start.rotations, start.betas, start.transl)
+    landmarks = energy.state.model.landmarks(body, BLAZEPOSE)
+    stature = energy.state.model.stature(start.betas)
     weights = [BLAZEPOSE.weights.get(name, 1.0) for name in BLAZEPOSE.names]
     height, width = start.masks.shape[-2:]
     sums = [0.0, 0.0]
@@ -159,9 +159,7 @@ def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
 
 
 def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
-    energy = JointEnergy(
-        replace(two.problem, views=(view_of(two, 70.0),)).to_model_dtype(), SETTINGS
-    )
+    energy = JointEnergy(replace(two.state, views=(view_of(two, 70.0),)), SETTINGS)
     term = term_of(energy, ViewsTerm)
     bodies = posed(energy)
     larger = replace(bodies, keypoints=1.2 * (bodies.keypoints + 0.05))
@@ -174,9 +172,9 @@ def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
 
 
 def test_gradient_in_float64(two):
-    start = replace(two.problem, views=(view_of(two, 40.0), view_of(two, 120.0)))
-    problem = in_float64(start).to_model_dtype()
-    energy = JointEnergy(problem, SETTINGS)
+    start = replace(two.state, views=(view_of(two, 40.0), view_of(two, 120.0)))
+    state = in_float64(start)
+    energy = JointEnergy(state, SETTINGS)
     term = term_of(energy, ViewsTerm)
     bodies = posed(energy)
 
@@ -195,31 +193,29 @@ def test_gradient_in_float64(two):
 
 def test_what_another_camera_shows_takes_part_in_contact(raised):
     """A hand that the photo does not show counts as visible once a camera shows it."""
-    problem = hide_left_arm(raised.problem)
-    hand = problem.model.part_of_vertex == problem.model.part_names.index("left_hand")
+    state = hide_left_arm(raised.state)
+    hand = state.model.part_of_vertex == state.model.part_names.index("left_hand")
     shown = {}
     for name, views in (
         ("alone", ()),
         ("views", (view_of(raised, 40.0),)),
         ("blank", (blank(view_of(raised, 40.0)),)),
     ):
-        energy = JointEnergy(replace(problem, views=views).to_model_dtype(), SETTINGS)
+        energy = JointEnergy(replace(state, views=views), SETTINGS)
         shown[name] = float(
-            energy.snapshot.visibility.eligible[0, hand[energy.context.ids]].float().mean()
+            energy.snapshot.visibility.eligible[0, hand[energy.sampling.ids]].float().mean()
         )
     assert shown == {"alone": 0.0, "views": 1.0, "blank": 0.0}
 
 
 def test_shapes_of_a_view_are_checked(two):
     view = view_of(two, 40.0)
-    broken = replace(two.problem, views=(view, replace(view, masks=view.masks[:1])))
+    broken = replace(two.state, views=(view, replace(view, masks=view.masks[:1])))
     with pytest.raises(PhysicError, match="view 1: masks must be"):
         optimize(broken, SETTINGS)
 
 
 def test_an_energy_without_other_cameras_refuses_them(two):
-    problem = replace(
-        two.problem, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2
-    )
+    state = replace(two.state, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2)
     with pytest.raises(PhysicError, match=r"^only the engine preset 'default' uses other cameras"):
-        optimize(problem, engine_preset("release").joint)
+        optimize(state, engine_preset("release").joint)

@@ -15,6 +15,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.measures import clearance, depth_ratio, visible_share
 from physic_core.engine.stance import Stance
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
@@ -26,7 +27,6 @@ from physic_core.pipeline.checks import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.person_measures import clearance, depth_ratio, visible_share
 from physic_core.types import (
     CameraTrust,
     CheckResult,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.pipeline.person_measures import compare_silhouettes
+from physic_core.engine.measures import compare_silhouettes
 
 HEIGHT = 300
 WIDTH = 400

@@ -9,21 +9,26 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import (
+from physic_core.engine.contact.distances import (
+    KINDS,
     ContactSurfaces,
+    Distances,
     distance_along_normal,
     nearby_surfaces,
 )
-from physic_core.engine.contact.features import KINDS, Distances, feature_columns
-from physic_core.engine.contact.parts import contact_parts, scene_contact
-from physic_core.engine.contact.probability import contact_model
+from physic_core.engine.contact.probability import (
+    contact_model,
+    contact_parts,
+    feature_columns,
+    scene_contact,
+)
 from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
 if TYPE_CHECKING:
-    from physic_core.engine.contact.problem import ContactInput
-    from physic_core.engine.joint.problem import JointProblem
+    from physic_core.engine.scene.state import Surroundings
+    from physic_core.engine.state import State
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ class Touch:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
         probability: (N, V) of contact with anything; None if the method estimates none.
         parts: body part -> (N,) probability that it touches scene or floor; empty if the method
-            estimates none. See :mod:`physic_core.engine.contact.parts`.
+            estimates none. See :mod:`physic_core.engine.contact.probability`.
     """
 
     kind: Tensor
@@ -74,41 +79,38 @@ class ContactMethod:
     bar in their hands (:mod:`physic_core.engine.contact.support`).
     """
 
-    def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
-        """Return what bodies (B, V, 3), metres, may touch: the scaled scene near them, and the
+    def surfaces(self, around: Surroundings, vertices: Tensor, scale: float) -> ContactSurfaces:
+        """Return what bodies (N, V, 3), metres, may touch: the scaled scene near them, and the
         plane of the floor.
         """
-        floor = (
-            None
-            if problem.floor_normal is None
-            else (problem.floor_normal, problem.floor_offset * scale)
-        )
-        return nearby_surfaces(problem, vertices, scale, floor)
+        normal = around.floor_normal
+        floor = None if normal is None else (normal, around.floor_offset * scale)
+        return nearby_surfaces(around, vertices, scale, floor)
 
-    def free_vertices(self, problem: JointProblem, vertices: Tensor, scale: float) -> Tensor | None:
-        """Return the vertices (B, V) bool in space that the photo shows to be free; None if no
+    def free_vertices(self, state: State, around: Surroundings) -> Tensor | None:
+        """Return the vertices (N, V) bool in space that the photo shows to be free; None if no
         depth is known.
         """
-        if problem.scene_depth is None:
+        if around.depth is None:
             return None
-        return in_free_space(vertices / scale, front_depth(problem.scene_depth), problem.K)
+        return in_free_space(state.vertices / state.scene_scale, front_depth(around.depth), state.K)
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
         """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``."""
         return distance_along_normal(offsets, normals, distance)
 
-    def touch(self, given: ContactInput, near: Distances) -> Touch:
+    def touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
         A vertex touches scene or floor only if its body part does.
         """
-        probabilities = contact_model().probabilities(feature_columns(given, near))
-        probabilities[0], parts = scene_contact(given, near)
-        apart = torch.zeros_like(given.prior, dtype=torch.bool)
-        for name, chosen in contact_parts(given.model).items():
+        probabilities = contact_model().probabilities(feature_columns(state, near))
+        probabilities[0], parts = scene_contact(state, near)
+        apart = torch.zeros_like(state.vertices[..., 0], dtype=torch.bool)
+        for name, chosen in contact_parts(state.model).items():
             apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
         in_reach = torch.isfinite(near.by_kind)
-        may_touch = given.model.outer & given.finite[:, None]
+        may_touch = state.model.outer & state.finite[:, None]
         likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
         rank = torch.where(in_reach, probabilities, -1.0)
         skin = torch.where(in_reach, probabilities, 0.0)[1 : KINDS.index("object")].amax(0)

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.features import KINDS, Distances
+from physic_core.engine.contact.distances import KINDS, Distances
 from physic_core.engine.contact.probability import ContactModel, mean_of_surest
 from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import UPRIGHT_CLASSES

@@ -1,9 +1,19 @@
-"""Probability of contact with skin and objects: a fitted logistic model over named features for
-each kind of contact, and for body parts. That of contact with the scene follows from the body part,
-see :mod:`.parts`.
+"""Probability of contact: of body parts and of their vertices with scene and floor, and of vertices
+with skin and small objects.
 
-The coefficients, the script that made them, its data, and the error on held-out data are in
-``coefficients.json``.
+A part has one probability of contact with scene or floor, see :mod:`physic_core.engine.touch`. All
+its vertices share the errors of its position, so that its distance is one number: the fifth
+smallest of its vertices, which is robust to outliers. A vertex has the probability of its part,
+times how near it is to the surface beside the nearest vertices of the part, and how directly its
+skin faces the surface. The place of a part that no pixel shows is a guess, so its distance is
+ignored. It has the base rate of its kind, and feet that of the posture.
+
+Contact with skin and objects is a fitted logistic model over named features, one column per reason
+for or against it; a new feature is a new column here, and a coefficient in ``coefficients.json``
+beside it, which states the data of the fit and the error on held-out data. Distances enter as
+logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface. The *gap* of a part
+to a surface is one feature, and the *rise* of a vertex, its distance minus the gap, is another,
+which is far more accurate.
 """
 
 from __future__ import annotations
@@ -13,12 +23,43 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import NamedTuple, TypeAlias
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.features import KINDS, Columns
-from physic_core.engine.touch import IN_WORLDS, touch_log_odds
+from physic_core.body.model import BodyModel
+from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances, SkinDistances
+from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.limbs import hip_bends
+from physic_core.engine.stance import Stance
+from physic_core.engine.state import State
+from physic_core.engine.touch import (
+    DEPTH_BESIDE,
+    DISTANCE,
+    HANGING,
+    HOLDING,
+    IN_WORLDS,
+    touch_log_odds,
+)
+from physic_core.types.skeletons import SIDES
+
+Columns: TypeAlias = Mapping[str, Tensor]
+
+_LOG_UNIT_M = 0.01
+_STRAIGHT_HIP = np.pi / 4  # radians between thigh and trunk
+_GAP_VERTICES = 5
+
+SEAT = "seat"
+"""Part of buttocks and thighs: what people sit on."""
+
+_KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
+_RATED = ("foot", "hand", SEAT)  # kinds whose rate is known where no pixel shows them
+_SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
+_MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
+_SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
+
 
 SUREST_VERTICES = 10
 """Number of vertices whose mean probability decides whether their body part touches."""
@@ -87,3 +128,268 @@ def contact_model() -> ContactModel:
     text = (files("physic_core.engine.contact") / "coefficients.json").read_text(encoding="utf-8")
     record = json.loads(text)
     return ContactModel(record["vertex"], record["part"], record["nearness"])
+
+
+def contact_parts(model: BodyModel) -> dict[str, Tensor]:
+    """Return the vertices (V,) bool of each body part: the contact regions, with thighs and
+    buttocks as one part.
+    """
+    regions = contact_regions(model)
+    found: dict[str, Tensor] = {}
+    for number, name in enumerate(regions.names):
+        part = part_of_region(name)
+        chosen = (regions.region == number) & model.outer
+        found[part] = found[part] | chosen if part in found else chosen
+    return found
+
+
+def part_of_region(region: str) -> str:
+    """Return the part of a region of contacts."""
+    return SEAT if kind_of_part(region) == SEAT else region
+
+
+def kind_of_part(part: str) -> str:
+    """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one
+    model.
+    """
+    return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "other")
+
+
+def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name
+    -> (N,).
+    """
+    at = near_scene(state, near)
+    unseen = unseen_parts(state, near)
+    parts = {}
+    for name, features in part_features(state, at.gap).items():
+        kind = kind_of_part(name)
+        odds = torch.as_tensor(touch_log_odds(kind, features))
+        if kind in _RATED:
+            odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
+        parts[name] = torch.sigmoid(odds)
+    limbs = _parts(state.model, "hand", "foot")
+    model = contact_model().nearness
+    far_m, power = (
+        torch.where(limbs, model[f"{name}, hand or foot"], model[name])
+        for name in ("far_m", "facing")
+    )
+    of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(state.model)]
+    return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
+
+
+def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
+    """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
+    shown = state.seen | near.in_mask
+    parts = contact_parts(state.model)
+    return {
+        name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
+    }
+
+
+class NearScene(NamedTuple):
+    """Distances of N people's parts and vertices from the scene.
+
+    Attributes:
+        gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is
+            near.
+        rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is
+            far.
+        facing: (N, V) cosine between the skin and the surface that it faces.
+    """
+
+    gap: Tensor
+    rise: Tensor
+    facing: Tensor
+
+
+def near_scene(state: State, near: Distances) -> NearScene:
+    """Return where vertices are beside scene and floor.
+
+    A part with nothing near it is compared with a level surface under its lowest vertices.
+    """
+    distance, facing = _to_scene(state, near)
+    height = torch.where(state.model.outer, state.vertices @ state.up, torch.inf)
+    group = _groups(state.model)
+    gap = _gaps(state.model, distance)
+    lowest = _gaps(state.model, height)
+    lost = torch.isinf(gap)[:, group]
+    rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
+    return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ state.up), facing))
+
+
+def nearness(rise: Tensor, facing: Tensor, far_m: Tensor, power: Tensor) -> Tensor:
+    """Return the share of the probability of a part that its vertices have; see :class:`NearScene`.
+
+    Args:
+        rise: (...) metres.
+        facing: (...) cosine.
+        far_m: (...) rise at which half of the probability is left, metres.
+        power: (...) of the cosine.
+    """
+    return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
+
+
+def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
+    """Return part -> name of a feature -> values (N,): one reason for or against contact of the
+    part with the scene.
+
+    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
+    radius. "bend at the hips" is the smaller angle between trunk and thighs, radians; 0 is
+    straight. "depth beside", "hanging" and "holding" are those of the stance.
+
+    Args:
+        state: bodies, and what the photo shows of them.
+        gap: (N, P) distance of each part, metres; inf if nothing is near.
+    """
+    joints = state.joints
+    stance = state.stance or Stance.unknown(len(joints))
+    beside, hanging, holding = (
+        torch.tensor(values).to(joints)
+        for values in (stance.depth_beside, stance.hanging, stance.holding)
+    )
+    bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
+    found: dict[str, dict[str, Tensor]] = {}
+    for name, own in zip(contact_parts(state.model), gap.T, strict=True):
+        found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
+        side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
+        column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
+        if column is not None:
+            found[name][DEPTH_BESIDE] = beside[:, column]
+        if kind_of_part(name) == "foot":
+            found[name][HANGING] = hanging
+        if kind_of_part(name) == "hand":
+            found[name][HOLDING] = holding[:, side]
+    found[SEAT]["bend at the hips"] = bend
+    return found
+
+
+def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
+    """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
+    parts = contact_parts(model).values()
+    return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
+
+
+def _groups(model: BodyModel) -> Tensor:
+    """Return the row (V,) int64 of the part of each vertex in :func:`contact_parts`; 0 for inner
+    vertices.
+    """
+    parts = torch.stack(list(contact_parts(model).values()))
+    return parts.int().argmax(0)
+
+
+def _to_scene(state: State, near: Distances) -> tuple[Tensor, Tensor]:
+    """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with
+    which they face it.
+
+    The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
+    """
+    surface = near.surface
+    parts = near.parts
+    by_plane = surface.on_floor
+    towards = torch.zeros_like(near.normals)
+    if len(parts.ground):
+        ground = parts.ground[surface.point] & torch.isfinite(surface.scene)
+        by_plane = by_plane | (ground & torch.isfinite(surface.floor))
+        towards = near.surface_normals
+    distance = torch.where(by_plane, surface.floor, surface.scene)
+    towards = torch.where(by_plane[..., None], state.up, towards)
+    return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
+
+
+def feature_columns(state: State, near: Distances) -> dict[str, Columns]:
+    """Return the columns (N, V) of the features of each kind of contact but the scene, by name."""
+    part = state.model.part_of_vertex
+    columns: dict[str, Columns] = {"own body": _own_columns(state, near.own)}
+    if len(state.vertices) > 1:
+        whose = part + len(state.model.part_names) * near.people.person
+        columns["person"] = _skin_columns(state, near.people, whose)
+    if near.objects is not None:
+        columns["object"] = _shared_columns(
+            near.objects.distance, part.expand_as(near.objects.object), state.seen
+        )
+    return columns
+
+
+def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
+    """Return the gap (N, V) of the group of each vertex: the fifth smallest of its finite
+    distances; inf without any.
+
+    Args:
+        distance: (N, V) signed, metres; inf where nothing is near.
+        group: (N, V) int64; vertices of one person and group share their errors.
+    """
+    values = distance.detach().cpu().numpy()
+    groups = group.cpu().numpy()
+    gaps = np.full(values.shape, np.inf)
+    for own, number, gap in zip(values, groups, gaps, strict=True):
+        known = np.flatnonzero(np.isfinite(own))
+        order = known[np.lexsort((own[known], number[known]))]
+        _, first, inverse, count = np.unique(
+            number[order], return_index=True, return_inverse=True, return_counts=True
+        )
+        gap[order] = own[order][first + np.minimum(count, _GAP_VERTICES) - 1][inverse]
+    return torch.from_numpy(gaps).to(distance)
+
+
+def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, Tensor]:
+    """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share
+    their errors.
+    """
+    near = torch.isfinite(distance)
+    gap = part_gaps(distance, group)
+    d, gap = (torch.where(torch.isfinite(x), x, SEARCH_RADIUS_M) for x in (distance, gap))
+    return {
+        "constant": torch.ones_like(d),
+        "nothing near": (~near).to(d),
+        "outside": _log_cm(d),
+        "inside": _log_cm(-d),
+        "rise": _log_cm(d - gap),
+        "gap outside": _log_cm(gap),
+        "unseen limb": (~seen).to(d),
+    }
+
+
+def _skin_columns(state: State, skin: SkinDistances, group: Tensor) -> dict[str, Tensor]:
+    """Return the columns (N, V) of contact with other people."""
+    hands = _parts(state.model, "hand")
+    other = state.model.part_of_vertex[skin.vertex]
+    shared = _shared_columns(skin.distance, group * len(state.model.part_names) + other, state.seen)
+    return shared | {"hand": (hands | hands[skin.vertex]).to(skin.distance)}
+
+
+def _own_columns(state: State, skin: SkinDistances) -> dict[str, Tensor]:
+    """Return the columns (N, V) of contact with the same body."""
+    part = state.model.part_of_vertex
+    hands = _parts(state.model, "hand")
+    thighs = _parts(state.model, "upper_leg")
+    arms = _parts(state.model, "hand", "lower_arm")
+    near = torch.isfinite(skin.distance)
+    # One of two clasped hands usually hides the other: the place of a hand that the photo shows is
+    # known.
+    seen = state.seen | (state.seen & hands).gather(1, skin.vertex)
+    shared = _shared_columns(
+        skin.distance, part * len(state.model.part_names) + part[skin.vertex], seen
+    )
+    straight = hip_bends(state.joints) < _STRAIGHT_HIP
+    hip = straight[
+        :, _parts(state.model, "right_upper_leg", "right_hand", "right_lower_arm").long()
+    ]
+    at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])
+    hand = near & (hands | hands[skin.vertex])
+    return shared | {
+        "hand": hand.to(skin.distance),
+        "outside, hand": hand * shared["outside"],
+        "arm at straight hip": (near & at_thigh & hip).to(skin.distance),
+    }
+
+
+def _parts(model: BodyModel, *endings: str) -> Tensor:
+    """Return the vertices (V,) bool of body parts whose names have one of these suffixes."""
+    chosen = torch.tensor([name.endswith(endings) for name in model.part_names])
+    return chosen.to(model.part_of_vertex.device)[model.part_of_vertex]
+
+
+def _log_cm(distance: Tensor) -> Tensor:
+    """Return log(1 + d / 1 cm) of the positive part of distances in metres."""
+    return torch.log1p(torch.relu(distance) / _LOG_UNIT_M)

@@ -1,7 +1,4 @@
-"""Stage 4: which vertices touch, what they touch, and what supports each person (paper sec.
-
-3.3).
-"""
+"""Stage 4: which vertices touch, what they touch, and what supports each person (sec. 3.3)."""
 
 from __future__ import annotations
 
@@ -10,8 +7,21 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.dents import dent_depths, largest_dents
-from physic_core.engine.contact.features import KINDS, Distances, measure_distances
+from physic_core.engine.contact.distances import (
+    KINDS,
+    OWN_RADIUS_M,
+    SEARCH_RADIUS_M,
+    ContactSurfaces,
+    Distances,
+    HeldObjects,
+    SkinDistances,
+    dent_depths,
+    largest_dents,
+    object_distances,
+    own_distances,
+    people_distances,
+    surface_distances,
+)
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
@@ -20,10 +30,15 @@ from physic_core.engine.contact.partner import (
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import SEAT, contact_parts, part_of_region, unseen_parts
-from physic_core.engine.contact.probability import contact_model
-from physic_core.engine.contact.problem import ContactInput, ContactResult
+from physic_core.engine.contact.probability import (
+    SEAT,
+    contact_model,
+    contact_parts,
+    part_of_region,
+    unseen_parts,
+)
 from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
 from physic_core.engine.contact.support import (
     ContactEvidence,
     PersonSupport,
@@ -31,7 +46,14 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
+from physic_core.engine.measures import depth_ratios
+from physic_core.engine.state import Contact, Estimates, State
 from physic_core.engine.touch import LEAST_PROBABILITY
+from physic_core.geometry.camera import project
+from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.tensors import select_pixels, tensor
+from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
 _PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own body", "object"))
@@ -39,29 +61,106 @@ _PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own bod
 _BEARS = 0.3
 
 
-def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
-    """Return the contact of all people. People with non-finite vertices touch nothing."""
-    near = measure_distances(given, method.measure, skin=method.people)
-    touch = method.touch(given, near)
-    carried = _find_supports(given, near, touch, method)
-    return _describe_contacts(given, near, _with_hidden(given, touch, carried), carried, method)
+def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> State:
+    """Return the state with the contact of all people; those with non-finite vertices touch
+    nothing.
+    """
+    around, bodies = state.surroundings, state.vertices[state.finite]
+    surfaces = method.surfaces(around, bodies, state.scene_scale)
+    classes, objects = _classify_points(estimates, state), _held_objects(estimates, state)
+    near = measure_distances(state, surfaces, classes, method, objects)
+    return replace(state, contact=contact_of(state, near, method))
+
+
+def contact_of(state: State, near: Distances, method: ContactMethod) -> Contact:
+    """Return the contact of people by their distances."""
+    touch = method.touch(state, near)
+    carried = _find_supports(state, near, touch, method)
+    return _describe_contacts(state, near, _with_hidden(state, touch, carried), carried)
+
+
+def measure_distances(
+    state: State,
+    surfaces: ContactSurfaces,
+    classes: ClassifiedPoints,
+    method: ContactMethod,
+    objects: HeldObjects | None = None,
+) -> Distances:
+    """Measure the distances to scene, floor, skin and small objects.
+
+    Args:
+        state: with the final bodies.
+        surfaces: of scene and floor.
+        classes: of the points of the scene.
+        method: of stage 4.
+        objects: small objects in hands and on laps; None if people touch none.
+    """
+    model, vertices, scene = state.model, state.vertices, surfaces.scene
+    normals = vertex_normals(vertices, model.faces)
+    free = method.free_vertices(state, state.surroundings)
+    surface = surface_distances(vertices, surfaces, method.measure, free)
+    floor, height = state.scene.floor, None
+    if floor is not None:
+        offset = vertices.new_tensor(floor.offset * state.scene_scale)
+        height = height_over_plane(scene.points, state.up, offset)
+    parts = scene_parts(scene.points, scene.normals, surfaces.row, classes, height, state.up)
+    people = own = SkinDistances.none(vertices)
+    if method.people:
+        rest = model(*model.zero_pose()).vertices[0]
+        people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
+        part = model.part_of_vertex
+        own = own_distances(vertices, normals, model.outer, part, rest, OWN_RADIUS_M)
+    return Distances(
+        normals=normals,
+        surface=surface,
+        parts=parts,
+        people=people,
+        own=own,
+        objects=None if objects is None else object_distances(vertices, objects, SEARCH_RADIUS_M),
+        surface_normals=scene.normals[surface.point].to(vertices)
+        if len(scene.points)
+        else torch.zeros_like(normals),
+        in_mask=inside_mask(project(vertices, state.K), state.masks),
+    )
+
+
+def _classify_points(estimates: Estimates, state: State) -> ClassifiedPoints:
+    """Return the classes of the valid scene points, all unknown if the segmenter labels none."""
+    surfaces, valid = estimates.people.surfaces, state.scene.valid
+    (inpainted,) = select_pixels(valid, tensor(estimates.hole))
+    if surfaces is None:
+        nothing = torch.zeros_like(inpainted, dtype=torch.int64)
+        return ClassifiedPoints(("unknown",), nothing, ~inpainted)
+    (labels,) = select_pixels(valid, tensor(surfaces.labels).long())
+    return ClassifiedPoints(surfaces.names, labels, ~inpainted)
+
+
+def _held_objects(estimates: Estimates, state: State) -> HeldObjects | None:
+    """Return the objects in the photo; None without any, or if their depth is unknown."""
+    masks = estimates.objects
+    if masks is None or not len(masks) or state.photo_depth is None:
+        return None
+    depth = state.photo_depth * state.scene_scale
+    ratios = [torch.nan if one is None else 1 / one for one in depth_ratios(state)]
+    shown = tensor(masks).to(depth.device)
+    return HeldObjects(shown, depth, state.vertices.new_tensor(ratios), state.K)
 
 
 def _find_supports(
-    given: ContactInput, near: Distances, touch: Touch, method: ContactMethod
+    state: State, near: Distances, touch: Touch, method: ContactMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
-    beneath = near.normals[near.people.person, near.people.vertex] @ given.up
+    beneath = near.normals[near.people.person, near.people.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
     beside = (touch.kind == _PERSON) & (beneath < _BEARS)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
-    seen = given.seen
+    seen = state.seen
     found: list[PersonSupport | None] = []
-    for i, finite in enumerate(given.finite.tolist()):
+    for i, finite in enumerate(state.finite.tolist()):
         if not finite:
             found.append(None)
             continue
-        body = PosedPerson(given.vertices[i], near.normals[i])
+        body = PosedPerson(state.vertices[i], near.normals[i])
         evidence = ContactEvidence(
             contact=outward[i],
             seen=seen[i],
@@ -70,7 +169,7 @@ def _find_supports(
             holds=_both(touch, "hand", i),
         )
         found.append(
-            find_support(given.model, body, evidence, given.up, assume=method.assume_supports)
+            find_support(state.model, body, evidence, state.up, assume=method.assume_supports)
         )
     return tuple(found)
 
@@ -86,9 +185,7 @@ def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
     )
 
 
-def _with_hidden(
-    given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]
-) -> Touch:
+def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
     """Return the contacts with those of hidden supports.
 
     The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
@@ -97,7 +194,7 @@ def _with_hidden(
     kind = touch.kind.clone()
     probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
-    vertices = contact_parts(given.model) if likely else {}
+    vertices = contact_parts(state.model) if likely else {}
     for i, one in enumerate(carried):
         if one is None:
             continue
@@ -113,22 +210,21 @@ def _with_hidden(
 
 
 def _describe_contacts(
-    given: ContactInput,
+    state: State,
     near: Distances,
     touch: Touch,
     carried: tuple[PersonSupport | None, ...],
-    method: ContactMethod,
-) -> ContactResult:
+) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
-    regions = contact_regions(given.model)
-    partners, index = assign_partners(touch.kind, near, regions, given.up)
+    regions = contact_regions(state.model)
+    partners, index = assign_partners(touch.kind, near, regions, state.up)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
-    unseen = unseen_parts(given) if touch.parts else {}
+    unseen = unseen_parts(state, near) if touch.parts else {}
     contacts = []
     supports = []
     for i, one in enumerate(carried):
-        carrying = torch.zeros_like(given.model.outer) if one is None else one.contact | one.hidden
+        carrying = torch.zeros_like(state.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         person = VertexContacts(index[i], likely, dents[i])
         parts = {name: part_of_region(name) for name in regions.names if unseen}
@@ -142,8 +238,8 @@ def _describe_contacts(
         own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
         bearing = body_contacts(own, partners, regions, assumed=assumed)
         supports.append(None if one is None else support_record(one, bearing, listed))
-    return ContactResult(
-        contact=touch.kind >= 0,
+    return Contact(
+        touches=touch.kind >= 0,
         probability=touch.probability,
         distance=near.surface.nearest,
         partner=index,

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.precompute import precompute
-from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.snapshot import (
     MAX_MOTION_M,
     OcclusionTracker,
@@ -19,51 +18,52 @@ from physic_core.engine.joint.snapshot import (
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.people import connected_groups
 from physic_core.engine.joint.terms.picture import ViewsTerm
+from physic_core.engine.state import State
 from physic_core.errors import PhysicError
 
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
 
 
 class JointEnergy:
-    """Energy of B people and their scene, as a function of its :attr:`state`.
+    """Energy of B people and their scene, as a function of its :attr:`variables`.
 
     Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest
     points stay fixed as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then
     smooth, as a line search needs it.
 
     Args:
-        problem: with finite people only.
+        state: with finite people only.
         settings: of stage 3, which list the terms.
 
     Attributes:
-        state: the free parameters.
+        variables: the free parameters.
         terms: summands of the energy.
         scene: search structure of the scene points near the people.
         snapshot: visibility, nearest points and distances that the terms were refreshed with.
         evaluations: number of calls.
 
     Raises:
-        PhysicError: data of a term is missing, or the energy does not use the views of the problem.
+        PhysicError: data of a term is missing, or the energy does not use the views of the state.
     """
 
-    def __init__(self, problem: JointProblem, settings: JointMethod) -> None:
-        self.problem = problem
+    def __init__(self, state: State, settings: JointMethod) -> None:
+        self.state = state
         self._settings = settings
         self.evaluations = 0
-        self.context = precompute(problem, settings)
-        self.state = settings.initial_state(self.context)
-        weights = self.context.person_weights
+        self.sampling = precompute(state, settings)
+        self.variables = settings.initial_variables(self.sampling)
+        weights = self.sampling.person_weights
         self._people = None if bool((weights == 1).all()) else weights
-        self.terms = tuple(settings.terms(self.context, self.state))
-        if problem.known is not None:  # known sizes are a part of every energy
+        self.terms = tuple(settings.terms(self.sampling, self.variables))
+        if state.known is not None:  # known sizes are a part of every energy
             from physic_core.engine.joint.terms.body import KnownSizeTerm
 
-            self.terms = (*self.terms, KnownSizeTerm(self.context))
-        if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
+            self.terms = (*self.terms, KnownSizeTerm(self.sampling))
+        if state.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
             raise PhysicError("only the engine preset 'default' uses other cameras: omit its views")
-        self._gathered = self.context.start.vertices
-        self.scene = settings.nearby_scene(self.context, self._gathered, 1.0)
-        self._self_occlusion = OcclusionTracker(self.context)
+        self._gathered = self.sampling.start.vertices
+        self.scene = settings.nearby_scene(self.sampling, self._gathered, 1.0)
+        self._self_occlusion = OcclusionTracker(self.sampling)
         self._visibility: Visibility | None = None
         self.snapshot: Snapshot
         self.refresh()
@@ -83,7 +83,7 @@ class JointEnergy:
         if not any(bool((value > 0).any()) for term in terms for value in term(bodies).values()):
             return None
         links = torch.cat([term.links for term in terms])
-        return connected_groups(links, len(self.problem)).to(links.device)
+        return connected_groups(links, len(self.state)).to(links.device)
 
     @property
     def weights(self) -> dict[str, Tensor]:
@@ -93,25 +93,23 @@ class JointEnergy:
     @torch.no_grad()
     def refresh(self) -> None:
         """Update visibility, nearest points and the weights of each term at the current state."""
-        problem = self.problem
-        context = self.context
-        estimate = self.state.unpack()
-        bodies = problem.model(
-            estimate.rotations, estimate.betas, estimate.transl, problem.expression0
-        )
+        state = self.state
+        sampling = self.sampling
+        estimate = self.variables.unpack()
+        bodies = state.model(estimate.rotations, estimate.betas, estimate.transl, state.expression)
         scale = float(estimate.log_scale.exp())
         unscaled = bodies.vertices / scale
         if not (unscaled - self._gathered).abs().amax() < MAX_MOTION_M - _MARGIN_M:
             self._gathered = unscaled
-            self.scene = self._settings.nearby_scene(context, bodies.vertices, scale)
+            self.scene = self._settings.nearby_scene(sampling, bodies.vertices, scale)
         self._visibility = self._settings.update_visibility(
-            context, bodies, self._self_occlusion, self._visibility
+            sampling, bodies, self._self_occlusion, self._visibility
         )
-        self._update(self._visibility, bodies.vertices[:, context.ids], scale)
+        self._update(self._visibility, bodies.vertices[:, sampling.ids], scale)
 
     def _update(self, visibility: Visibility, vertices: Tensor, scale: float) -> None:
         """Update nearest points and the weights of each term."""
-        contacts = update_contacts(self.context, visibility.normals, self.scene, vertices, scale)
+        contacts = update_contacts(self.sampling, visibility.normals, self.scene, vertices, scale)
         self.snapshot = Snapshot(visibility, contacts, vertices, scale)
         for term in self.terms:
             term.refresh(self.snapshot)
@@ -136,12 +134,12 @@ class JointEnergy:
 
     def _posed_bodies(self) -> PosedBodies:
         """Return bodies and scene parameters at the current state, differentiable."""
-        problem = self.problem
-        estimate = self.state.unpack()
-        posed = self.context.pose(
-            estimate.rotations, estimate.betas, estimate.transl, problem.expression0
+        state = self.state
+        estimate = self.variables.unpack()
+        posed = self.sampling.pose(
+            estimate.rotations, estimate.betas, estimate.transl, state.expression
         )
-        people, scale = self.state.deviation()
+        people, scale = self.variables.deviation()
         return PosedBodies(
-            posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale
+            posed["vertices"], posed["joints"], posed[state.skeleton], estimate, people, scale
         )

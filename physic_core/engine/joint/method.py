@@ -11,22 +11,23 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import (
-    JointContext,
+from physic_core.engine.joint.optimiser import Optimiser
+from physic_core.engine.joint.sampling import (
+    Sampling,
     VisibilitySettings,
     WeightedKeypoints,
     select_surface,
 )
-from physic_core.engine.joint.optimiser import Optimiser
-from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.snapshot import (
     MAX_MOTION_M,
     OcclusionTracker,
     Visibility,
     update_visibility,
 )
-from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.variables import Variables
+from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.state import State
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.types.bounds import FrozenGroups
 
@@ -60,28 +61,30 @@ class JointMethod(ABC):
     def search_radius_m(self) -> float:
         """Search radius of vertices for scene points, metres."""
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem as the energy uses it, with the scene points that distances are
-        measured to.
-        """
-        return select_surface(problem)
+    def prepare(self, state: State) -> State:
+        """Return the state as the energy uses it, such as with other contacts."""
+        return state
 
-    def weigh_people(self, problem: JointProblem) -> Tensor:
+    def surroundings(self, state: State) -> Surroundings:
+        """Return the surfaces that distances are measured to."""
+        return select_surface(state.surroundings)
+
+    def weigh_people(self, state: State) -> Tensor:
         """Return the weight (B,) of each person in the energy: the size in the photo, relative to
         the largest person.
 
         The scale of the scene then follows the people who are most visible.
         """
         # A sum over the pixels of Booleans takes twenty times as long.
-        sides = torch.stack([mask.count_nonzero() for mask in problem.masks]).sqrt()
+        sides = torch.stack([mask.count_nonzero() for mask in state.masks]).sqrt()
         return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
 
     @abstractmethod
-    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
         """Return the keypoints and their weights.
 
         Args:
-            problem: from :meth:`prepare`, with finite people only.
+            state: from :meth:`prepare`, with finite people only.
         """
 
     def weigh_vertices(self, area_m2: Tensor) -> Tensor:
@@ -89,22 +92,21 @@ class JointMethod(ABC):
         return area_m2 / _AREA_UNIT_M2
 
     def nearby_scene(
-        self, context: JointContext, vertices: Tensor, scale: float
+        self, sampling: Sampling, vertices: Tensor, scale: float
     ) -> NearestPointSearch:
         """Return the search structure of the scene points near people (B, V, 3), metres, at a scale
         of the scene.
 
         A margin is left for the motion of people.
         """
-        points = context.problem.scene_points
-        normals = context.problem.scene_normals
-        radius = context.search_radius_m
+        points, normals = sampling.around.points, sampling.around.normals
+        radius = sampling.search_radius_m
         keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
         return NearestPointSearch(points[keep], normals[keep], radius)
 
     def update_visibility(
         self,
-        context: JointContext,
+        sampling: Sampling,
         bodies: BodyOutput,
         self_occlusion: OcclusionTracker,
         last: Visibility | None,
@@ -116,17 +118,17 @@ class JointMethod(ABC):
             self_occlusion: of the B people.
             last: the last visibility; None at the first update.
         """
-        return update_visibility(context, bodies, self_occlusion)
+        return update_visibility(sampling, bodies, self_occlusion)
 
     @abstractmethod
-    def initial_state(self, context: JointContext) -> State:
+    def initial_variables(self, sampling: Sampling) -> Variables:
         """Return the free parameters at the start."""
 
     @abstractmethod
-    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+    def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
         """Return terms added after the others have converged, and the optimiser of the energy with
         them.
 

@@ -19,7 +19,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.variables import Variables
 from physic_core.types.bounds import Count, NotNegative, PositiveCount
 
 _SCENE_TERM = "scale"  # the term of the scene, not of a person
@@ -28,7 +28,7 @@ _SCENE_TERM = "scale"  # the term of the scene, not of a person
 class Energy(Protocol):
     """Energy as a function of its state, for a minimiser that changes the state."""
 
-    state: State
+    variables: Variables
 
     def __call__(self) -> Mapping[str, Tensor]:
         """Return the weighted terms at the current state: (B,) each, "scale" is (1,);
@@ -91,10 +91,10 @@ def revert_if_worse(
     Returns:
         Each term at the start and at the accepted state, both under the visibility of ``end``.
     """
-    state = energy.state
-    state.load(start)
+    variables = energy.variables
+    variables.load(start)
     before = energy()
-    state.load(end)
+    variables.load(end)
     after = energy()
     better = finite_energy_per_person(after, groups) <= finite_energy_per_person(before, groups)
     if not bool(better.all()) or not _finite_total(after) <= _finite_total(before):
@@ -102,9 +102,9 @@ def revert_if_worse(
         after = energy()
         if not _finite_total(after) <= _finite_total(before):
             # Terms between people depend on the other people's states.
-            state.load(start)
+            variables.load(start)
             after = before
-        if not torch.equal(state.pack(), end):
+        if not torch.equal(variables.pack(), end):
             energy.refresh()
     return term_totals(before), term_totals(after)
 
@@ -121,8 +121,8 @@ def keep_lowest_energy(
         states: packed, at least one.
         groups: (B,) int64, see :func:`revert_if_worse`.
     """
-    state = energy.state
-    everybody = torch.ones(state.num_people, dtype=torch.bool, device=states[0].device)
+    variables = energy.variables
+    everybody = torch.ones(variables.num_people, dtype=torch.bool, device=states[0].device)
     best = (math.inf, math.inf)
     chosen = states[0]
     for shared in states:
@@ -130,19 +130,19 @@ def keep_lowest_energy(
         own = None
         scale = 0.0
         for other in states:
-            state.load(shared)
-            state.load_people(other, everybody)
+            variables.load(shared)
+            variables.load_people(other, everybody)
             energies = energy()
             scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
             found = finite_energy_per_person(energies, groups)
             if mixed is None or own is None:
-                mixed = state.pack()
+                mixed = variables.pack()
                 own = found
                 continue
             better = found < own
-            state.load(mixed)
-            state.load_people(other, better)
-            mixed = state.pack()
+            variables.load(mixed)
+            variables.load_people(other, better)
+            mixed = variables.pack()
             own = torch.where(better, found, own)
         if own is not None and mixed is not None:
             # A person with non-finite energy in all states is excluded from the totals.
@@ -151,7 +151,7 @@ def keep_lowest_energy(
             if value < best:
                 best = value
                 chosen = mixed
-    state.load(chosen)
+    variables.load(chosen)
 
 
 def _finite_total(energies: Mapping[str, Tensor]) -> float:
@@ -210,10 +210,10 @@ def join_results(
     energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
 ) -> MinimisationResult:
     """Merge the results of two consecutive minimisations; the first started at ``origin``."""
-    end = energy.state.pack()
-    energy.state.load(origin)
+    end = energy.variables.pack()
+    energy.variables.load(origin)
     start = term_totals(energy())
-    energy.state.load(end)
+    energy.variables.load(end)
     return MinimisationResult(
         start,
         second.end,
@@ -252,12 +252,14 @@ class Optimiser(ABC):
             groups: (B,) int64 of people who touch each other; the end is kept or reverted for all
                 people of a group.
         """
-        state = energy.state
-        origin = state.pack()
+        variables = energy.variables
+        origin = variables.pack()
         take_steps = self.start(energy, groups)
         done = 0
         blocks = list[BlockResult]()
-        while done < self.steps and state.parameters() and not (blocks and blocks[-1].converged):
+        while (
+            done < self.steps and variables.parameters() and not (blocks and blocks[-1].converged)
+        ):
             if done:
                 energy.refresh()
             steps = min(self.refresh_steps, self.steps - done)
@@ -268,7 +270,7 @@ class Optimiser(ABC):
         # else the motion is too small to change visibility
         if not (blocks and blocks[-1].converged):
             energy.refresh()
-        start, end = revert_if_worse(energy, state.pack(), origin, groups)
+        start, end = revert_if_worse(energy, variables.pack(), origin, groups)
         if progress is not None:
             progress(1.0)
         evaluations = sum(block.evaluations for block in blocks)
@@ -323,16 +325,16 @@ class _Point:
 
 def _evaluate(energy: Energy, at: Tensor) -> _Point:
     """Return the energy and its gradient at a state; the energy is inf if either is not finite."""
-    state = energy.state
-    state.load(at)
+    variables = energy.variables
+    variables.load(at)
     total = total_energy(energy())
-    wanted = [*state.parameters(), state.scale_shares]
+    wanted = [*variables.parameters(), variables.scale_shares]
     gradients = torch.autograd.grad(total, wanted, allow_unused=True)
     flat = [torch.zeros_like(p) if g is None else g for p, g in zip(wanted, gradients, strict=True)]
     gradient = torch.cat([g.reshape(-1) for g in flat[:-1]])
     # one synchronisation with the device
     value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()
-    people, scale = state.split(gradient)
+    people, scale = variables.split(gradient)
     if scale is not None:
         scale = flat[-1] + (scale - flat[-1].sum()) / len(people)
     finite = math.isfinite(value) and math.isfinite(checksum)
@@ -343,7 +345,7 @@ def _lbfgs_block(
     energy: Energy, tolerance: float, history: LbfgsHistory, steps: int
 ) -> BlockResult:
     """Take L-BFGS steps between two refreshes."""
-    state = energy.state
+    variables = energy.variables
     evaluations = 0
 
     def evaluate(at: Tensor) -> _Point:
@@ -351,22 +353,22 @@ def _lbfgs_block(
         evaluations += 1
         return _evaluate(energy, at)
 
-    here = evaluate(state.pack())
+    here = evaluate(variables.pack())
     values = [here.value]
     taken = 0
     while taken < steps and math.isfinite(here.value):
-        direction = state.merge(*history.direction(here.of_people))
+        direction = variables.merge(*history.direction(here.of_people))
         slope = float(direction @ here.gradient)
         if slope >= 0:
             history.clear()
-            direction = state.merge(*history.direction(here.of_people))
+            direction = variables.merge(*history.direction(here.of_people))
             slope = float(direction @ here.gradient)
         if slope > -_MIN_SLOPE * max(1.0, abs(here.value)):
             break
         found = _backtrack(evaluate, here, direction, slope)
         if found is None:
             break
-        history.add(*state.split(found.at - here.at), here.of_people, found.of_people)
+        history.add(*variables.split(found.at - here.at), here.of_people, found.of_people)
         here = found
         values.append(here.value)
         taken += 1
@@ -374,7 +376,7 @@ def _lbfgs_block(
             here.value
         ):
             break
-    state.load(here.at)
+    variables.load(here.at)
     converged = values[0] - here.value < tolerance * abs(values[0])
     return BlockResult(evaluations, taken, converged)
 

@@ -1,4 +1,4 @@
-"""Constants of one joint optimisation, computed from its problem before it starts."""
+"""Constants of one joint optimisation, computed from the state before it starts."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.engine.joint.context import JointContext, root_relative
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling, root_relative
 from physic_core.engine.limbs import observed_parts
-from physic_core.engine.state import OtherView
+from physic_core.engine.state import OtherView, State
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import cluster_points, faces_around_vertices, vertex_areas
 from physic_core.geometry.visibility import front_depth, inside_image
@@ -24,69 +23,69 @@ _CONTACT_PROBABILITY = 0.5  # minimum of a contact vertex
 
 
 @torch.no_grad()
-def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
-    """Compute the constants of one joint optimisation of a problem with finite people only."""
-    person_weights = method.weigh_people(problem)
-    problem, model = method.prepare(problem), problem.model
-    start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    observed = problem.observed_anywhere
-    height, width = problem.masks.shape[-2:]
-    probability = torch.nan_to_num(problem.contact_probability)
+def precompute(state: State, method: JointMethod) -> Sampling:
+    """Compute the constants of one joint optimisation of finite people."""
+    person_weights = method.weigh_people(state)
+    state, model = method.prepare(state), state.model
+    start = model(state.rotations, state.betas, state.transl, state.expression)
+    observed = state.observed_anywhere
+    height, width = state.masks.shape[-2:]
+    probability = torch.nan_to_num(state.contact_prior)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area
     )
-    depth = problem.human_depth
-    faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
-    context = JointContext(
-        problem=problem,
+    depth = state.photo_depth
+    around = method.surroundings(state)
+    faces, faces_of_vertices = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
+    sampling = Sampling(
+        state=state,
+        around=around,
         person_weights=person_weights,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
         ids=ids,
         faces=faces,
-        faces_of_vertices=around,
-        pose=model.landmarks_only([problem.skeleton], ids),
+        faces_of_vertices=faces_of_vertices,
+        pose=model.landmarks_only([state.skeleton], ids),
         area=method.weigh_vertices(area),
-        contact_probability=probability[:, ids],
+        contact_prior=probability[:, ids],
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         soles=_sole_rows(model, ids),
-        keypoints=method.weigh_keypoints(problem),
-        person_px=_person_px(problem, start.joints[:, 0]),
+        keypoints=method.weigh_keypoints(state),
+        person_px=_person_px(state, start.joints[:, 0]),
         start=start,
-        relative=root_relative(
-            start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]
-        ),
+        relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
         feet_visible=observed[:, _ANKLES]
-        & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
+        & inside_image(project(start.joints[:, _ANKLES], state.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
-        fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
+        fronts=None if around.depth is None else front_depth(around.depth),
     )
     return replace(
-        context, views=tuple(_context_of_view(context, view, method) for view in problem.views)
+        sampling, views=tuple(_sampling_of_view(sampling, view, method) for view in state.views)
     )
 
 
-def _context_of_view(context: JointContext, view: OtherView, method: JointMethod) -> JointContext:
+def _sampling_of_view(sampling: Sampling, view: OtherView, method: JointMethod) -> Sampling:
     """Return the constants with the camera and the detections of another view."""
-    problem = context.problem.seen_by(view)
+    state = sampling.state.seen_by(view)
     return replace(
-        context,
-        problem=problem,
-        keypoints=method.weigh_keypoints(problem),
-        person_px=_person_px(problem, view.to_camera(context.start.joints[:, 0])),
+        sampling,
+        state=state,
+        keypoints=method.weigh_keypoints(state),
+        person_px=_person_px(state, view.to_camera(sampling.start.joints[:, 0])),
         log_depth=None,
         fronts=None,
     )
 
 
-def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
+def _person_px(state: State, pelvis: Tensor) -> Tensor:
     """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera
     frame.
     """
-    return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
+    return state.K[1, 1] * state.model.stature(state.betas) / pelvis[:, 2].clamp(min=0.1)
 
 
 def subsample_vertices(

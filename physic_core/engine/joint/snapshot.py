@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
@@ -62,15 +62,15 @@ class Visibility:
 class OcclusionTracker:
     """Self-occlusion of moving people; rays are recast only for people who have moved."""
 
-    def __init__(self, context: JointContext) -> None:
-        model = context.problem.model
+    def __init__(self, sampling: Sampling) -> None:
+        model = sampling.state.model
         self._cast = partial(
             self_occlusion,
             faces=model.faces,
             part_of_vertex=model.part_of_vertex,
             parts=limb_part_indices(model.part_names),
             share=HIDDEN_LIMB_SHARE,
-            coarse=model.coarse if context.visibility.vertex_spacing_m else None,
+            coarse=model.coarse if sampling.visibility.vertex_spacing_m else None,
         )
         self._seen: Tensor | None = None
         self._hidden = self._hidden_limbs = torch.zeros(0)
@@ -100,7 +100,7 @@ class OcclusionTracker:
 
 @torch.no_grad()
 def update_visibility(
-    context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker
+    sampling: Sampling, bodies: BodyOutput, self_occlusion: OcclusionTracker
 ) -> Visibility:
     """Compute the visibility of the subsampled vertices from masks, normals and ray casting.
 
@@ -108,23 +108,23 @@ def update_visibility(
         bodies: posed at the current state, all vertices.
         self_occlusion: of the B people.
     """
-    problem = context.problem
-    settings = context.visibility
-    vertices = bodies.vertices[:, context.ids]
-    masks = problem.masks
-    uv = project(vertices, problem.K)
+    state = sampling.state
+    settings = sampling.visibility
+    vertices = bodies.vertices[:, sampling.ids]
+    masks = state.masks
+    uv = project(vertices, state.K)
     # Points behind the camera are not visible, although the clamped division gives them a pixel.
     in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
     in_mask = in_image & sample_mask_neighbours(
-        uv, masks, context.person_px * settings.mask_tolerance
+        uv, masks, sampling.person_px * settings.mask_tolerance
     ).any(0)
-    behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
-    normals = vertex_normals(bodies.vertices, context.faces, context.faces_of_vertices)
+    behind_self, hidden_limb = (flags[:, sampling.ids] for flags in self_occlusion(bodies.vertices))
+    normals = vertex_normals(bodies.vertices, sampling.faces, sampling.faces_of_vertices)
     toward = facing_camera(normals, vertices, settings.facing_deg)
     return Visibility(
         uv=uv,
         normals=normals,
-        eligible=context.on_visible_part & in_image,
+        eligible=sampling.on_visible_part & in_image,
         in_mask=in_mask,
         hidden=~in_mask | hidden_limb,
         facing=toward & in_mask,
@@ -198,7 +198,7 @@ def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor
 
 @torch.no_grad()
 def update_contacts(
-    context: JointContext,
+    sampling: Sampling,
     body_normals: Tensor,
     scene: NearestPointSearch,
     vertices: Tensor,
@@ -212,16 +212,16 @@ def update_contacts(
         vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
     """
-    problem = context.problem
-    plane = context.problem.floor_normal
+    state = sampling.state
+    plane = sampling.around.floor_normal
     nearest = scene.query(vertices, scale)
-    far = torch.full_like(context.area, torch.inf)
-    zeros = torch.zeros_like(context.area)
-    no = torch.zeros_like(context.on_visible_part)
+    far = torch.full_like(sampling.area, torch.inf)
+    zeros = torch.zeros_like(sampling.area)
+    no = torch.zeros_like(sampling.on_visible_part)
     free = (
-        no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
+        no if sampling.fronts is None else in_free_space(vertices / scale, sampling.fronts, state.K)
     )
-    floor_offset = vertices.new_tensor(problem.floor_offset * scale)
+    floor_offset = vertices.new_tensor(sampling.around.floor_offset * scale)
     signed = far
     facing_scene = zeros
     points = normals = plane_distance = None

@@ -11,14 +11,14 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
-from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.state import SceneState
+from physic_core.engine.state import Estimates, State
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
+from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
@@ -26,30 +26,30 @@ _INVALID_ENERGY = "the energy of the start is not finite"
 
 
 def optimize(
-    problem: JointProblem, settings: JointMethod, progress: Callable[[float], None] | None = None
-) -> JointResult:
+    state: State, settings: JointMethod, progress: Callable[[float], None] | None = None
+) -> State:
     """Minimise the joint energy over people and the scale of the scene.
 
     One energy covers all people and the scale of the scene. A person with a non-finite start keeps
     it and is listed in ``failures``; the others are optimised without that person.
 
     Args:
-        problem: placed people and their scene.
+        state: placed people and their scene.
+        settings: of stage 3.
         progress: called with the completed share of the work, 0-1.
 
     Raises:
         PhysicError: inconsistent shapes, or the data of the depth term is missing.
     """
-    problem.check()
-    problem = problem.to_model_dtype()
-    failures = [""] * len(problem)
-    healthy = people_with_valid_start(problem)
+    state.check()
+    failures = [""] * len(state)
+    healthy = _has_valid_start(state)
     for i in (~healthy).nonzero().flatten().tolist():
         failures[i] = _INVALID_START
     energy: JointEnergy | None = None
     while healthy.any():
         rows = healthy.nonzero(as_tuple=True)[0]
-        energy = JointEnergy(problem.select_people(rows), settings)
+        energy = JointEnergy(state.select_people(rows), settings)
         finite = _finite_energy(energy)
         if finite.all():
             break
@@ -57,26 +57,35 @@ def optimize(
             failures[i] = _INVALID_ENERGY
         healthy[rows[~finite]] = False
         energy = None
+    unknown = torch.full_like(state.transl[:, 0], torch.nan)
+    state = replace(state, failures=tuple(failures), depth_offset=unknown)
     if energy is None:
-        return _start_result(problem, tuple(failures))
-    origin = energy.state.pack()
+        return _posed(state)
+    origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
-    late, optimiser = settings.late_terms(energy.context)
+    late, optimiser = settings.late_terms(energy.sampling)
     groups = energy.add_terms(late)
     if groups is not None:
-        minimised = join_results(
-            energy, origin, minimised, optimiser.minimise(energy, groups=groups)
-        )
-    return _merged_result(
-        problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures)
-    )
+        again = optimiser.minimise(energy, groups=groups)
+        minimised = join_results(energy, origin, minimised, again)
+    return _with_optimised(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
+
+
+def _has_valid_start(state: State) -> Tensor:
+    """Return which people (N,) bool have finite start parameters, and start in front of the camera
+    that shows them.
+    """
+    fine = (state.transl[:, 2] > 0) | ~state.masks.flatten(1).any(1)
+    for start in (state.rotations, state.betas, state.transl):
+        fine = fine & torch.isfinite(start).flatten(1).all(1)
+    return fine
 
 
 def _finite_energy(energy: JointEnergy) -> Tensor:
     """Return which people (B,) bool have finite terms and gradients."""
-    people = len(energy.problem)
+    people = len(energy.state)
     energy_per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
-    parameters = [energy.state.values[g] for g in energy.state.free if g != "scale"]
+    parameters = [energy.variables.values[g] for g in energy.variables.free if g != "scale"]
     gradients = (
         torch.autograd.grad(energy_per_person.sum(), parameters, allow_unused=True)
         if parameters
@@ -90,96 +99,44 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _start_result(
-    problem: JointProblem, failures: tuple[str, ...], output: BodyOutput | None = None
-) -> JointResult:
-    """Return the start as a result, with the vertices and joints of ``output`` if it is given."""
-    if output is None:
-        output = problem.model(
-            problem.rotations0, problem.betas0, problem.transl0, problem.expression0
-        )
-    return JointResult(
-        rotations=problem.rotations0,
-        betas=problem.betas0,
-        transl=problem.transl0,
-        scene_scale=1.0,
-        vertices=output.vertices,
-        joints=output.joints,
-        depth_offset=torch.full_like(problem.transl0[:, 0], torch.nan),
-        losses={},
-        failures=failures,
-        evaluations=0,
-        steps=0,
-    )
+def _posed(state: State) -> State:
+    """Return the state with vertices and joints of its bodies."""
+    output = state.model(state.rotations, state.betas, state.transl, state.expression)
+    return replace(state, vertices=output.vertices, joints=output.joints)
 
 
 @torch.no_grad()
-def _merged_result(
-    problem: JointProblem,
-    energy: JointEnergy,
-    minimised: MinimisationResult,
-    rows: Tensor,
-    failures: tuple[str, ...],
-) -> JointResult:
+def _with_optimised(
+    state: State, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor
+) -> State:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
-    estimate = energy.state.unpack()
-    rotations, betas, transl = (
-        initial.index_copy(0, rows, optimised)
-        for initial, optimised in (
-            (problem.rotations0, estimate.rotations),
-            (problem.betas0, estimate.betas),
-            (problem.transl0, estimate.transl),
-        )
-    )
-    output = problem.model(rotations, betas, transl, problem.expression0)
-    start = _start_result(problem, failures, output)
-    return replace(
-        start,
-        rotations=rotations,
-        betas=betas,
-        transl=transl,
-        scene_scale=float(estimate.log_scale.exp()),
-        depth_offset=start.depth_offset.index_copy(0, rows, estimate.offset),
+    found = energy.variables.unpack()
+    optimised = replace(
+        state,
+        rotations=state.rotations.index_copy(0, rows, found.rotations),
+        betas=state.betas.index_copy(0, rows, found.betas),
+        transl=state.transl.index_copy(0, rows, found.transl),
+        depth_offset=state.depth_offset.index_copy(0, rows, found.offset),
+        scene_scale=float(found.log_scale.exp()),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
+    return _posed(optimised)
 
 
-def finalize_scene(
-    scene: SceneState,
-    problem: JointProblem,
-    result: JointResult,
-    hole: Tensor,
-    settings: SceneMethod,
-) -> tuple[SceneState, JointProblem]:
-    """Return the scene after the joint optimisation, and the problem with the points and the depth
-    of that scene.
+def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:
+    """Return the state with inpainted points of the scene moved out of the people.
 
-    The scene's scale is not applied. Inpainted points inside people are moved out.
-
-    Args:
-        hole: (H, W) bool, inpainted pixels.
+    The scene's scale is not applied.
     """
-    s = result.scene_scale
-    finite = torch.isfinite(result.vertices).flatten(1).all(1)
-    if settings.carve_m and bool(finite.any()):
-        scene = _carved(
-            scene,
-            result.vertices[finite] / s,
-            problem.model.faces,
-            problem.masks[finite],
-            hole,
-            settings,
-        )
-    points, normals = scene.surface
-    problem = replace(
-        problem,
-        scene_points=points.to(problem.scene_points),
-        scene_normals=normals.to(problem.scene_normals),
-        scene_depth=None if problem.scene_depth is None else scene.depth.to(problem.scene_depth),
-    )
-    return scene, problem
+    finite = state.finite
+    if not settings.carve_m or not bool(finite.any()):
+        return state
+    bodies, masks = state.vertices[finite] / state.scene_scale, state.masks[finite]
+    hole = tensor(estimates.hole)
+    scene = _carved(state.scene, bodies, state.model.faces, masks, hole, settings)
+    return replace(state, scene=scene)
 
 
 def _carved(

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.snapshot import ContactState, Visibility
-from physic_core.engine.joint.state import Estimate
+from physic_core.engine.joint.variables import Estimate
 from physic_core.geometry.robust import loss_with_slope, robust_loss
 from physic_core.types.short_repr import ShortRepr
 

@@ -47,7 +47,6 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene, original, people = state.scene, estimates.original, tensor(estimates.hole)
-    assert scene is not None
     points, valid = tensor(original.points), tensor(original.valid)
     alignment = align_photo_points_to_scene(
         original, people, scene.points, scene.valid, method, far=_FAR_M
@@ -86,7 +85,6 @@ def people_to_place(
         method: of stage 2.
     """
     scene, model = state.scene, state.model
-    assert scene is not None
     posed = model(state.rotations, state.betas, state.transl, state.expression)
     normals = _on_cpu(method.normals(posed.vertices, model.faces))
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
@@ -235,10 +233,10 @@ def _resized(
 
     Their sizes are measured before the scene was scaled, when bodies and scene roughly agree.
     """
-    model, unscaled = state.model, replace(state, scene=known.unscaled)
-    placed = _place(estimates, unscaled, feet_seen, method)
+    model, unscaled = state.model, known.unscaled
+    assert unscaled is not None
+    placed = _place(estimates, replace(state, scene=unscaled), feet_seen, method)
     posed = model(state.rotations, state.betas, state.transl, state.expression).vertices
-    assert placed.scene is not None
     assert placed.keypoint_transl is not None
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
     floor, clouds = placed.scene.floor_plane, placed.human_points or (vertices[0, :0],) * len(posed)

@@ -54,3 +54,40 @@ class SceneState(ShortRepr):
     def floor_plane(self) -> tuple[Tensor, float] | None:
         """Normal and offset of the floor, or None."""
         return None if self.floor is None else (self.floor.normal, self.floor.offset)
+
+
+@dataclass(frozen=True)
+class Surroundings(ShortRepr):
+    """Surfaces around people, metres, in the type and on the device of their bodies.
+
+    Attributes:
+        points: (M, 3), valid points of the scene.
+        normals: (M, 3) unit towards the camera, zero where unreliable.
+        floor_normal: (3,) unit, up; None if there is no plane of the floor.
+        floor_offset: height of the camera above the floor, metres: the height of X is
+            ``floor_normal . X + floor_offset``; 0 without a floor.
+        floor_points: (F, 3) samples of the plane.
+        depth: (H, W) metres along z of the points, NaN where unknown; None if nothing shows which
+            space is free.
+    """
+
+    points: Tensor
+    normals: Tensor
+    floor_normal: Tensor | None
+    floor_offset: float
+    floor_points: Tensor
+    depth: Tensor | None
+
+    @classmethod
+    def of(cls, scene: SceneState, like: Tensor) -> Surroundings:
+        """Return the surfaces of a scene, in the type and on the device of ``like``."""
+        points, normals = scene.surface
+        floor = scene.floor
+        return cls(
+            points=points.to(like),
+            normals=normals.to(like),
+            floor_normal=None if floor is None else floor.normal.to(like),
+            floor_offset=0.0 if floor is None else floor.offset,
+            floor_points=scene.floor_points.to(like),
+            depth=scene.depth.to(like),
+        )

@@ -42,7 +42,7 @@ class AdamOptimiser(Optimiser):
 
     def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
         """Return a function that takes steps; the moments are kept over updates."""
-        parameters = energy.state.parameters()
+        parameters = energy.variables.parameters()
         optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None
         return partial(_take_steps, energy, optimiser)
 
@@ -50,11 +50,13 @@ class AdamOptimiser(Optimiser):
         self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
         """Take all steps; repeat them at a lower rate while people have kept their start."""
-        origin = energy.state.pack()
+        origin = energy.variables.pack()
         result = super().minimise(energy, progress, groups)
         rate = self.learning_rate
         for _ in range(_RATE_CUTS):
-            if not energy.state.parameters() or bool(energy.state.people_changed(origin).all()):
+            if not energy.variables.parameters() or bool(
+                energy.variables.people_changed(origin).all()
+            ):
                 break
             rate /= 10
             again = super(AdamOptimiser, replace(self, learning_rate=rate)).minimise(
@@ -71,27 +73,27 @@ def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) 
     refresh.
     """
     assert optimiser is not None  # without free parameters no step is taken
-    state = energy.state
-    parameters = state.parameters()
+    variables = energy.variables
+    parameters = variables.parameters()
     held: Tensor | None = None
-    good = state.pack()
+    good = variables.pack()
     taken = 0
     for _ in range(steps):
         broken = _differentiate(energy, parameters)
         if bool(broken.any()):
-            state.load_people(good, broken)
+            variables.load_people(good, broken)
             held = broken if held is None else held | broken
             broken = _differentiate(energy, parameters)
             if bool(broken.any()):
                 break
         taken += 1
-        good = state.pack()
+        good = variables.pack()
         optimiser.step()
         if held is not None:
-            state.load_people(good, held)
+            variables.load_people(good, held)
     broken = _differentiate(energy, parameters)
     if bool(broken.any()):
-        state.load_people(good, broken)
+        variables.load_people(good, broken)
     return BlockResult(taken + 1, taken)
 
 

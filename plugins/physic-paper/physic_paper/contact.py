@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import ContactSurfaces
-from physic_core.engine.contact.features import Distances
+from physic_core.engine.contact.distances import ContactSurfaces, Distances
 from physic_core.engine.contact.method import ContactMethod, Touch
-from physic_core.engine.contact.problem import ContactInput
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.state import State
 from physic_core.types.bounds import NotNegative
 
 
@@ -36,36 +35,33 @@ class DistanceContact(ContactMethod):
         """Return which signed distances, metres, are those of vertices in contact."""
         return (distance <= self.distance_m) & (distance >= -self.inside_m)
 
-    def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
-        """Return the scaled scene near bodies (B, V, 3), metres, with the samples of the floor."""
-        found = super().surfaces(with_floor_samples(problem), vertices, scale)
-        return replace(found, row=torch.where(found.row < len(problem.scene_points), found.row, -1))
+    def surfaces(self, around: Surroundings, vertices: Tensor, scale: float) -> ContactSurfaces:
+        """Return the scaled scene near bodies (N, V, 3), metres, with the samples of the floor."""
+        found = super().surfaces(with_floor_samples(around), vertices, scale)
+        return replace(found, row=torch.where(found.row < len(around.points), found.row, -1))
 
-    def free_vertices(self, problem: JointProblem, vertices: Tensor, scale: float) -> Tensor | None:
+    def free_vertices(self, state: State, around: Surroundings) -> None:
         """Return None: free space is not used."""
-        return None
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
         """Return the distance to the nearest point."""
         return distance
 
-    def touch(self, given: ContactInput, near: Distances) -> Touch:
+    def touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose distance is within the bounds of the settings."""
         distance = near.by_kind
-        within = self.contains(distance) & given.model.outer
+        within = self.contains(distance) & state.model.outer
         return Touch.of_rank(torch.where(within, -distance.abs(), -torch.inf), within.any(0), None)
 
 
-def with_floor_samples(problem: JointProblem) -> JointProblem:
-    """Return the problem with samples of the floor among the points of the scene, instead of its
-    plane.
-    """
-    if problem.floor_normal is None or problem.floor_points is None:
-        return problem
-    up = problem.floor_normal.expand_as(problem.floor_points)
+def with_floor_samples(around: Surroundings) -> Surroundings:
+    """Return the surroundings with samples of the floor among the points, instead of its plane."""
+    if around.floor_normal is None:
+        return around
+    up = around.floor_normal.expand_as(around.floor_points)
     return replace(
-        problem,
-        scene_points=torch.cat([problem.scene_points, problem.floor_points]),
-        scene_normals=torch.cat([problem.scene_normals, up]),
+        around,
+        points=torch.cat([around.points, around.floor_points]),
+        normals=torch.cat([around.normals, up]),
         floor_normal=None,
     )

@@ -53,18 +53,18 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import (
-    JointContext,
+from physic_core.engine.joint.sampling import (
+    Sampling,
     VisibilitySettings,
     WeightedKeypoints,
     with_static_contacts,
 )
-from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility, update_visibility
-from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import SceneScaleTerm
 from physic_core.engine.joint.terms.picture import ReprojectionTerm
+from physic_core.engine.joint.variables import Variables
+from physic_core.engine.state import State
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative
@@ -138,29 +138,27 @@ class PaperOptimisation(PublishedOptimisation):
         """Search radius of vertices for scene points, metres."""
         return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, samples of the floor, and static contacts if
-        these are chosen.
-        """
-        problem = super().prepare(problem)
-        return with_static_contacts(problem) if self.contact.source == "static" else problem
+    def prepare(self, state: State) -> State:
+        """Return the state with all limbs visible, and with static contacts if chosen."""
+        state = super().prepare(state)
+        return with_static_contacts(state) if self.contact.source == "static" else state
 
     def weigh_vertices(self, area_m2: Tensor) -> Tensor:
         """Return 1 for each vertex."""
         return torch.ones_like(area_m2)
 
     def nearby_scene(
-        self, context: JointContext, vertices: Tensor, scale: float
+        self, sampling: Sampling, vertices: Tensor, scale: float
     ) -> NearestPointSearch:
         """Return the grid over the whole scene, since its nodes depend on the extent of the
         scene.
         """
-        problem = context.problem
-        return GridSearch(problem.scene_points, problem.scene_normals, context.search_radius_m)
+        around = sampling.around
+        return GridSearch(around.points, around.normals, sampling.search_radius_m)
 
-    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
-        found = confident_keypoints(problem, _MIN_CONFIDENCE)
+        found = confident_keypoints(state, _MIN_CONFIDENCE)
         if self.reprojection.reduction == "sum":
             return found
         total = found.weight.sum(1, keepdim=True)
@@ -168,7 +166,7 @@ class PaperOptimisation(PublishedOptimisation):
 
     def update_visibility(
         self,
-        context: JointContext,
+        sampling: Sampling,
         bodies: BodyOutput,
         self_occlusion: OcclusionTracker,
         last: Visibility | None,
@@ -178,26 +176,26 @@ class PaperOptimisation(PublishedOptimisation):
 
         "The camera-facing mask remains stable throughout optimization" (paper sec. 4.1).
         """
-        now = update_visibility(context, bodies, self_occlusion)
+        now = update_visibility(sampling, bodies, self_occlusion)
         return now if last is None else replace(now, facing=last.facing)
 
-    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+    def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of Eq. 5 as printed."""
         aware = self.visibility.occlusion_aware
-        height, width = context.problem.masks.shape[-2:]
-        size = context.person_px.new_tensor([[width, height]]).expand(len(context.problem), 2)
+        height, width = sampling.state.masks.shape[-2:]
+        size = sampling.person_px.new_tensor([[width, height]]).expand(len(sampling.state), 2)
         return [
-            ReprojectionTerm(context, self.reprojection.weight, size, _square),
-            ChamferDepthTerm(self.depth, context),
-            PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron),
+            ReprojectionTerm(sampling, self.reprojection.weight, size, _square),
+            ChamferDepthTerm(self.depth, sampling),
+            PointContactTerm(sampling, self.contact.weight, CONTACT_RANGE_M, _barron),
             PointPenetrationTerm(
                 self.penetration,
-                context,
+                sampling,
                 _barron,
                 lambda snapshot: (
                     snapshot.visibility.eligible & ~(snapshot.visibility.hidden & aware)
                 ),
             ),
-            PrintedRegularisationTerm(self.regularisation, context, occlusion_aware=aware),
+            PrintedRegularisationTerm(self.regularisation, sampling, occlusion_aware=aware),
             SceneScaleTerm(self.regularisation.weight),
         ]

@@ -16,13 +16,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar
 
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
-from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import LimitSettings, LimitTerm
+from physic_core.engine.joint.variables import Variables
+from physic_core.engine.state import State
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import FrozenGroups, NotNegative
 from physic_paper.published import PublishedOptimisation
@@ -77,6 +78,8 @@ class ProxOptimisation(PublishedOptimisation):
     first steps.
     """
 
+    samples_floor: ClassVar[bool] = False
+
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
     optimiser: LbfgsOptimiser = field(default_factory=lambda: LbfgsOptimiser(90, 30, 0.0))
@@ -99,37 +102,37 @@ class ProxOptimisation(PublishedOptimisation):
         """Search radius of vertices for scene points, metres."""
         return max(_SEARCH_RADIUS_M, self.penetration.max_depth_m)
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, without a floor, and with static contacts."""
-        return with_static_contacts(super().prepare(replace(problem, floor_normal=None)))
+    def prepare(self, state: State) -> State:
+        """Return the state with all limbs visible, and with static contacts."""
+        return with_static_contacts(super().prepare(state))
 
-    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
         """Return the keypoints, weighted by squared confidence."""
-        return confident_keypoints(problem, power=2.0)
+        return confident_keypoints(state, power=2.0)
 
-    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+    def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the first steps, without bending prior: see :meth:`late_terms`."""
-        unit = max(context.problem.masks.shape[-2:]) / _FULL_HD_PX
+        unit = max(sampling.state.masks.shape[-2:]) / _FULL_HD_PX
         others = dict.fromkeys(("root", "translation", "offset"), 0.0)
         p = self.prior
         return [
             ReprojectionByAxisTerm(
-                context,
+                sampling,
                 self.reprojection.weight,
                 unit,
                 partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
             ),
             ParameterPriorTerm(
-                state,
+                variables,
                 {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others},
             ),
             LimitTerm(self.limits),
         ]
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
         """Return contact and penetration, for a third as many steps as without them."""
         contact = PointContactTerm(
-            context,
+            sampling,
             self.contact.weight,
             _SEARCH_RADIUS_M,
             partial(robust_loss, "geman_mcclure", c=_CONTACT_SCALE_M),
@@ -138,7 +141,7 @@ class ProxOptimisation(PublishedOptimisation):
         )
         penetration = PointPenetrationTerm(
             self.penetration,
-            context,
+            sampling,
             partial(robust_loss, "absolute", c=1.0),
             lambda snapshot: snapshot.visibility.eligible,
         )

@@ -11,14 +11,15 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import BODY, FACE, HANDS, Estimate, State
+from physic_core.engine.joint.sampling import Sampling
+from physic_core.engine.joint.variables import BODY, FACE, HANDS, Estimate, Variables
+from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.state import State
 from physic_paper.contact import with_floor_samples
 
 
-class UnwhitenedState(State):
+class UnwhitenedVariables(Variables):
     """Free parameters in their own units; the scale is the factor on the scene, not its
     logarithm.
     """
@@ -66,32 +67,32 @@ class PublishedOptimisation(JointMethod):
     """
 
     nearest_every_step: ClassVar[bool] = True
+    samples_floor: ClassVar[bool] = True
+    """Whether samples of the floor are among the points of the scene; otherwise there is none."""
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, and samples of the floor among the scene
-        points.
-        """
-        finite = torch.isfinite(problem.scene_points).all(-1) & torch.isfinite(
-            problem.scene_normals
-        ).all(-1)
-        problem = replace(
-            problem,
-            observed=torch.ones_like(problem.observed),
-            scene_points=problem.scene_points[finite],
-            scene_normals=problem.scene_normals[finite],
-            scene_depth=None,
-        )
-        return replace(with_floor_samples(problem), floor_normal=None)
+    def prepare(self, state: State) -> State:
+        """Return the state with all limbs visible."""
+        return replace(state, observed=torch.ones_like(state.observed))
 
-    def weigh_people(self, problem: JointProblem) -> Tensor:
+    def surroundings(self, state: State) -> Surroundings:
+        """Return all finite points of the scene, and no plane of the floor."""
+        around = state.surroundings
+        finite = torch.isfinite(around.points).all(-1) & torch.isfinite(around.normals).all(-1)
+        points, normals = around.points[finite], around.normals[finite]
+        around = replace(around, points=points, normals=normals, depth=None)
+        if self.samples_floor:
+            return with_floor_samples(around)
+        return replace(around, floor_normal=None)
+
+    def weigh_people(self, state: State) -> Tensor:
         """Return 1 for each person."""
-        return torch.ones_like(problem.transl0[:, 2])
+        return torch.ones_like(state.transl[:, 2])
 
-    def initial_state(self, context: JointContext) -> State:
+    def initial_variables(self, sampling: Sampling) -> Variables:
         """Return raw parameters without depth offsets; without a scene, its scale is constant as
         well.
         """
-        problem = context.problem
-        constant = {*self.frozen, "offset"} | (set() if len(problem.scene_points) else {"scale"})
-        start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])
-        return UnwhitenedState(*start, frozen=sorted(constant))
+        state = sampling.state
+        constant = {*self.frozen, "offset"} | (set() if len(sampling.around.points) else {"scale"})
+        start = (state.rotations, state.betas, state.transl, sampling.start.joints[:, 0])
+        return UnwhitenedVariables(*start, frozen=sorted(constant))

@@ -35,12 +35,12 @@ from typing import Literal
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
 from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility
-from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.body import SceneScaleTerm
+from physic_core.engine.joint.variables import Variables
+from physic_core.engine.state import State
 from physic_core.geometry.robust import robust_loss
 from physic_paper.paper import (
     CONTACT_RANGE_M,
@@ -89,40 +89,38 @@ class ReleaseOptimisation(PaperOptimisation):
     )
     """Deviation from the start."""
 
-    def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible, and the union of all masks as the mask of each
-        person.
-        """
-        masks = problem.masks.any(0, keepdim=True).expand_as(problem.masks)
-        return replace(super().prepare(problem), masks=masks, human_points=human_points_of(problem))
+    def prepare(self, state: State) -> State:
+        """Return the state with all limbs visible, and the union of all masks for each person."""
+        masks = state.masks.any(0, keepdim=True).expand_as(state.masks)
+        return replace(super().prepare(state), masks=masks, human_points=human_points_of(state))
 
-    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
         """Return the keypoints with the keypoint weights of the released code."""
-        return released_keypoints(problem)
+        return released_keypoints(state)
 
     def update_visibility(
         self,
-        context: JointContext,
+        sampling: Sampling,
         bodies: BodyOutput,
         self_occlusion: OcclusionTracker,
         last: Visibility | None,
     ) -> Visibility:
         """Return the visibility of the posed bodies, computed as in the released code."""
-        return update_released_visibility(context, bodies, self_occlusion, last)
+        return update_released_visibility(sampling, bodies, self_occlusion, last)
 
-    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+    def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of Eq. 5 as released."""
         aware = self.visibility.occlusion_aware
 
         def may_not_penetrate(snapshot: Snapshot) -> Tensor:
             seen = snapshot.visibility
-            return seen.eligible & (seen.in_mask | (not aware)) & ~context.is_contact
+            return seen.eligible & (seen.in_mask | (not aware)) & ~sampling.is_contact
 
         return [
-            ReleasedReprojectionTerm(context, self.reprojection.weight),
-            ChamferDepthTerm(self.depth, context),
+            ReleasedReprojectionTerm(sampling, self.reprojection.weight),
+            ChamferDepthTerm(self.depth, sampling),
             PointContactTerm(
-                context,
+                sampling,
                 self.contact.weight,
                 CONTACT_RANGE_M,
                 _barron,
@@ -130,8 +128,10 @@ class ReleaseOptimisation(PaperOptimisation):
                 outside_only=True,
             ),
             PointPenetrationTerm(
-                self.penetration, context, _barron, may_not_penetrate, per_axis=True
+                self.penetration, sampling, _barron, may_not_penetrate, per_axis=True
             ),
-            ReleasedRegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),
+            ReleasedRegularisationTerm(
+                self.regularisation, sampling, variables, occlusion_aware=aware
+            ),
             SceneScaleTerm(self.regularisation.weight),
         ]

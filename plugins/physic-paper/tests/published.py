@@ -18,8 +18,11 @@ from torch import Tensor
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyArrays, BodyModel, build_body_model, derive_vertex_sets
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.scene.state import SceneState
+from physic_core.engine.state import State
+from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_grid, unproject
+from physic_core.geometry.floor import PlaneFit
 from physic_core.types import (
     SKELETONS,
     Skeleton,
@@ -86,11 +89,21 @@ class Published:
         return torch.where(torch.isfinite(depth)[..., None], points, torch.inf)
 
     @cached_property
-    def scene(self) -> tuple[Tensor, Tensor]:
-        """Points and normals that are left of the scene, (M, 3) each."""
+    def scene(self) -> SceneState:
+        """What is left of the scene."""
         kept = self.bits("one/out/pre/inlier")
         points = self.points()
-        return points[kept], published_normals(points, torch.isfinite(points).all(-1))[kept]
+        normals = published_normals(points, torch.isfinite(points).all(-1))
+        plane = self["one/out/pre/plane"]
+        return SceneState(
+            points=points,
+            normals=normals,
+            valid=kept,
+            floor_points=self.floor,
+            K=self["camera/K"].double(),
+            alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
+            floor=PlaneFit(plane[:3], float(plane[3]), kept, 1.0, 0.0, "floor mask"),
+        )
 
     @cached_property
     def floor(self) -> Tensor:
@@ -127,9 +140,7 @@ class Published:
     # States of the optimiser
 
     def raw(self, tag: str) -> dict[str, Tensor]:
-        """Parameters of a state, as :class:`physic_core.engine.joint.state.State` has them when
-        raw.
-        """
+        """Parameters of a state, as ``Variables`` of stage 3 has them when raw."""
         return self._by_group(f"one/out/{tag}/param")
 
     def gradients(self, tag: str, term: str) -> dict[str, Tensor]:
@@ -159,8 +170,8 @@ class Published:
             rotations[:, rows] = roma.special_gramschmidt(raw[group]).reshape(1, -1, 3, 3)
         return rotations
 
-    def problem(self, start: str = "s3_start", skeleton: Skeleton = SKELETON) -> JointProblem:
-        """Stage 3's problem.
+    def state(self, start: str = "s3_start", skeleton: Skeleton = SKELETON) -> State:
+        """Return the state before stage 3.
 
         Args:
             start: state whose translation it starts from, and whose head decides where the face's
@@ -168,27 +179,21 @@ class Published:
             skeleton: joint set of the keypoints.
         """
         rotations, betas, estimated = self.given("init")
-        points, normals = self.scene
-        plane = self["one/out/pre/plane"]
         rows = JOINT_SETS[skeleton]
-        return JointProblem(
+        return State(
             model=self.body(self.rotations(start)[0]),
-            rotations0=rotations,
-            betas0=betas,
-            expression0=torch.zeros(1, 0),
-            transl0=self[f"one/out/{start}/param/transl"],
+            rotations=rotations,
+            betas=betas,
+            expression=torch.zeros(1, 0),
+            transl=self[f"one/out/{start}/param/transl"],
             keypoints=self["one/in/keypoints"][:, rows],
             keypoint_confidence=self["one/in/keypoint_conf"][:, rows],
             skeleton=skeleton,
             K=self["camera/K"],
             masks=self.bits("one/in/person_pixel")[None],
-            scene_points=points,
-            scene_normals=normals,
-            contact_probability=self["one/in/contact_prob"],
+            scene=self.scene,
+            contact_prior=self["one/in/contact_prob"],
             observed=torch.ones(1, 55, dtype=torch.bool),
-            floor_normal=plane[:3],
-            floor_offset=float(plane[3]),
-            floor_points=self.floor,
             human_points=(self.human_points,),
             estimated_transl=estimated,
             keypoint_transl=self["one/out/s1_end/param/transl"],

@@ -16,16 +16,16 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distance import surface_distances
+from physic_core.engine.contact.distances import surface_distances
 from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.engine.placement.solve import human_points
 from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
+from physic_core.engine.state import State
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
 from physic_paper.grid_search import GridSearch
@@ -60,10 +60,10 @@ def published() -> Published:
 
 def at(published: Published, state: str) -> JointEnergy:
     """The preset's energy at a stored state, what is seen of people as it is stored with it."""
-    energy = JointEnergy(published.problem(state), RELEASE.joint)
+    energy = JointEnergy(published.state(state), RELEASE.joint)
     with torch.no_grad():
         for group, value in published.raw(state).items():
-            energy.state.values[group].copy_(value)
+            energy.variables.values[group].copy_(value)
     if state in ("s1_start", "s1_end"):  # nobody has looked yet
         everywhere = torch.ones_like(energy.snapshot.visibility.in_mask)
         energy.snapshot = replace(
@@ -122,7 +122,7 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
     energy = at(published, state)
     for term, value in unweighted(energy).items():
         stored = published.gradients(state, term)
-        groups = [energy.state.values[group] for group in stored]
+        groups = [energy.variables.values[group] for group in stored]
         found = torch.autograd.grad(value, groups, retain_graph=True, allow_unused=True)
         for (group, want), gradient in zip(stored.items(), found, strict=True):
             got = torch.zeros_like(want) if gradient is None else gradient
@@ -136,7 +136,7 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
 
 
 def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Published) -> None:
-    energy = JointEnergy(published.problem(), RELEASE.joint)
+    energy = JointEnergy(published.state(), RELEASE.joint)
     for _ in range(2):
         assert torch.equal(
             energy.snapshot.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask")
@@ -146,13 +146,13 @@ def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Pu
             published.bits("one/out/s3_start/vertex_camera_facing"),
         )
         with torch.no_grad():
-            energy.state.values["translation"] += 0.2
+            energy.variables.values["translation"] += 0.2
         energy.refresh()
 
 
 @pytest.mark.parametrize("state", ["s3_start", "probe"])
 def test_limbs_are_seen_by_the_published_share(published: Published, state: str) -> None:
-    model = published.problem().model
+    model = published.state().model
     names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
     parts = sorted(
         limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right")
@@ -169,9 +169,9 @@ def test_limbs_are_seen_by_the_published_share(published: Published, state: str)
 
 def test_keypoints_weigh_as_published(published: Published) -> None:
     columns = JOINT_SETS[SKELETON]
-    context = JointEnergy(published.problem(), RELEASE.joint).context
+    sampling = JointEnergy(published.state(), RELEASE.joint).sampling
     assert torch.equal(
-        context.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns]
+        sampling.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns]
     )
 
 
@@ -182,26 +182,26 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
     """
     values = []
     for skeleton, columns in JOINT_SETS.items():
-        problem = published.problem(skeleton=skeleton)
+        state = published.state(skeleton=skeleton)
         of_body = torch.tensor([column < 23 for column in columns])
-        problem = replace(problem, keypoint_confidence=problem.keypoint_confidence * of_body)
-        values.append(float(JointEnergy(problem, RELEASE.joint)()["reprojection"].detach()))
+        state = replace(state, keypoint_confidence=state.keypoint_confidence * of_body)
+        values.append(float(JointEnergy(state, RELEASE.joint)()["reprojection"].detach()))
     assert len(values) == 3
     assert values == pytest.approx([values[0]] * 3, rel=1e-5)
-    problem = published.problem()
+    state = published.state()
     points = torch.full((1, 33, 2), 300.0)
     given = replace(
-        problem,
+        state,
         keypoints=points,
         keypoint_confidence=torch.ones(1, 33),
         skeleton=SKELETONS["blazepose33"],
     )
-    context = JointEnergy(given, RELEASE.joint).context
-    assert context.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
+    sampling = JointEnergy(given, RELEASE.joint).sampling
+    assert sampling.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
-    points = torch.cat([published.scene[0], published.floor])
+    points = torch.cat([published.scene.surface[0], published.floor])
     scene = GridSearch(points, torch.zeros_like(points), 10.0)
     query = published["one/in/knn/query"]
     found = scene.query(query)
@@ -217,27 +217,27 @@ def test_nearest_points_are_those_of_the_published_grid(published: Published) ->
 def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(
     published: Published,
 ) -> None:
-    problem, (rotations, betas, transl) = published.problem(), published.given("init")
+    state, (rotations, betas, transl) = published.state(), published.given("init")
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
     method, transl = RELEASE.placement, transl.double()
     weight = released_keypoint_weights(
-        SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks
+        SKELETON, state.keypoints, state.keypoint_confidence, state.masks
     )
     vertices = posed.vertices[0].double()
     person = PlacementProblem(
         landmarks=model.landmarks(posed, SKELETON)[0].double(),
-        keypoints=problem.keypoints[0].double(),
+        keypoints=state.keypoints[0].double(),
         confidence=weight[0].double(),
         size=torch.ones(2, dtype=torch.float64),
         vertices=vertices,
         normals=method.normals(posed.vertices, model.faces)[0].double(),
         outer=torch.ones(len(vertices), dtype=torch.bool),
         points=published.human_points.double(),
-        mask=method.mask(problem.masks, 0),
+        mask=method.mask(state.masks, 0),
         soles=vertices[:0],
         plane=None,
-        K=problem.K.double(),
+        K=state.K.double(),
         row=0,
         people=1,
     )
@@ -258,7 +258,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
 
 
 def test_stage_three_ends_within_5_mm(published: Published) -> None:
-    result = optimize(published.problem(), RELEASE.joint)
+    result = optimize(published.state(), RELEASE.joint)
     off = 1e3 * (result.vertices - published["one/out/s3_end/vertices"]).norm(dim=-1)
     assert float(off.mean()) < 5
     assert result.scene_scale == pytest.approx(
@@ -269,17 +269,19 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
 @pytest.mark.parametrize("whose", WHOSE)
 def test_no_vertex_of_the_contact_map_differs(published: Published, whose: str) -> None:
     vertices, scale = whose_body(published, whose)
-    problem = published.problem()
-    contact = contact_map(problem, vertices, scale)
+    state = published.state()
+    contact = contact_map(state, vertices, scale)
     assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 
-def contact_map(problem: JointProblem, vertices: Tensor, scale: float) -> Tensor:
+def contact_map(state: State, vertices: Tensor, scale: float) -> Tensor:
     """Contact (B, V) bool by the rule of preset "release"."""
     method = RELEASE.contact
     assert isinstance(method, DistanceContact)
-    near = surface_distances(vertices, method.surfaces(problem, vertices, scale), method.measure)
-    return method.contains(near.nearest) & problem.model.outer
+    near = surface_distances(
+        vertices, method.surfaces(state.surroundings, vertices, scale), method.measure
+    )
+    return method.contains(near.nearest) & state.model.outer
 
 
 def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
@@ -312,15 +314,10 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8
     assert len(scene.floor_points) == len(published.floor)
     assert float((scene.floor_points - published.floor).abs().max()) < 5e-5
-    problem = replace(
-        published.problem(),
-        scene_points=scene.points[scene.valid].float(),
-        scene_normals=scene.normals[scene.valid].float(),
-        floor_points=scene.floor_points.float(),
-    )
+    state = replace(published.state(), scene=scene)
     for whose in WHOSE:
         vertices, scale = whose_body(published, whose)
-        contact = contact_map(problem, vertices, scale)
+        contact = contact_map(state, vertices, scale)
         assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 

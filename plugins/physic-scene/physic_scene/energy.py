@@ -22,11 +22,11 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.engine.contact.features import Distances
-    from physic_core.engine.contact.problem import ContactInput
+    from physic_core.engine.contact.distances import Distances
     from physic_core.engine.floor import FloorEvidence
     from physic_core.engine.placement.terms import PlacementProblem
     from physic_core.engine.scene.method import Cameras
+    from physic_core.engine.state import State
     from physic_core.geometry.floor import FloorSearch
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
@@ -132,10 +132,10 @@ class ViewsContact(ContactMethod):
     0.4 has the best F1 of four worlds with four views; 0.35 has 0.01 less.
     """
 
-    def touch(self, given: ContactInput, near: Distances) -> Touch:
+    def touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts by the mean probability, for people whom several photos show."""
         assert self.views is not None
-        own = super().touch(given, near)
+        own = super().touch(state, near)
         photos = self.views.photos
         assert own.probability is not None
         probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[
@@ -143,7 +143,7 @@ class ViewsContact(ContactMethod):
         ]
         reach = torch.where(torch.isfinite(near.by_kind), near.by_kind.abs(), torch.inf)
         nearest = torch.where(torch.isfinite(reach).any(0), reach.argmin(0), HIDDEN)
-        may_touch = given.model.outer & given.finite[:, None]
+        may_touch = state.model.outer & state.finite[:, None]
         touches = (probability >= self.views_threshold) & may_touch
         kind = torch.where(touches, torch.where(own.kind >= 0, own.kind, nearest), -1)
         several = (photos > 0)[:, None]

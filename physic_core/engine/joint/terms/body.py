@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import PARENTS, joint_pair
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
+from physic_core.engine.joint.variables import Variables
 from physic_core.engine.sizes.evidence import KNOWN_SIZE_SIGMA
 from physic_core.engine.sizes.stature import linearise_stature, stature_prior
+from physic_core.engine.state import State
 from physic_core.types.bounds import NotNegative, Positive
 
 if TYPE_CHECKING:
@@ -74,23 +74,23 @@ def vertex_weights(
     return torch.where(strong, occluded, visible).to(area.dtype) * area
 
 
-def stated_weights(problem: JointProblem, expected: Tensor) -> Tensor:
+def stated_weights(state: State, expected: Tensor) -> Tensor:
     """Return the weights (B, 22) of the rotations of pelvis and body joints, by the errors that the
     estimator states.
 
     NaN where it states none, and where the photo shows no joint that the rotation moves.
 
     Args:
-        problem: of B people.
+        state: of B people.
         expected: (22,) radians, expected angles of correction, in which deviations are measured.
     """
-    if problem.rotation_sigma is None:
-        return expected.new_full((len(problem), len(expected)), torch.nan)
+    if state.rotation_sigma is None:
+        return expected.new_full((len(state), len(expected)), torch.nan)
     children = [
         [j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))
     ]
-    shown = torch.stack([problem.observed[:, moved].any(1) for moved in children], 1)
-    sigma = problem.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
+    shown = torch.stack([state.observed[:, moved].any(1) for moved in children], 1)
+    sigma = state.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
     return torch.where(shown, _STATED_WEIGHT * (expected / sigma).square(), torch.nan)
 
 
@@ -105,19 +105,19 @@ class RegularisationTerm:
     def __init__(
         self,
         settings: RegularisationSettings,
-        context: JointContext,
-        state: State,
+        sampling: Sampling,
+        variables: Variables,
         *,
         occlusion_aware: bool,
     ) -> None:
         self._settings = settings
-        self._context = context
+        self._sampling = sampling
         self._occlusion_aware = occlusion_aware
-        self._photos = context.problem.photos
-        self._prior_weight = state.expand_to_parameters(
+        self._photos = sampling.state.photos
+        self._prior_weight = variables.expand_to_parameters(
             _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
         )
-        stated = stated_weights(context.problem, state.expected_turns).repeat_interleave(3, 1)
+        stated = stated_weights(sampling.state, variables.expected_turns).repeat_interleave(3, 1)
         added = stated - self._prior_weight[: stated.shape[1]]
         self._stated_beyond_prior = torch.where(added.isfinite(), added, 0.0)
         self.weights: dict[str, Tensor] = {}
@@ -129,7 +129,7 @@ class RegularisationTerm:
             snapshot,
             s.visible_weight,
             _OCCLUDED_WEIGHT,
-            self._context.area,
+            self._sampling.area,
             occlusion_aware=self._occlusion_aware,
         )
         self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
@@ -217,10 +217,10 @@ class StatureTerm(Term):
     result.
     """
 
-    def __init__(self, settings: StatureSettings, context: JointContext) -> None:
+    def __init__(self, settings: StatureSettings, sampling: Sampling) -> None:
         self._weight = settings.weight
         self._stature = (
-            linearise_stature(context.problem.model, context.problem.betas0)
+            linearise_stature(sampling.state.model, sampling.state.betas)
             if settings.weight
             else None
         )
@@ -236,13 +236,13 @@ class StatureTerm(Term):
 class KnownSizeTerm(Term):
     """Squared deviations of log sizes from the known ones, in units of :data:`KNOWN_SIZE_SIGMA`."""
 
-    def __init__(self, context: JointContext) -> None:
-        problem = context.problem
-        assert problem.known is not None
-        self._known = problem.known
-        self._K = problem.K
-        self._floor_offset = problem.floor_offset
-        self._stature = linearise_stature(problem.model, problem.betas0)
+    def __init__(self, sampling: Sampling) -> None:
+        state = sampling.state
+        assert state.known is not None
+        self._known = state.known
+        self._K = state.K
+        self._floor_offset = sampling.around.floor_offset
+        self._stature = linearise_stature(state.model, state.betas)
         self._ends: list[BodyEnds] = []
 
     def refresh(self, snapshot: Snapshot) -> None:

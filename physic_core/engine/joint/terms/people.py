@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from physic_core.body.model import BodyModel
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, RobustSum, Snapshot, Term
 from physic_core.engine.joint.terms.scene import (
     SLACK_M,
@@ -200,21 +200,23 @@ class PeopleTerm(Term):
     """
 
     def __init__(
-        self, contact: ContactTermSettings, penetration: PenetrationSettings, context: JointContext
+        self, contact: ContactTermSettings, penetration: PenetrationSettings, sampling: Sampling
     ) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
-        self._is_on = bool(self._touch_weight or self._apart_weight) and len(context.area) > 1
+        self._is_on = bool(self._touch_weight or self._apart_weight) and len(sampling.area) > 1
         self.pairs: PeoplePairs
         self.apart: RobustSum
         self.touch: RobustSum
         if self._is_on:
-            model = context.problem.model
-            self._probes = select_probes(model, context.ids, context.area)
+            model = sampling.state.model
+            self._probes = select_probes(model, sampling.ids, sampling.area)
             touching = torch.tensor(
-                [name in _TOUCHING_PARTS for name in model.part_names], device=context.ids.device
+                [name in _TOUCHING_PARTS for name in model.part_names], device=sampling.ids.device
             )
-            self._may_touch = context.on_visible_part & touching[model.part_of_vertex[context.ids]]
+            self._may_touch = (
+                sampling.on_visible_part & touching[model.part_of_vertex[sampling.ids]]
+            )
 
     @property
     def links(self) -> Tensor:

@@ -10,12 +10,12 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
 from physic_core.engine.joint.snapshot import sample_mask_neighbours
-from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, RobustSum, Snapshot, Term
+from physic_core.engine.joint.variables import Variables
 from physic_core.engine.limbs import keypoints_of_observed_limbs
+from physic_core.engine.state import State
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
@@ -66,19 +66,19 @@ class ReprojectionTerm(Term):
     :func:`reprojection_energy`.
     """
 
-    def __init__(self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss) -> None:
-        self._context = context
+    def __init__(self, sampling: Sampling, weight: float, unit: Tensor, rho: RobustLoss) -> None:
+        self._sampling = sampling
         self._unit = unit
         self._rho = rho
-        self.weights = {"reprojection": context.keypoints.weight}
-        self._weight = weight * context.keypoints.weight if weight else None
+        self.weights = {"reprojection": sampling.keypoints.weight}
+        self._weight = weight * sampling.keypoints.weight if weight else None
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
         if self._weight is None:
             return {}
-        projected = project(bodies.keypoints, self._context.problem.K)
-        observed = self._context.keypoints.points
+        projected = project(bodies.keypoints, self._sampling.state.K)
+        observed = self._sampling.keypoints.points
         return {
             "reprojection": reprojection_energy(
                 projected, observed, self._weight, self._unit, self._rho
@@ -86,35 +86,35 @@ class ReprojectionTerm(Term):
         }
 
 
-def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
+def finite_keypoints(state: State) -> tuple[Tensor, Tensor]:
     """Return keypoints (B, J, 2) px and confidence (B, J); both are set to 0 if either is not
     finite.
     """
-    points = problem.keypoints
-    confidence = problem.keypoint_confidence
+    points = state.keypoints
+    confidence = state.keypoint_confidence
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
+def weighted_keypoints(state: State) -> WeightedKeypoints:
     """Return the keypoints of finite people, with less weight on limbs that are not visible in any
     photo.
     """
-    points, confidence = finite_keypoints(problem)
-    seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
+    points, confidence = finite_keypoints(state)
+    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_anywhere)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
-    weight = weights_inside_image(problem, points, weight)
+    weight = weights_inside_image(state, points, weight)
     return WeightedKeypoints(points, weight)
 
 
-def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:
+def weights_inside_image(state: State, points: Tensor, weight: Tensor) -> Tensor:
     """Return the weights (B, J), multiplied by those of the skeleton, and 0 for keypoints outside
     the image.
     """
-    weight = weight * inside_image(points, *problem.masks.shape[-2:])
-    skeleton = problem.skeleton
+    weight = weight * inside_image(points, *state.masks.shape[-2:])
+    skeleton = state.skeleton
     return weight * weight.new_tensor([skeleton.weights.get(name, 1.0) for name in skeleton.names])
 
 
@@ -156,38 +156,38 @@ class DepthTerm:
         state: free parameters; people with a free offset have a smaller weight.
 
     Raises:
-        PhysicError: the problem has no depth map.
+        PhysicError: the photo has no depth map.
     """
 
-    def __init__(self, settings: DepthSettings, context: JointContext, state: State) -> None:
-        if settings.weight and context.problem.human_depth is None:
+    def __init__(self, settings: DepthSettings, sampling: Sampling, variables: Variables) -> None:
+        if settings.weight and sampling.state.photo_depth is None:
             raise PhysicError(
-                "the depth term compares pixels, but human_depth is missing: give it, or set"
-                " engine.joint.depth.weight = 0"
+                "the depth term compares pixels, but the depth of the photo is missing: give it, "
+                "or set engine.joint.depth.weight = 0"
             )
-        self._context = context
+        self._sampling = sampling
         self._weight = settings.weight
         self._per_person = torch.where(
-            state.offset_free, settings.weight * _RELIEF_SHARE, settings.weight
+            variables.offset_free, settings.weight * _RELIEF_SHARE, settings.weight
         )
         self.weights: dict[str, Tensor] = {}
-        self.log_map_depth = torch.zeros_like(context.area)
+        self.log_map_depth = torch.zeros_like(sampling.area)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select visible vertices away from the mask's border, and weigh them by their area in
         pixels.
         """
-        context = self._context
+        sampling = self._sampling
         visibility = snapshot.visibility
-        self.log_map_depth, known = _sample(context.log_depth, visibility.uv)
-        edge_px = context.person_px * _EDGE_SHARE
-        well_inside = sample_mask_neighbours(visibility.uv, context.problem.masks, edge_px).all(0)
+        self.log_map_depth, known = _sample(sampling.log_depth, visibility.uv)
+        edge_px = sampling.person_px * _EDGE_SHARE
+        well_inside = sample_mask_neighbours(visibility.uv, sampling.state.masks, edge_px).all(0)
         shown = visibility.unobstructed & known & well_inside & visibility.eligible
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
         self.weights = {
-            "depth": torch.where(shown, context.area * slope, torch.zeros_like(context.area))
+            "depth": torch.where(shown, sampling.area * slope, torch.zeros_like(sampling.area))
         }
 
     def robust_sum(self) -> RobustSum | None:
@@ -204,18 +204,18 @@ class DepthTerm:
         )
 
 
-def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tensor:
+def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     """Return the expected size of each person's log depth offset to the scene: (B,), 0 for a fixed
     offset.
     """
-    problem = context.problem
-    feet_visible = context.feet_visible
-    alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
-    if problem.floor_normal is None:
+    state = sampling.state
+    feet_visible = sampling.feet_visible
+    alone = torch.full_like(state.transl[:, 2], settings.offset_alone_sigma)
+    if sampling.around.floor_normal is None:
         return alone
     on_floor = feet_visible.any(1).to(alone)
-    if problem.foot_touch is not None:
-        on_floor = on_floor * (1 - (1 - problem.foot_touch.to(alone)).prod(1))
+    if state.foot_touch is not None:
+        on_floor = on_floor * (1 - (1 - state.foot_touch.to(alone)).prod(1))
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 
@@ -238,7 +238,7 @@ class ViewsTerm(Term):
     term.
     """
 
-    def __init__(self, settings: ReprojectionSettings, context: JointContext) -> None:
+    def __init__(self, settings: ReprojectionSettings, sampling: Sampling) -> None:
         self._terms = [
             (
                 view,
@@ -246,7 +246,7 @@ class ViewsTerm(Term):
                     own, settings.weight, own.person_px[:, None] * settings.sigma, settings.rho()
                 ),
             )
-            for view, own in zip(context.problem.views, context.views, strict=True)
+            for view, own in zip(sampling.state.views, sampling.views, strict=True)
         ]
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:

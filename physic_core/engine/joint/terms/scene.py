@@ -10,7 +10,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
+from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS, Sampling
 from physic_core.engine.joint.term import RobustSum, Snapshot
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative, Positive
@@ -43,10 +43,10 @@ class PenetrationTerm:
     """
 
     def __init__(
-        self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool
+        self, settings: PenetrationSettings, sampling: Sampling, *, occlusion_aware: bool
     ) -> None:
         self.settings = settings
-        self._context = context
+        self._sampling = sampling
         self._occlusion_aware = occlusion_aware
         self.weights: dict[str, Tensor] = {}
 
@@ -60,7 +60,7 @@ class PenetrationTerm:
         near = near & ~contacts.in_free_space
         if self._occlusion_aware:
             near = near & ~visibility.hidden
-        area = self._context.area
+        area = self._sampling.area
         self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def robust_sum(self) -> RobustSum | None:
@@ -116,20 +116,22 @@ class ContactTerm:
         touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
 
-    def __init__(self, settings: ContactTermSettings, context: JointContext) -> None:
+    def __init__(self, settings: ContactTermSettings, sampling: Sampling) -> None:
         self.settings = settings
-        self._context = context
-        probability = context.contact_probability
-        prior = torch.where(context.is_contact, probability, torch.zeros_like(probability))
+        self._sampling = sampling
+        probability = sampling.contact_prior
+        prior = torch.where(sampling.is_contact, probability, torch.zeros_like(probability))
         if settings.static_weight:
-            model = context.problem.model
+            model = sampling.state.model
             static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
             for name in STATIC_CONTACT_PARTS:
                 static[model.contact_sets[name]] = True
-            prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
-        self.prior = prior * context.problem.weight_of_feet()[:, context.ids]
+            prior = torch.where(
+                static[sampling.ids], prior.clamp(min=settings.static_weight), prior
+            )
+        self.prior = prior * sampling.state.weight_of_feet()[:, sampling.ids]
         self.weights: dict[str, Tensor] = {}
-        self.on_scene = self.touching = torch.zeros_like(context.is_contact)
+        self.on_scene = self.touching = torch.zeros_like(sampling.is_contact)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near a surface that they face, and weigh them by the cosine between
@@ -148,7 +150,7 @@ class ContactTerm:
         cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(
             min=0.0
         )
-        weight = self._context.area * self.prior * cosine
+        weight = self._sampling.area * self.prior * cosine
         self.weights = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
 
     def robust_sum(self) -> RobustSum | None:
@@ -179,14 +181,14 @@ class FloorSettings:
 class FloorTerm:
     """Floor term: depth of all vertices below the floor's plane."""
 
-    def __init__(self, settings: FloorSettings, context: JointContext) -> None:
+    def __init__(self, settings: FloorSettings, sampling: Sampling) -> None:
         self.settings = settings
-        self._context = context
+        self._sampling = sampling
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights: full weight on visible limbs, less on invisible ones."""
-        area = self._context.area
+        area = self._sampling.area
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
         invisible = torch.where(
             below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area)
@@ -197,7 +199,7 @@ class FloorTerm:
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
         self.weights = {
             "floor": torch.zeros_like(area)
-            if self._context.problem.floor_normal is None
+            if self._sampling.around.floor_normal is None
             else weight
         }
 
@@ -206,7 +208,7 @@ class FloorTerm:
         floor.
         """
         weight = self.settings.weight
-        if not weight or self._context.problem.floor_normal is None:
+        if not weight or self._sampling.around.floor_normal is None:
             return None
         return RobustSum.of(
             "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"]
@@ -279,10 +281,10 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
 class SoleTerm:
     """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
 
-    def __init__(self, settings: SoleSettings, context: JointContext) -> None:
+    def __init__(self, settings: SoleSettings, sampling: Sampling) -> None:
         self.settings = settings
-        self._context = context
-        self._all_seen = bool(context.feet_visible.all())
+        self._sampling = sampling
+        self._all_seen = bool(sampling.feet_visible.all())
         self.weights: dict[str, Tensor] = {}
 
     @property
@@ -291,27 +293,27 @@ class SoleTerm:
         not 0.
         """
         s = self.settings
-        return self._context.problem.floor_normal is not None and bool(s.weight or s.unseen_weight)
+        return self._sampling.around.floor_normal is not None and bool(s.weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Weigh the visible feet by their touch, and select people whose lower foot is expected to
         touch the floor.
         """
-        context = self._context
+        sampling = self._sampling
         contacts = snapshot.contacts
-        far = torch.full_like(context.area[:, 0], torch.inf)
-        heights = [contacts.height[:, rows] for rows in context.soles]
+        far = torch.full_like(sampling.area[:, 0], torch.inf)
+        heights = [contacts.height[:, rows] for rows in sampling.soles]
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
-        on_floor = context.feet_visible & torch.isfinite(lowest)
-        likely = torch.stack([context.is_contact[:, rows].any(1) for rows in context.soles], 1)
+        on_floor = sampling.feet_visible & torch.isfinite(lowest)
+        likely = torch.stack([sampling.is_contact[:, rows].any(1) for rows in sampling.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
-        unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
-        dtype = context.area.dtype
+        unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
+        dtype = sampling.area.dtype
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
-        if context.problem.foot_touch is not None:
-            touch = context.problem.foot_touch.to(lowest)
+        if sampling.state.foot_touch is not None:
+            touch = sampling.state.foot_touch.to(lowest)
             either = 1 - (1 - touch).prod(1)
         self.weights = {
             "soles": touch * on_floor,

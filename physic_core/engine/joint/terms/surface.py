@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, RobustSum, Snapshot, Term
 from physic_core.engine.joint.terms.body import RegularisationTerm
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M, DepthTerm
@@ -220,7 +220,7 @@ class SurfaceTerms(Term):
 
     def __init__(
         self,
-        context: JointContext,
+        sampling: Sampling,
         depth: DepthTerm,
         contact: ContactTerm,
         penetration: PenetrationTerm,
@@ -228,7 +228,7 @@ class SurfaceTerms(Term):
         soles: SoleTerm,
         regularisation: RegularisationTerm,
     ) -> None:
-        self.context = context
+        self.sampling = sampling
         self.depth = depth
         self.contact = contact
         self.penetration = penetration
@@ -240,7 +240,7 @@ class SurfaceTerms(Term):
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Refresh all terms and collect the inputs of the energies."""
-        context = self.context
+        sampling = self.sampling
         contacts = snapshot.contacts
         parts = (
             self.depth,
@@ -253,7 +253,7 @@ class SurfaceTerms(Term):
         for part in parts:
             part.refresh(snapshot)
         self.weights = {name: weight for part in parts for name, weight in part.weights.items()}
-        no_scene = torch.zeros_like(context.area)
+        no_scene = torch.zeros_like(sampling.area)
         self.surface = SurfaceInputs(
             depth=self.depth.robust_sum(),
             contact=self.contact.robust_sum(),
@@ -263,17 +263,17 @@ class SurfaceTerms(Term):
             log_map_depth=self.depth.log_map_depth,
             on_scene=self.contact.on_scene,
             eligible=snapshot.visibility.eligible,
-            relative=context.relative.transpose(1, 2).contiguous(),
+            relative=sampling.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous()
             if contacts.normals is not None
             else None,
             plane_distance=contacts.plane_distance
             if contacts.plane_distance is not None
             else no_scene,
-            floor_normal=context.problem.floor_normal,
-            floor_offset=context.problem.floor_offset,
+            floor_normal=sampling.around.floor_normal,
+            floor_offset=sampling.around.floor_offset,
             last_scale=snapshot.scale,
-            soles=context.soles,
+            soles=sampling.soles,
         )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:

@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import LandmarkModel
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies
 from physic_core.engine.joint.terms.body import parameter_energy
+from physic_core.engine.joint.variables import Variables
 from physic_paper.terms.printed_regularisation import (
     PrintedRegularisationSettings,
     PrintedRegularisationTerm,
@@ -53,30 +53,30 @@ class ReleasedRegularisationTerm(PrintedRegularisationTerm):
     def __init__(
         self,
         settings: PrintedRegularisationSettings,
-        context: JointContext,
-        state: State,
+        sampling: Sampling,
+        variables: Variables,
         *,
         occlusion_aware: bool,
     ) -> None:
-        super().__init__(settings, context, occlusion_aware=occlusion_aware)
-        problem = context.problem
+        super().__init__(settings, sampling, occlusion_aware=occlusion_aware)
+        state = sampling.state
         self._translation = (
-            problem.transl0 if problem.estimated_transl is None else problem.estimated_transl
+            state.transl if state.estimated_transl is None else state.estimated_transl
         )
         others = dict.fromkeys(("pose", "hands", "betas", "translation", "offset"), 0.0)
-        self._parameter_weight = state.expand_to_parameters({"root": _ROOT_WEIGHT, **others})
+        self._parameter_weight = variables.expand_to_parameters({"root": _ROOT_WEIGHT, **others})
         with torch.no_grad():
-            start = state.unpack()
+            start = variables.unpack()
             self._start = unrotated_vertices(
-                context.pose, start.rotations, start.betas, problem.expression0
+                sampling.pose, start.rotations, start.betas, state.expression
             )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""
-        context = self._context
+        sampling = self._sampling
         estimate = bodies.estimate
         unrotated = unrotated_vertices(
-            context.pose, estimate.rotations, estimate.betas, context.problem.expression0
+            sampling.pose, estimate.rotations, estimate.betas, sampling.state.expression
         )
         mesh = mesh_energy(unrotated, self._start, self.weights["regularisation"])
         people = mesh + parameter_energy(bodies.deviation, self._parameter_weight)

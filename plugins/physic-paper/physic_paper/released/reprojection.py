@@ -11,10 +11,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.picture import finite_keypoints
+from physic_core.engine.state import State
 from physic_core.geometry.camera import project
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
@@ -81,10 +81,10 @@ def released_reprojection(
     return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
 
 
-def released_keypoints(problem: JointProblem) -> WeightedKeypoints:
+def released_keypoints(state: State) -> WeightedKeypoints:
     """Return the detected keypoints, with the weights of :func:`released_keypoint_weights`."""
-    points, confidence = finite_keypoints(problem)
-    weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
+    points, confidence = finite_keypoints(state)
+    weight = released_keypoint_weights(state.skeleton, points, confidence, state.masks)
     return WeightedKeypoints(points, weight)
 
 
@@ -93,17 +93,17 @@ class ReleasedReprojectionTerm(Term):
     image size.
     """
 
-    def __init__(self, context: JointContext, weight: float) -> None:
-        self._context = context
+    def __init__(self, sampling: Sampling, weight: float) -> None:
+        self._sampling = sampling
         self._weight = weight
-        height, width = context.problem.masks.shape[-2:]
-        self._size = context.person_px.new_tensor([width, height])
-        self.weights = {"reprojection": context.keypoints.weight}
+        height, width = sampling.state.masks.shape[-2:]
+        self._size = sampling.person_px.new_tensor([width, height])
+        self.weights = {"reprojection": sampling.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
-        keypoints = self._context.keypoints
-        projected = project(bodies.keypoints, self._context.problem.K)
+        keypoints = self._sampling.keypoints
+        projected = project(bodies.keypoints, self._sampling.state.K)
         people = len(projected)
         error = released_reprojection(
             projected, keypoints.points, keypoints.weight, self._size, people

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.snapshot import (
     HIDDEN_LIMB_SHARE,
     OcclusionTracker,
@@ -81,7 +81,7 @@ def visible_part_shares(
 
 
 def update_released_visibility(
-    context: JointContext,
+    sampling: Sampling,
     bodies: BodyOutput,
     self_occlusion: OcclusionTracker,
     last: Visibility | None,
@@ -90,17 +90,17 @@ def update_released_visibility(
 
     The first update (``last`` is None) uses the positions by the keypoints alone.
     """
-    problem = context.problem
-    model = context.problem.model
-    ids = context.ids
-    if last is None and problem.keypoint_transl is not None:
-        shift = (problem.keypoint_transl - problem.transl0)[:, None]
+    state = sampling.state
+    model = sampling.state.model
+    ids = sampling.ids
+    if last is None and state.keypoint_transl is not None:
+        shift = (state.keypoint_transl - state.transl)[:, None]
         bodies = replace(bodies, vertices=bodies.vertices + shift, joints=bodies.joints + shift)
-    now = update_visibility(context, bodies, self_occlusion)
+    now = update_visibility(sampling, bodies, self_occlusion)
     if last is None:
         in_mask = now.in_mask
         normals = mean_face_normals(bodies.vertices, model.faces)[:, ids]
-        facing = is_opposite_optical_axis(normals, context.visibility.facing_deg) & in_mask
+        facing = is_opposite_optical_axis(normals, sampling.visibility.facing_deg) & in_mask
     else:
         in_mask = last.in_mask
         facing = last.facing
@@ -112,7 +112,7 @@ def update_released_visibility(
         hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
     return replace(
         now,
-        eligible=context.on_visible_part,
+        eligible=sampling.on_visible_part,
         in_mask=in_mask,
         hidden=~in_mask | hidden_limbs,
         facing=facing,

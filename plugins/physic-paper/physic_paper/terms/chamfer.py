@@ -10,9 +10,9 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
+from physic_core.engine.state import State
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types.bounds import NotNegative
@@ -50,15 +50,15 @@ def chamfer_energy(
     return to_points + point_weight * to_vertices
 
 
-def human_points_of(problem: JointProblem) -> tuple[Tensor, ...] | None:
+def human_points_of(state: State) -> tuple[Tensor, ...] | None:
     """Return the human points of each person (m, 3), metres; unprojected from the depth map if
     there are none.
     """
-    depth = problem.human_depth
-    if problem.human_points is not None or depth is None:
-        return problem.human_points
-    points = unproject(pixel_grid(depth.shape[0], depth.shape[1], depth), depth, problem.K)
-    return tuple(points[mask & (depth > 0)] for mask in problem.masks)
+    depth = state.photo_depth
+    if state.human_points is not None or depth is None:
+        return state.human_points
+    points = unproject(pixel_grid(depth.shape[0], depth.shape[1], depth), depth, state.K)
+    return tuple(points[mask & (depth > 0)] for mask in state.masks)
 
 
 @dataclass(frozen=True)
@@ -76,20 +76,19 @@ class HumanPoints(ShortRepr):
     trees: tuple[cKDTree, ...]
 
     @classmethod
-    def from_problem(cls, problem: JointProblem, most: int = 0) -> HumanPoints:
-        """Collect ``human_points``, or unproject ``human_depth`` inside each mask.
+    def of_state(cls, state: State, most: int = 0) -> HumanPoints:
+        """Collect ``human_points``, or unproject ``photo_depth`` inside each mask.
 
         Points are evenly subsampled to at most ``most`` per person; 0 keeps all.
 
         Raises:
-            PhysicError: the problem has neither.
+            PhysicError: the state has neither.
         """
-        known = human_points_of(problem)
+        known = human_points_of(state)
         if known is None:
             raise PhysicError(
-                "the depth term compares point clouds, but there are neither human_points nor "
-                "human_depth: give one,"
-                " or set engine.joint.depth.weight = 0"
+                "the depth term compares point clouds, but neither points of people nor a depth of "
+                "the photo are there: give one, or set engine.joint.depth.weight = 0"
             )
         clouds = [c[torch.isfinite(c).all(-1)] for c in known]
         step = [max(1, -(-len(c) // most)) if most else 1 for c in clouds]
@@ -139,9 +138,9 @@ class HumanPoints(ShortRepr):
 class ChamferDepthTerm(Term):
     """Depth term as in the paper: Chamfer distance (Eq. 4), for all people."""
 
-    def __init__(self, settings: ChamferSettings, context: JointContext) -> None:
+    def __init__(self, settings: ChamferSettings, sampling: Sampling) -> None:
         self._weight = settings.weight
-        self._cloud = HumanPoints.from_problem(context.problem) if settings.weight else None
+        self._cloud = HumanPoints.of_state(sampling.state) if settings.weight else None
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the camera-facing vertices."""

@@ -9,7 +9,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.snapshot import ContactState
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.types.bounds import NotNegative
@@ -43,7 +43,7 @@ class PointContactTerm(Term):
 
     def __init__(
         self,
-        context: JointContext,
+        sampling: Sampling,
         weight: float,
         max_distance_m: float,
         rho: RobustLoss,
@@ -60,7 +60,7 @@ class PointContactTerm(Term):
         self._outside_only = outside_only
         self._mean = mean
         self._least_cosine = math.cos(math.radians(max_angle_deg)) if max_angle_deg < 90 else 0.0
-        self._of_vertex = context.area * context.is_contact
+        self._of_vertex = sampling.area * sampling.is_contact
         self._contacts: ContactState
 
     def refresh(self, snapshot: Snapshot) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.snapshot import ContactState
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.types.bounds import NotNegative, Positive
@@ -48,14 +48,14 @@ class PointPenetrationTerm(Term):
     def __init__(
         self,
         settings: PointPenetrationSettings,
-        context: JointContext,
+        sampling: Sampling,
         rho: RobustLoss,
         may_not_penetrate: Callable[[Snapshot], Tensor],
         *,
         per_axis: bool = False,
     ) -> None:
         self._settings = settings
-        self._context = context
+        self._sampling = sampling
         self._rho = rho
         self._may_not_penetrate = may_not_penetrate
         self._per_axis = per_axis
@@ -69,7 +69,7 @@ class PointPenetrationTerm(Term):
             & (contacts.distance < self._settings.max_depth_m)
             & self._may_not_penetrate(snapshot)
         )
-        area = self._context.area
+        area = self._sampling.area
         self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
@@ -78,7 +78,7 @@ class PointPenetrationTerm(Term):
         contacts = self._contacts
         if not weight:
             return {}
-        signed = torch.zeros_like(self._context.area)
+        signed = torch.zeros_like(self._sampling.area)
         if contacts.normals is not None and contacts.plane_distance is not None:
             along = (contacts.normals * bodies.vertices).sum(-1)
             signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, root_relative
-from physic_core.engine.joint.state import State
+from physic_core.engine.joint.sampling import Sampling, root_relative
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.body import parameter_energy, vertex_weights
+from physic_core.engine.joint.variables import Variables
 from physic_core.types.bounds import NotNegative
 
 
@@ -50,18 +50,18 @@ class PrintedRegularisationTerm(Term):
     def __init__(
         self,
         settings: PrintedRegularisationSettings,
-        context: JointContext,
+        sampling: Sampling,
         *,
         occlusion_aware: bool,
     ) -> None:
         self._settings = settings
-        self._context = context
+        self._sampling = sampling
         self._occlusion_aware = occlusion_aware
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
-        area = self._context.area
+        area = self._sampling.area
         weight = vertex_weights(
             snapshot,
             s.visible_weight,
@@ -73,12 +73,12 @@ class PrintedRegularisationTerm(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""
-        context = self._context
+        sampling = self._sampling
         relative = root_relative(
             bodies.vertices, bodies.joints[:, 0], bodies.estimate.rotations[:, 0]
         )
-        mesh = mesh_energy(relative, context.relative, self.weights["regularisation"])
-        moved = (bodies.estimate.transl - context.problem.transl0).square().sum(-1)
+        mesh = mesh_energy(relative, sampling.relative, self.weights["regularisation"])
+        moved = (bodies.estimate.transl - sampling.state.transl).square().sum(-1)
         return {"regularisation": self._settings.weight * (mesh + moved)}
 
 
@@ -87,8 +87,8 @@ class ParameterPriorTerm(Term):
     group.
     """
 
-    def __init__(self, state: State, weights: Mapping[str, float]) -> None:
-        self._weight = state.expand_to_parameters(weights)
+    def __init__(self, variables: Variables, weights: Mapping[str, float]) -> None:
+        self._weight = variables.expand_to_parameters(weights)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "regularisation"."""

@@ -5,20 +5,20 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.engine.joint.terms.picture import finite_keypoints, weights_inside_image
+from physic_core.engine.state import State
 from physic_core.geometry.camera import project
 
 
 def confident_keypoints(
-    problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0
+    state: State, min_confidence: float = 0.0, power: float = 1.0
 ) -> WeightedKeypoints:
     """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
-    points, confidence = finite_keypoints(problem)
+    points, confidence = finite_keypoints(state)
     weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
-    return WeightedKeypoints(points, weights_inside_image(problem, points, weight))
+    return WeightedKeypoints(points, weights_inside_image(state, points, weight))
 
 
 def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:
@@ -38,18 +38,18 @@ class ReprojectionByAxisTerm(Term):
         rho: robust loss.
     """
 
-    def __init__(self, context: JointContext, weight: float, unit: float, rho: RobustLoss) -> None:
-        self._context = context
+    def __init__(self, sampling: Sampling, weight: float, unit: float, rho: RobustLoss) -> None:
+        self._sampling = sampling
         self._weight = weight
         self._unit = unit
         self._rho = rho
-        self.weights = {"reprojection": context.keypoints.weight}
+        self.weights = {"reprojection": sampling.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
         if not self._weight:
             return {}
-        keypoints = self._context.keypoints
-        error = (project(bodies.keypoints, self._context.problem.K) - keypoints.points) / self._unit
+        keypoints = self._sampling.keypoints
+        error = (project(bodies.keypoints, self._sampling.state.K) - keypoints.points) / self._unit
         loss = offset_loss(error.square(), self._rho, per_axis=True)
         return {"reprojection": self._weight * (keypoints.weight * loss).sum(-1)}

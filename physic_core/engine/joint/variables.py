@@ -82,7 +82,7 @@ class Estimate(ShortRepr):
     log_scales: Tensor
 
 
-class State:
+class Variables:
     """Free parameters of B people and their scene.
 
     A subclass may parametrise them otherwise, by ``_initial_values`` and ``unpack``.

@@ -10,13 +10,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.state import PARAMETER_GROUPS, State
-from physic_paper.published import UnwhitenedState
+from physic_core.engine.joint.variables import PARAMETER_GROUPS, Variables
+from physic_paper.published import UnwhitenedVariables
 
 pytestmark = pytest.mark.quick
 
 K = 4
-KINDS = [State, UnwhitenedState]
+KINDS = [Variables, UnwhitenedVariables]
 
 
 def start(people=2, seed=0):
@@ -43,13 +43,13 @@ def test_unpacks_to_where_it_starts(kind):
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 1000))
 def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
-    state = kind(*start(seed=seed))
-    moved = state.pack() + 0.3 * torch.randn(
-        len(state.pack()), generator=torch.Generator().manual_seed(seed)
+    variables = kind(*start(seed=seed))
+    moved = variables.pack() + 0.3 * torch.randn(
+        len(variables.pack()), generator=torch.Generator().manual_seed(seed)
     )
-    state.load(moved)
-    torch.testing.assert_close(state.pack(), moved)
-    rotations = state.unpack().rotations
+    variables.load(moved)
+    torch.testing.assert_close(variables.pack(), moved)
+    rotations = variables.unpack().rotations
     eye = torch.eye(3, dtype=torch.float64).expand_as(rotations)
     torch.testing.assert_close(rotations @ rotations.mT, eye)
     torch.testing.assert_close(torch.linalg.det(rotations), torch.ones(2, 55).double())
@@ -58,29 +58,29 @@ def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("group", PARAMETER_GROUPS)
 def test_a_frozen_group_has_no_gradient_and_the_others_do(kind, group):
-    state = kind(*start(), frozen=[group])
-    assert group not in state.free
-    estimate = state.unpack()
+    variables = kind(*start(), frozen=[group])
+    assert group not in variables.free
+    estimate = variables.unpack()
     weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (
         estimate.transl**2
     ).sum()
     (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
     for name in PARAMETER_GROUPS:
-        assert (state.values[name].grad is None) == (name == group)
+        assert (variables.values[name].grad is None) == (name == group)
 
 
 def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
-    state = State(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2)
+    variables = Variables(rotations, betas, transl, pelvis, scale_sigma=0.1, offset_sigma=0.2)
     with torch.no_grad():
         for group in PARAMETER_GROUPS:
-            state.values[group].zero_()
-        state.values["translation"][0, 2] = 1.0
-        state.values["scale"].fill_(1.0)
-        state.values["offset"][1] = 1.0
-        state.values["root"][0, 0] = 1.0
-        state.values["pose"][0, 3, 0] = 1.0  # left knee
-    estimate = state.unpack()
+            variables.values[group].zero_()
+        variables.values["translation"][0, 2] = 1.0
+        variables.values["scale"].fill_(1.0)
+        variables.values["offset"][1] = 1.0
+        variables.values["root"][0, 0] = 1.0
+        variables.values["pose"][0, 3, 0] = 1.0  # left knee
+    estimate = variables.unpack()
     moved = estimate.transl - transl + pelvis
     # Along its ray: the pelvis keeps its direction, and its distance grows by 5 %.
     torch.testing.assert_close(moved[0], pelvis[0] * math.exp(0.05))
@@ -93,13 +93,13 @@ def test_one_unit_is_the_expected_move():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_change_of_one_group_shows_in_its_columns_of_the_deviation(kind):
-    state = kind(*start())
+    variables = kind(*start())
     for group in (g for g in PARAMETER_GROUPS if g != "scale"):
         with torch.no_grad():
-            state.values[group] += 1.0
-        own = state.expand_to_parameters(
+            variables.values[group] += 1.0
+        own = variables.expand_to_parameters(
             {g: float(g == group) for g in PARAMETER_GROUPS if g != "scale"}
         )
-        torch.testing.assert_close(state.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
+        torch.testing.assert_close(variables.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
-            state.values[group] -= 1.0
+            variables.values[group] -= 1.0

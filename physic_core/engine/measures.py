@@ -13,7 +13,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from physic_core.engine.contact.parts import SEAT, kind_of_part
+from physic_core.engine.contact.probability import SEAT, kind_of_part
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.plane import height_over_plane
@@ -24,9 +24,7 @@ from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_ma
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.engine.contact.problem import ContactResult
-    from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.state import Estimates
+    from physic_core.engine.state import Contact, Estimates, State
     from physic_core.types import Support
 
 _FEWEST_VERTICES = 20  # with a depth, for a median
@@ -38,44 +36,34 @@ _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat
 _FEWEST_PIXELS = 10  # with a depth, for a median
 
 
-def measure_people(
-    problem: JointProblem, result: JointResult, found: ContactResult
-) -> list[dict[str, float | None]]:
+def measure_people(state: State) -> list[dict[str, float | None]]:
     """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite
     vertices.
 
     Args:
-        problem: of stage 3, with the final scene.
-        result: of stage 3.
-        found: contact of the same people.
+        state: with the contact of the people and the final scene.
     """
-    model = problem.model
-    scale = result.scene_scale
-    outward = vertex_normals(result.vertices, model.faces)
+    model, scale, found, around = state.model, state.scene_scale, state.contact, state.surroundings
+    assert found is not None
+    outward = vertex_normals(state.vertices, model.faces)
     silhouettes = compare_silhouettes(
-        result.vertices,
+        state.vertices,
         model.faces,
-        problem.masks,
-        problem.K,
-        None if problem.scene_depth is None else problem.scene_depth * scale,
-        None if problem.human_depth is None else problem.human_depth * scale,
+        state.masks,
+        state.K,
+        None if around.depth is None else around.depth * scale,
+        None if state.photo_depth is None else state.photo_depth * scale,
     )
-    ratios = depth_ratios(problem, result)
+    ratios = depth_ratios(state)
     measured: list[dict[str, float | None]] = [{} for _ in ratios]
-    for i, (body, normals, support) in enumerate(
-        zip(result.vertices, outward, found.supports, strict=True)
-    ):
+    for i, support in enumerate(found.supports):
         if support is None:
             continue
-        mask = problem.masks[i]
-        heights = None
-        if problem.floor_normal is not None:
-            heights = height_over_plane(body, problem.floor_normal, problem.floor_offset * scale)
-        seen = (
-            visible_share(body, normals, model.faces, model.outer, mask, problem.K)
-            if bool(mask.any())
-            else None
-        )
+        body, mask, heights, seen = state.vertices[i], state.masks[i], None, None
+        if around.floor_normal is not None:
+            heights = height_over_plane(body, around.floor_normal, around.floor_offset * scale)
+        if bool(mask.any()):
+            seen = visible_share(body, outward[i], model.faces, model.outer, mask, state.K)
         measured[i] = {
             "assumed_support": float(bool(support.hidden)),
             "sits": float(found.parts[SEAT][i]) if found.parts else None,
@@ -89,9 +77,7 @@ def measure_people(
     return measured
 
 
-def measure_given_keypoints(
-    problem: JointProblem, result: JointResult, estimates: Estimates
-) -> list[dict[str, Any]]:
+def measure_given_keypoints(estimates: Estimates, state: State) -> list[dict[str, Any]]:
     """Measure how far the keypoints that the user gave lie from those of the bodies.
 
     Returns:
@@ -101,13 +87,13 @@ def measure_given_keypoints(
     """
     given = estimates.given_keypoints
     if given is None:
-        return [{} for _ in range(len(problem))]
+        return [{} for _ in range(len(state))]
     given = given[:, estimates.keypoints.joint_set.fitted]
-    names = problem.skeleton.names
-    regressor = problem.model.regressor(problem.skeleton)
-    points = regressor(result.joints, result.vertices[:, regressor.vertex_ids])
-    off = torch.linalg.vector_norm(project(points, problem.K) - problem.keypoints, dim=-1)
-    stature = problem.K[1, 1] * problem.model.stature(result.betas) / result.joints[:, 0, 2]
+    names = state.skeleton.names
+    regressor = state.model.regressor(state.skeleton)
+    points = regressor(state.joints, state.vertices[:, regressor.vertex_ids])
+    off = torch.linalg.vector_norm(project(points, state.K) - state.keypoints, dim=-1)
+    stature = state.K[1, 1] * state.model.stature(state.betas) / state.joints[:, 0, 2]
     return [
         {
             "given_keypoints_px": {names[j]: float(off[i, j]) for j in np.flatnonzero(own)},
@@ -119,7 +105,7 @@ def measure_given_keypoints(
     ]
 
 
-def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
+def _missing_seat(support: Support, found: Contact, person: int) -> float | None:
     """Return the probability that a person sits; 0 if a seat was found.
 
     None if the method estimates none, or if no pixel shows buttocks and thighs: the probability is
@@ -174,18 +160,18 @@ def visible_share(
     )
 
 
-def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | None]:
+def depth_ratios(state: State) -> list[float | None]:
     """Return the depth of the photo over that of each body; None where it cannot be measured."""
-    model = problem.model
-    if problem.human_depth is None:
-        return [None] * len(problem)
-    depth = problem.human_depth * result.scene_scale
-    outward = vertex_normals(result.vertices, model.faces)
+    model = state.model
+    if state.photo_depth is None:
+        return [None] * len(state)
+    depth = state.photo_depth * state.scene_scale
+    outward = vertex_normals(state.vertices, model.faces)
     return [
-        depth_ratio(body, normals, model.outer, mask, problem.K, depth)
-        if bool(torch.isfinite(body).all())
-        else None
-        for body, normals, mask in zip(result.vertices, outward, problem.masks, strict=True)
+        depth_ratio(body, normals, model.outer, mask, state.K, depth) if finite else None
+        for body, normals, mask, finite in zip(
+            state.vertices, outward, state.masks, state.finite.tolist(), strict=True
+        )
     ]
 
 

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput, LandmarkModel
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.state import State
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import FACING_DEG
 from physic_core.types.bounds import Degrees, NotNegative
@@ -57,11 +58,12 @@ class WeightedKeypoints:
 
 
 @dataclass(frozen=True)
-class JointContext:
+class Sampling:
     """Constants of one joint optimisation. B people, n subsampled vertices.
 
     Attributes:
-        problem: as the energy uses it (``JointMethod.prepare``), with finite people only.
+        state: as the energy uses it (``JointMethod.prepare``), with finite people only.
+        around: surfaces that distances are measured to (``JointMethod.surroundings``).
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
         search_radius_m: of vertices for scene points, metres.
@@ -72,7 +74,7 @@ class JointContext:
         pose: poses keypoints, joints and subsampled vertices only.
         area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset
             "default".
-        contact_probability: (B, n) finite.
+        contact_prior: (B, n) finite.
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
@@ -85,11 +87,12 @@ class JointContext:
             None.
         fronts: of the scene, see :mod:`physic_core.geometry.visibility`; None without a depth of
             the scene.
-        views: the same for each other camera, with its problem (``JointProblem.seen_by``),
-            keypoints and sizes in px.
+        views: the same for each other camera, with its state (``State.seen_by``), keypoints and
+            sizes in px.
     """
 
-    problem: JointProblem
+    state: State
+    around: Surroundings
     person_weights: Tensor
     visibility: VisibilitySettings
     search_radius_m: float
@@ -98,7 +101,7 @@ class JointContext:
     faces_of_vertices: Tensor
     pose: LandmarkModel
     area: Tensor
-    contact_probability: Tensor
+    contact_prior: Tensor
     is_contact: Tensor
     on_visible_part: Tensor
     soles: tuple[Tensor, Tensor]
@@ -109,35 +112,33 @@ class JointContext:
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
-    views: tuple[JointContext, ...] = ()
+    views: tuple[Sampling, ...] = ()
 
 
-def select_surface(problem: JointProblem) -> JointProblem:
-    """Return the problem with the scene points that have a reliable normal and do not belong to the
-    floor's plane.
+def select_surface(around: Surroundings) -> Surroundings:
+    """Return the surroundings with the scene points that have a reliable normal and do not belong
+    to the floor's plane.
     """
-    points = problem.scene_points
-    normals = problem.scene_normals
+    points, normals = around.points, around.normals
     # a matrix product sums three columns several times faster than .sum()
     ones = points.new_ones(3)
     length = normals.square() @ ones
     chosen = torch.isfinite(points @ ones + length) & (length > 0.5)
-    if problem.floor_normal is not None:
-        offset = points.new_tensor(problem.floor_offset)
-        chosen = chosen & (
-            height_over_plane(points, problem.floor_normal, offset).abs() > _FLOOR_BAND_M
-        )
-    return replace(problem, scene_points=points[chosen], scene_normals=normals[chosen])
+    if around.floor_normal is not None:
+        offset = points.new_tensor(around.floor_offset)
+        height = height_over_plane(points, around.floor_normal, offset)
+        chosen = chosen & (height.abs() > _FLOOR_BAND_M)
+    return replace(around, points=points[chosen], normals=normals[chosen])
 
 
-def with_static_contacts(problem: JointProblem) -> JointProblem:
-    """Return the problem with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the
+def with_static_contacts(state: State) -> State:
+    """Return the state with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the
     prior's.
     """
-    probability = torch.zeros_like(problem.contact_probability)
+    probability = torch.zeros_like(state.contact_prior)
     for name in STATIC_CONTACT_PARTS:
-        probability[:, problem.model.contact_sets[name]] = 1.0
-    return replace(problem, contact_probability=probability)
+        probability[:, state.model.contact_sets[name]] = 1.0
+    return replace(state, contact_prior=probability)
 
 
 def root_relative(vertices: Tensor, pelvis: Tensor, root: Tensor) -> Tensor:

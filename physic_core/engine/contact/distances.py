@@ -1,0 +1,459 @@
+"""Distances of body vertices to all that they may touch: scene and floor, skin, and small objects.
+
+Skin is that of other people, and of other parts of the same body. It touches only skin that faces
+another way: the back of a hand does not touch what its palm touches.
+
+A photo shows only the front of an object. Its depth is inferred from the width of its front: at a
+pixel ``r`` metres from the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r
+(2 R - r))`` thick, like a ball.
+
+The scene is reconstructed without people. A body below the surface of a bed has pressed it down, as
+far as beds yield; only what is deeper is an error. The depths of :data:`GIVE_M` are set by hand.
+Camera frame, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import permutations
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.engine.scene.state import Surroundings
+from physic_core.geometry.camera import project
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.pointmap import depth_to_pointmap
+
+KINDS = ("scene", "person", "own body", "object")
+"""What a vertex may touch; floor and scene are one kind."""
+
+SEARCH_RADIUS_M = 0.15
+"""Search radius, metres: larger distances are reported as inf.
+
+The contact thresholds of all presets are smaller.
+"""
+
+# of scene points: a vertex between four of them is on the surface, not 1 cm from it
+_POINT_SPACING_M = 0.02
+
+DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]
+"""Function that returns distances (...) of vertices, metres.
+
+Its arguments: the offsets (..., 3) from the nearest scene points, the normals (..., 3) of these
+points, zero where unknown, and the lengths (...) of the offsets.
+"""
+
+
+@dataclass(frozen=True)
+class ContactSurfaces:
+    """Surfaces that bodies may touch.
+
+    Attributes:
+        scene: scaled scene points near bodies, and samples of the floor if the method uses them.
+        row: (n,) int64, row of each of these points in ``Surroundings.points``; -1 for
+            samples of the floor.
+        floor: unit normal (3,) and offset in metres; None without a plane, or if its samples are in
+            ``scene``.
+    """
+
+    scene: NearestPointSearch
+    row: Tensor
+    floor: tuple[Tensor, float] | None
+
+
+@dataclass(frozen=True)
+class SurfaceDistances:
+    """Signed distances of vertices to scene and floor, metres: negative inside, inf beyond the
+    search radius.
+
+    Attributes:
+        scene: (..., V).
+        floor: (..., V); inf without a plane.
+        point: (..., V) int64, nearest point of ``ContactSurfaces.scene``; 0 if none is within the
+            search radius.
+    """
+
+    scene: Tensor
+    floor: Tensor
+    point: Tensor
+
+    @property
+    def nearest(self) -> Tensor:
+        """Signed distance (..., V) to the nearer of scene and floor."""
+        return torch.where(self.on_floor, self.floor, self.scene)
+
+    @property
+    def on_floor(self) -> Tensor:
+        """Vertices (..., V) bool that are nearer to the floor's plane than to the scene."""
+        return self.floor.abs() < self.scene.abs()
+
+
+def nearby_surfaces(
+    around: Surroundings, vertices: Tensor, scale: float, floor: tuple[Tensor, float] | None
+) -> ContactSurfaces:
+    """Return the scaled scene near bodies (B, V, 3), metres, and a floor."""
+    points, normals = around.points * scale, around.normals
+    near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
+    scene = NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M)
+    return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
+
+
+def surface_distances(
+    vertices: Tensor,
+    surfaces: ContactSurfaces,
+    measure: DistanceMeasure,
+    free: Tensor | None = None,
+) -> SurfaceDistances:
+    """Return the signed distances of vertices (..., V, 3), metres, to scene and floor.
+
+    The distance is positive at points without a normal, and for vertices in free space, ``free``
+    (..., V) bool, see :mod:`physic_core.geometry.visibility`.
+    """
+    scene = surfaces.scene
+    nearest = scene.query(vertices, radius=SEARCH_RADIUS_M)
+    far = torch.full_like(nearest.distance, torch.inf)
+    height = far
+    if surfaces.floor is not None:
+        normal, offset = surfaces.floor
+        height = height_over_plane(vertices, normal.to(vertices), vertices.new_tensor(offset))
+        height = torch.where(height.abs() < SEARCH_RADIUS_M, height, far)
+    if not len(scene.points):
+        return SurfaceDistances(far, height, nearest.index)
+    normals = scene.normals[nearest.index].to(vertices)
+    offsets = vertices - scene.points[nearest.index]
+    along = (normals * offsets).sum(-1)
+    inside = along < 0 if free is None else (along < 0) & ~free
+    magnitude = measure(offsets, normals, nearest.distance)
+    signed = torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)
+    return SurfaceDistances(signed, height, nearest.index)
+
+
+def distance_along_normal(offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
+    """Measure along the normal of the nearest point, and add the lateral distance beyond the rim of
+    a surface.
+    """
+    along = (normals * offsets).sum(-1)
+    beside = (offsets - along[..., None] * normals).norm(dim=-1)
+    plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
+    return torch.where(normals.square().sum(-1) > 0.5, plane, distance)
+
+
+OWN_RADIUS_M = 0.08
+"""Search radius on the same body, metres: its parts have smaller errors than scene and people."""
+
+_SPACING_M = 0.012  # half the largest distance of neighbouring vertices
+_CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
+_MAX_COSINE = 0.5  # between two normals; skin that looks the same way does not touch
+_SAME_SKIN_M = 0.12  # in the rest pose; nearer vertices are one piece of skin
+
+
+@dataclass(frozen=True)
+class SkinDistances:
+    """Nearest skin of each vertex of N people.
+
+    Attributes:
+        distance: (N, V) signed, along the normal of that skin, metres, negative inside; inf if no
+            skin is within the search radius.
+        person: (N, V) int64, index of the person whose skin it is; 0 if there is none.
+        vertex: (N, V) int64, the nearest vertex of that person; 0 if there is none.
+    """
+
+    distance: Tensor
+    person: Tensor
+    vertex: Tensor
+
+    @staticmethod
+    def none(vertices: Tensor) -> SkinDistances:
+        """Return the distances of vertices (N, V, 3) where no skin is near."""
+        index = torch.zeros(vertices.shape[:2], dtype=torch.int64, device=vertices.device)
+        return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
+
+
+def people_distances(
+    vertices: Tensor, normals: Tensor, outer: Tensor, radius: float
+) -> SkinDistances:
+    """Find the nearest skin of other people.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        normals: (N, V, 3) unit, out of the bodies.
+        outer: (V,) bool, vertices that may touch and be touched.
+        radius: of the search, metres.
+    """
+    ids = np.flatnonzero(outer.cpu().numpy())
+    searches = [(i, ids, j, ids) for i, j in permutations(_finite_people(vertices), 2)]
+    return _nearest_skin(vertices, normals, searches, radius)
+
+
+def own_distances(
+    vertices: Tensor, normals: Tensor, outer: Tensor, part: Tensor, rest: Tensor, radius: float
+) -> SkinDistances:
+    """Find the nearest skin of other parts of the same body.
+
+    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each
+    other, such as forearm and upper arm in a bent elbow.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        normals: (N, V, 3) unit, out of the bodies.
+        outer: (V,) bool, vertices that may touch and be touched.
+        part: (V,) int64, body part of each vertex.
+        rest: (V, 3) vertices in the rest pose, metres.
+        radius: of the search, metres.
+    """
+    ids = np.flatnonzero(outer.cpu().numpy())
+    parts = part.cpu().numpy()[ids]
+    searches = [
+        (i, ids[parts != p], i, ids[parts == p])
+        for i in _finite_people(vertices)
+        for p in np.unique(parts)
+    ]
+    return _nearest_skin(vertices, normals, searches, radius, rest.detach().cpu().double().numpy())
+
+
+def _finite_people(vertices: Tensor) -> list[int]:
+    """Return the people whose vertices (N, V, 3) are finite."""
+    finite: list[int] = torch.isfinite(vertices).flatten(1).all(1).nonzero()[:, 0].tolist()
+    return finite
+
+
+def _nearest_skin(
+    vertices: Tensor,
+    normals: Tensor,
+    searches: Iterable[tuple[int, np.ndarray, int, np.ndarray]],
+    radius: float,
+    rest: np.ndarray | None = None,
+) -> SkinDistances:
+    """Return the nearest skin of each vertex over all searches.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        normals: (N, V, 3) unit, out of the bodies.
+        searches: person and vertices that search, person and vertices that are searched.
+        radius: of the search, metres.
+        rest: (V, 3) vertices in the rest pose, metres, where skin of the same body is searched.
+    """
+    points, outwards = (t.detach().cpu().double().numpy() for t in (vertices, normals))
+    distance = np.full(points.shape[:2], np.inf)
+    person = np.zeros(distance.shape, np.int64)
+    vertex = np.zeros(distance.shape, np.int64)
+    for i, ids, j, targets in searches:
+        if not len(targets):
+            continue
+        low = points[j, targets].min(0) - radius
+        high = points[j, targets].max(0) + radius
+        ids = ids[((points[i, ids] > low) & (points[i, ids] < high)).all(1)]
+        if not len(ids):
+            continue
+        count = min(_CANDIDATES, len(targets))
+        tree = cKDTree(points[j, targets], balanced_tree=False, compact_nodes=False)
+        gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
+        gap = gap.reshape(len(ids), count)
+        index = index.reshape(len(ids), count)
+        near = np.isfinite(gap[:, 0])
+        ids = ids[near]
+        found = np.isfinite(gap[near])
+        index = index[near]
+        nearest = targets[np.where(found, index, 0)]
+        offset = points[i, ids][:, None] - points[j, nearest]
+        outward = outwards[j, nearest]
+        along = (offset * outward).sum(-1)
+        beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
+        size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
+        found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
+        if rest is not None:
+            found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
+        size = np.where(found, size, np.inf)
+        rows = np.arange(len(ids))
+        best = size.argmin(1)
+        signed = np.copysign(size[rows, best], along[rows, best])
+        closer = np.abs(signed) < np.abs(distance[i, ids])
+        chosen = ids[closer]
+        distance[i, chosen], person[i, chosen], vertex[i, chosen] = (
+            signed[closer],
+            j,
+            nearest[rows, best][closer],
+        )
+    others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
+    return SkinDistances(torch.from_numpy(distance).to(vertices), *others)
+
+
+# of the median depth: pixels farther from it show what is behind the object
+_MAX_DEPTH_SPREAD = 0.15
+
+
+@dataclass(frozen=True)
+class HeldObjects:
+    """Small objects in the photo.
+
+    Attributes:
+        masks: (K, H, W) bool, visible pixels of each object.
+        depth: (H, W) metres along z of the photo, NaN where unknown.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object has the
+            same distance from its holder as in the photo. A person with NaN touches no object.
+        K: (3, 3) px.
+    """
+
+    masks: Tensor
+    depth: Tensor
+    ratio: Tensor
+    K: Tensor
+
+
+@dataclass(frozen=True)
+class ObjectDistances:
+    """Nearest object of each vertex.
+
+    Attributes:
+        distance: (N, V) signed, metres, negative inside; inf if no object is within the search
+            radius.
+        object: (N, V) int64, index of that object; 0 if there is none.
+    """
+
+    distance: Tensor
+    object: Tensor
+
+
+def object_distances(vertices: Tensor, objects: HeldObjects, radius: float) -> ObjectDistances:
+    """Find the nearest object of each vertex.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        objects: of the photo.
+        radius: of the search, metres.
+    """
+    distance = torch.full_like(vertices[..., 0], torch.inf)
+    nearest = torch.zeros(distance.shape, dtype=torch.int64, device=vertices.device)
+    points = depth_to_pointmap(objects.depth, objects.K)
+    for k, mask in enumerate(objects.masks):
+        shape = _shape(mask, points, float(objects.K[0, 0]))
+        if shape is None:
+            continue
+        front, thickness = shape
+        for i in torch.isfinite(objects.ratio).nonzero()[:, 0].tolist():
+            ratio = objects.ratio[i]
+            found = _distance_to(vertices[i], front * ratio, thickness * ratio, objects.K, radius)
+            closer = found.abs() < distance[i].abs()
+            distance[i] = torch.where(closer, found, distance[i])
+            nearest[i] = torch.where(closer, k, nearest[i])
+    return ObjectDistances(distance, nearest)
+
+
+def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:
+    """Return the visible points (H, W, 3) of an object, NaN elsewhere, and its thickness (H, W),
+    metres along z.
+    """
+    import cv2
+
+    z = points[..., 2]
+    known = mask & torch.isfinite(z) & (z > 0)
+    if not bool(known.any()):
+        return None
+    middle = z[known].median()
+    known = known & ((z - middle).abs() < _MAX_DEPTH_SPREAD * middle)
+    # One pixel of border, so that the picture's edge counts as a silhouette.
+    inside = np.pad(mask.cpu().numpy().astype(np.uint8), 1)
+    to_rim = torch.from_numpy(cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]).to(z)
+    depth = to_rim * (middle / focal_px)
+    widest = depth.amax()
+    thickness = 2 * torch.sqrt((depth * (2 * widest - depth)).clamp(min=0))
+    return torch.where(known[..., None], points, torch.nan), thickness
+
+
+def _distance_to(
+    vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor, radius: float
+) -> Tensor:
+    """Return the signed distance (V,) of vertices (V, 3) to an object, inf beyond the radius."""
+    known = torch.isfinite(front[..., 2])
+    ahead = front[known]
+    behind = ahead * (1 + thickness[known] / ahead[:, 2])[:, None]
+    tree = cKDTree(
+        torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False
+    )
+    apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=radius)
+    distance = torch.from_numpy(apart).to(vertices)
+    height, width = known.shape
+    column, row = project(vertices, K).round().unbind(-1)
+    inside = (vertices[:, 2] > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    pixel = torch.where(inside, row * width + column, 0.0).long()
+    z = vertices[:, 2]
+    depth = front[..., 2].flatten()[pixel]
+    inside = inside & (z > depth) & (z < depth + thickness.flatten()[pixel])
+    return torch.where(inside & torch.isfinite(distance), -distance, distance)
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances of the vertices of N people to everything that they may touch, metres; inf beyond
+    the search radius.
+
+    Attributes:
+        normals: (N, V, 3) unit, out of the bodies.
+        surface: to scene and floor.
+        parts: of the scene's points, which ``surface.point`` indexes.
+        people: to the skin of other people.
+        own: to the skin of other parts of the same body.
+        objects: to small objects; None without them.
+        surface_normals: (N, V, 3) unit, of the nearest points of the scene; zero where unknown.
+        in_mask: (N, V) bool, vertices at pixels of the person's mask.
+    """
+
+    normals: Tensor
+    surface: SurfaceDistances
+    parts: SceneParts
+    people: SkinDistances
+    own: SkinDistances
+    objects: ObjectDistances | None
+    surface_normals: Tensor
+    in_mask: Tensor
+
+    @property
+    def by_kind(self) -> Tensor:
+        """Signed distances (K, N, V), in the order of :data:`KINDS`."""
+        far = torch.full_like(self.surface.scene, torch.inf)
+        to_object = far if self.objects is None else self.objects.distance
+        return torch.stack(
+            [self.surface.nearest, self.people.distance, self.own.distance, to_object]
+        )
+
+
+GIVE_M: Mapping[str, float] = {
+    "bed": 0.10,
+    "seat": 0.08,
+    "vegetation": 0.05,
+    "ground": 0.03,
+    "rug": 0.02,
+}
+"""Class of :data:`physic_core.types.SURFACE_NAMES` -> largest depth of a dent, metres.
+
+"ground" may be sand or grass. Surfaces of all other classes, and those of unknown class, do not
+yield.
+"""
+
+
+def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
+    """Return the largest depth (N, V) of a dent of the surface nearest to each vertex; 0 where none
+    is near.
+    """
+    if not len(parts.label):
+        return torch.zeros_like(near.scene)
+    table = near.scene.new_tensor([0.0, *(GIVE_M.get(name, 0.0) for name in parts.names)])
+    return torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
+
+
+def dent_depths(distance: Tensor, give: Tensor) -> Tensor:
+    """Return how deep vertices press into yielding surfaces, metres: (N, V), NaN elsewhere.
+
+    Args:
+        distance: (N, V) signed, to the undented scene, metres.
+        give: (N, V) largest depth.
+    """
+    depth = torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give)
+    return torch.where(give > 0, depth, torch.nan)
