@@ -424,15 +424,29 @@ _PRECISIONS = tuple(
     )
 )
 _PRODUCTS = (
-    *("backends.cuda.matmul.allow_fp16_reduced_precision_reduction", "backends.opt_einsum.enabled"),
+    "backends.cuda.matmul.allow_fp16_reduced_precision_reduction",
     "backends.cuda.matmul.allow_bf16_reduced_precision_reduction",
+    "backends.cuda.matmul.allow_fp16_accumulation",  # of torch 2.7
+    "backends.opt_einsum.enabled",
 )
+_LIBRARIES = ("preferred_linalg_library", "preferred_blas_library")
 _SDP = ("flash", "mem_efficient", "math", "cudnn")
 _GUARDS = list[Any]()  # a guard of torch ends when it is collected
 
 
-def _write_attributes(torch: Any, names: tuple[str, ...], values: tuple[Any, ...]) -> None:
-    for name, value in zip(names, values, strict=True):
+def _read_attributes(torch: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the values of those of the attributes that this torch has."""
+    values = {}
+    for name in names:
+        try:
+            values[name] = operator.attrgetter(name)(torch)
+        except (AttributeError, RuntimeError):  # of another torch, or contradicting another one
+            continue
+    return values
+
+
+def _write_attributes(torch: Any, values: dict[str, Any]) -> None:
+    for name, value in values.items():
         owner, _, attribute = name.rpartition(".")
         setattr(operator.attrgetter(owner)(torch), attribute, value)
 
@@ -466,13 +480,21 @@ def _read_threads(torch: Any) -> int:
     return count
 
 
-def _read_gpu_generators(torch: Any) -> list[bytes]:
-    """Return the states of the generators of all GPUs, or raise RuntimeError if no GPU is in
-    use.
+def _of_gpu(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return the function ``read`` of ``torch.cuda``, which raises RuntimeError if no GPU is in
+    use: most functions of that module would start one.
     """
-    if not torch.cuda.is_initialized():
-        raise RuntimeError("no GPU is in use")
-    return [state.numpy().tobytes() for state in torch.cuda.get_rng_state_all()]
+
+    def read_in_use(torch: Any) -> Any:
+        if not torch.cuda.is_initialized():
+            raise RuntimeError("no GPU is in use")
+        return read(torch.cuda)
+
+    return read_in_use
+
+
+def _read_gpu_generators(cuda: Any) -> list[bytes]:
+    return [state.numpy().tobytes() for state in cuda.get_rng_state_all()]
 
 
 _AUTOCAST = ("cpu", "cuda")
@@ -525,15 +547,24 @@ _TORCH = (
     Setting(
         "torch's float32 precision",
         "torch",
-        operator.attrgetter(*_PRECISIONS),
-        lambda m, values: _write_attributes(m, _PRECISIONS, values),
+        lambda m: _read_attributes(m, _PRECISIONS),
+        _write_attributes,
         describe=_no_text,
     ),
     Setting(
         "torch's switches of products",
         "torch",
-        operator.attrgetter(*_PRODUCTS),
-        lambda m, values: _write_attributes(m, _PRODUCTS, values),
+        lambda m: _read_attributes(m, _PRODUCTS),
+        _write_attributes,
+        describe=_no_text,
+    ),
+    Setting(
+        "torch's libraries of products",
+        "torch",
+        lambda m: [getattr(m.backends.cuda, name)() for name in _LIBRARIES],
+        lambda m, value: [
+            getattr(m.backends.cuda, name)(one) for name, one in zip(_LIBRARIES, value, strict=True)
+        ],
         describe=_no_text,
     ),
     Setting(
@@ -574,6 +605,13 @@ _TORCH = (
         fresh=_always([True] * len(_SDP)),
         describe=_no_text,
     ),
+    Setting(
+        "torch's sums in attention",
+        "torch",
+        lambda m: m.backends.cuda.fp16_bf16_reduction_math_sdp_allowed(),
+        lambda m, value: m.backends.cuda.allow_fp16_bf16_reduction_math_sdp(value),
+        fresh=_always(False),
+    ),
     _attribute("torch.load", "torch", "load"),
     Setting("torch's threads", "torch", _read_threads, lambda m, value: m.set_num_threads(value)),
     # Restored with the generator.
@@ -595,12 +633,34 @@ _TORCH = (
     Setting(
         "torch's random generators of GPUs",
         "torch",
-        _read_gpu_generators,
+        _of_gpu(_read_gpu_generators),
         lambda m, value: m.cuda.set_rng_state_all(
             [m.frombuffer(bytearray(one), dtype=m.uint8) for one in value]
         ),
         quiet_in_load=True,
         describe=_no_text,
+    ),
+    Setting(
+        "torch's stream of the GPU",
+        "torch",
+        _of_gpu(lambda cuda: cuda.current_stream()),
+        lambda m, value: m.cuda.set_stream(value),
+        fresh=_of_gpu(lambda cuda: cuda.default_stream(0)),
+        describe=_no_text,
+    ),
+    Setting(
+        "torch's treatment of waiting for the GPU",
+        "torch",
+        _of_gpu(lambda cuda: cuda.get_sync_debug_mode()),
+        lambda m, value: m.cuda.set_sync_debug_mode(value),
+        fresh=_of_gpu(lambda _: 0),
+    ),
+    Setting(
+        "torch's share of the GPU's memory",
+        "torch",
+        _of_gpu(lambda cuda: cuda.get_per_process_memory_fraction()),
+        lambda m, value: m.cuda.set_per_process_memory_fraction(value),
+        fresh=_of_gpu(lambda _: 1.0),
     ),
 )
 

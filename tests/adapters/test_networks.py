@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,13 @@ from pydantic import Field
 from physic_core.adapters.networks import (
     NetworkBackend,
     TorchBackend,
+    TorchOptions,
     picture_tensor,
     run_in_batches,
 )
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.interfaces import MetricDepth, Options
+from physic_core.interfaces import GpuMemory, MetricDepth, Options
 from physic_core.types import DepthMap, Hints
 
 PHOTO = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
@@ -107,6 +108,36 @@ def test_torch_backends_refuse_a_device_that_is_not_there() -> None:
 
     with pytest.raises(DeviceError):
         Net().load("cuda:99")
+
+
+class HalfOptions(TorchOptions):
+    weights: str = Field("net", description="a name or a path")
+
+
+class Half(TorchBackend, MetricDepth):
+    """A backend whose memory on a GPU was measured in two precisions."""
+
+    Options = HalfOptions
+    gpu_gigabytes = MappingProxyType({"float32": 4.0, "float16": 2.5})
+
+    def build(self, device: str) -> Any:
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ("options", "gigabytes"),
+    [
+        ({}, [4.0]),
+        ({"precision": "float16"}, [2.5]),
+        ({"precision": "bfloat16"}, []),
+        ({"weights": "larger-net"}, []),
+    ],
+)
+def test_memory_of_a_gpu_is_stated_for_what_was_measured(
+    options: dict[str, str], gigabytes: list[float]
+) -> None:
+    stated = Half(**options).requirements()
+    assert [one.gigabytes for one in stated if isinstance(one, GpuMemory)] == gigabytes
 
 
 @pytest.mark.parametrize("full", [False, True])

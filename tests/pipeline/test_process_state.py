@@ -114,6 +114,16 @@ DEEDS = {
         ),
         lambda: torch.backends.opt_einsum.enabled,
     ),
+    "half_sums": Deed(
+        "torch's switches of products",
+        lambda: setattr(torch.backends.cuda.matmul, "allow_fp16_accumulation", True),
+        lambda: torch.backends.cuda.matmul.allow_fp16_accumulation,
+    ),
+    "attention_sums": Deed(
+        "torch's sums in attention (False -> True)",
+        lambda: torch.backends.cuda.allow_fp16_bf16_reduction_math_sdp(True),
+        torch.backends.cuda.fp16_bf16_reduction_math_sdp_allowed,
+    ),
     "new_precision": Deed(
         "torch's float32 precision",
         lambda: setattr(torch.backends.mkldnn.matmul, "fp32_precision", "bf16"),
@@ -368,6 +378,45 @@ def test_what_a_backend_changes_is_restored_and_named(name: str, where: str) -> 
     assert deed.words in warning
     assert "metric_depth 'naughty' (my-dist 1.0)" in warning
     assert "s3cret" not in warning
+
+
+GPU_DEEDS = {
+    "libraries": Deed(
+        "torch's libraries of products",
+        lambda: torch.backends.cuda.preferred_blas_library("cublaslt"),
+        torch.backends.cuda.preferred_blas_library,
+    ),
+    "stream": Deed(
+        "torch's stream of the GPU",
+        lambda: torch.cuda.set_stream(torch.cuda.Stream()),
+        lambda: torch.cuda.current_stream(),
+    ),
+    "waits": Deed(
+        "torch's treatment of waiting for the GPU (0 -> 2)",
+        lambda: torch.cuda.set_sync_debug_mode("error"),
+        lambda: torch.cuda.get_sync_debug_mode(),
+    ),
+    "memory": Deed(
+        "torch's share of the GPU's memory (1.0 -> 0.5)",
+        lambda: torch.cuda.set_per_process_memory_fraction(0.5),
+        lambda: torch.cuda.get_per_process_memory_fraction(),
+    ),
+    "seed": Deed(
+        "torch's random generators of GPUs",
+        lambda: torch.cuda.manual_seed(7),
+        lambda: torch.cuda.get_rng_state().tolist(),
+    ),
+}
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+@pytest.mark.parametrize("name", GPU_DEEDS)
+def test_what_a_backend_changes_of_the_gpu_is_restored_and_named(name: str) -> None:
+    deed = GPU_DEEDS[name]
+    before = deed.probe()
+    (warning,) = run(Naughty("infer", deed.do)).warnings
+    assert deed.probe() == before
+    assert deed.words in warning
 
 
 @pytest.mark.parametrize("where", ["load", "infer"])

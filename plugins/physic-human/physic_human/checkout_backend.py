@@ -78,8 +78,8 @@ class CheckoutBackend(TorchBackend):
         return (*self.checkout.missing(), *super().missing())
 
     def requirements(self) -> tuple[Requirement, ...]:
-        """Return the repository and its packages."""
-        return self.checkout.requirements()
+        """Return the repository, its packages, and the memory of a GPU if it was measured."""
+        return (*self.checkout.requirements(), *super().requirements())
 
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -25,7 +25,13 @@ from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import MetricDepth, Options, RelativePointmap
+from physic_core.interfaces import (
+    GpuMemory,
+    MetricDepth,
+    Options,
+    RelativePointmap,
+    Requirement,
+)
 from physic_core.types import DepthMap, Pointmap
 from physic_human.checkout_backend import (
     CheckoutBackend,
@@ -198,6 +204,8 @@ class _Moge3(_Moge):
     title = "MoGe-3"
     Options: ClassVar[type[Options]] = Moge3Options
     options: Moge3Options
+    # A photo of 1280 x 960 px. Its weights stay in float32 in each precision.
+    gpu_gigabytes = MappingProxyType({"float32": 3.5, "float16": 3.5, "bfloat16": 3.5})
     project: ClassVar[Checkout] = Checkout(
         name="MoGe-3",
         package="moge.model.v3",
@@ -205,6 +213,13 @@ class _Moge3(_Moge):
         commit="74fbce054ebed49800de42d0ad0e83495065719a",
         needs=("huggingface_hub",),
     )
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository, its packages, and the memory of a GPU without the refiner."""
+        stated = super().requirements()
+        if not self.options.refine_steps:
+            return stated
+        return tuple(one for one in stated if not isinstance(one, GpuMemory))
 
     def needs(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports; the refiner has a package of GPU

@@ -8,6 +8,7 @@ The defaults are those of PhySIC's release: its prompts, thresholds and models.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -103,6 +104,7 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     written_for = 1
     Options: ClassVar[type[Options]] = GroundedSam2Options
     options: GroundedSam2Options
+    gpu_gigabytes = MappingProxyType({"float32": 3.6, "float16": 1.8, "bfloat16": 1.8})
     takes_prompt: ClassVar[bool] = True
     specs: ClassVar[tuple[ModelSpec, ...]] = (
         ModelSpec(

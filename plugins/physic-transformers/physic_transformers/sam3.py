@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -60,6 +61,7 @@ class Sam3(PretrainedBackend, Segmenter):
     written_for = 1
     Options: ClassVar[type[Options]] = Sam3Options
     options: Sam3Options
+    gpu_gigabytes = MappingProxyType({"float32": 4.7, "float16": 2.5, "bfloat16": 2.5})
     # The published repository holds the model for videos, of which this is a spec.
     specs: ClassVar[tuple[ModelSpec, ...]] = (
         ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"), needs_tokenizer=True),
