@@ -31,7 +31,10 @@ LACKING = {
             *SHARED,
         ),
     ),
-    "open-body": ("moge-2-vitl-normal", "sam2.1-hiera-large", "rtmw3d-x", "big-lama"),
+    "open-body": (
+        *("moge-3-vitl", "sam2.1-hiera-large", "rtmw3d-x", "big-lama"),
+        "https://github.com/microsoft/MoGe",
+    ),
 }
 """Preset -> weights, code and files that it lacks where nothing is here."""
 WAYS = (

@@ -264,6 +264,7 @@ def test_what_moge_3_cannot_do_is_refused(
         use(moge_3(**made))
 
 
+@pytest.mark.filterwarnings("ignore:In CPU autocast")  # their float32 of a CPU
 def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None:
     """Their class with random weights, small, and their `infer` without the refiner, for a given
     focal length.

@@ -72,10 +72,10 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
     first = done.stdout.partition("1. ")[0]
     assert all(
         word in first
-        for word in ("RTMW3D", "2.6 GB download: 2.44 GB", "MIT", "Apache-2.0", "Not measured")
+        for word in ("RTMW3D", "2.60 GB of MoGe-3", "MIT", "Apache-2.0", "Not measured")
     )
     assert (
-        run or "without packages: 2.44 GB, and these, of no published exact size: rtmw3d-x" in first
+        run or "without packages: 2.6 GB, and these, of no published exact size: rtmw3d-x" in first
     )
 
 
@@ -230,7 +230,7 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
     [
         ("paper", ["paper", "transformers", "omnieraser", "human", "onnx"]),
         ("best", ["transformers", "onnx", "human"]),
-        ("open", ["onnx"]),
+        ("open", ["onnx", "human"]),
     ],
 )
 def test_a_small_installation_is_told_the_plugins_of_each_preset(
@@ -283,17 +283,42 @@ def test_torchvision_is_of_the_build_of_the_installed_torch(
 
 def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> None:
     from physic_core.configuration.resolve import named_weights, resolve
+    from physic_core.interfaces import Repository, UserFile
 
     plan = resolve(load_config(preset="open"))
     sets = named_weights(plan)
     assert {weights.name for weights in sets} == {
-        "sam2.1-hiera-large", "big-lama", "moge-2-vitl-normal", "rtmw-l-384x288",
+        "sam2.1-hiera-large", "big-lama", "moge-3-vitl", "rtmw-l-384x288",
     }  # fmt: skip
     assert all(
         weights.is_free and all(file.source and file.sha256 for file in weights.files)
         for weights in sets
     )
-    assert all(resolved.backend.requirements() == () for resolved in plan.backends.values())
+    stated = {one for resolved in plan.backends.values() for one in resolved.backend.requirements()}
+    assert not [one for one in stated if isinstance(one, UserFile)]
+    (code,) = (one for one in stated if isinstance(one, Repository))
+    assert (code.name, len(code.commit)) == ("MoGe-3", 40)
+
+
+def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfaces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    text = physic("setup", "open", "--folder", str(tmp_path / "open")).stdout
+    assert "Download size, without packages: 2.83 GB" in text
+    assert "Accounts: none" in text
+    assert "GPU memory: 3.5 GB for the relative_pointmap" in text
+    assert "never run here" in text.partition("1. ")[0]
+    place = tmp_path / "open" / "MoGe"
+    clone = f"git clone https://github.com/microsoft/MoGe {place}"
+    commit = "74fbce054ebed49800de42d0ad0e83495065719a"
+    lines = text.splitlines()
+    assert [line for line in lines if line.startswith("git ")] == [
+        clone,
+        f"git -C {place} checkout --quiet {commit}",
+    ]
+    assert lines.count(f'checkout = "{place}"') == 2
 
 
 def test_a_package_without_commercial_use_is_left_to_the_user(physic) -> None:
