@@ -15,17 +15,12 @@ import pytest
 from click.testing import CliRunner, Result
 from hypothesis import settings
 
-from physic_core.cache.folders import cache_folder
-
 # Two threads of torch beside another busy process are far slower than one; it reads this when it is
 # first imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The user's answers are not for the tests, nor the tests' for the user.
 os.environ["PHYSIC_CACHE"] = "off"
-
-# Tests that change the home folder need not build the worlds again: each takes seconds.
-os.environ.setdefault("PHYSIC_WORLD_CACHE", str(cache_folder("worlds") or "off"))
 
 # Nor are its settings of plugins, tracebacks and configuration.
 for name in [
@@ -90,9 +85,9 @@ def few_steps() -> Iterator[None]:
 def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a result of a mock world with two people who sit side by side."""
     from physic_core import load_config, reconstruct
-    from physic_testing.worlds import build_world
+    from physic_testing.worlds import load_world
 
-    world = build_world("sit_side_by_side", 0, (160, 120))
+    world = load_world("sit_side_by_side", (160, 120))
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]  # enough for the files
     folder = tmp_path_factory.mktemp("saved") / "out"
     reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(

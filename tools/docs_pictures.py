@@ -34,7 +34,7 @@ from physic_core.visual.palette import person_color
 from physic_core.visual.panels import colored_depth, overlay_panel, render_contact_views
 from physic_core.visual.preview import preview_image
 from physic_core.visual.views import build_preview_geometry, side_view, top_view
-from physic_testing import build_world
+from physic_testing import load_world
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -125,7 +125,7 @@ def reconstruct(name: str) -> tuple[Reconstruction, Any]:
         return caught[-1]
 
     real = estimate.run_backends
-    photo = ROOT / "examples" / PHOTOS[name] if name in PHOTOS else build_world(WORLDS[name]).image
+    photo = ROOT / "examples" / PHOTOS[name] if name in PHOTOS else load_world(WORLDS[name]).image
     preset = None if name in PHOTOS else "mock"
     with mock.patch.object(estimate, "run_backends", keep), Pipeline(preset) as pipeline:
         result = pipeline(photo)
@@ -162,7 +162,7 @@ def draw_method(result: Reconstruction, estimates: Any) -> list[str]:
 
 def draw_stages() -> list[str]:
     """Draw a person who sits, before and after the joint optimisation."""
-    image = build_world("sit_on_sofa").image
+    image = load_world("sit_on_sofa").image
     drawn = []
     for name, joint in {
         "method-5-placed": {"optimiser": {"steps": 1}},

@@ -18,7 +18,7 @@ from physic_core.interfaces import BodyEstimator
 from physic_core.types import SKELETONS, Keypoints
 from physic_testing import violations
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 
 def test_matrices_and_vectors_are_the_same_rotations() -> None:
@@ -92,7 +92,7 @@ def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
     """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent
     them.
     """
-    world = build_world(name)
+    world = load_world(name)
     ankles = world.joints[:, [7, 8]]
     feet = world.joints[:, [10, 11]]
     points = np.zeros((len(ankles), 70, 3), np.float32)

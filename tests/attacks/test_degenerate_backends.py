@@ -14,7 +14,7 @@ import pytest
 
 from physic_core import Pipeline, Reconstruction, find_exporters
 from physic_mock import backends
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 CONFIG = {
     "extends": "mock",
@@ -117,7 +117,7 @@ def test_numbers_of_the_result_are_finite_or_unknown(name: str, tmp_path: Path) 
     def infer(self: Any, *arguments: Any) -> Any:
         return change(mock.infer(self, *arguments))
 
-    image = build_world("stand", size=(96, 72)).image
+    image = load_world("stand", size=(96, 72)).image
     with Pipeline(
         CONFIG, backends={interface: type("Deviating", (mock,), {"infer": infer})}
     ) as pipeline:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from photo_bombs import BOMBS, huge_tile
 from physic_core.batch.journal import read_journals
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 PEAK = """
 import contextlib, resource, sys
@@ -62,7 +62,7 @@ def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
     """
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.tif").write_bytes(huge_tile())
-    Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photos" / "b.png")
+    Image.fromarray(load_world("stand", size=(96, 72)).image).save(tmp_path / "photos" / "b.png")
     out = tmp_path / "out"
     # In a process of its own: the peak of a worker includes that of its parent before exec.
     command = [

@@ -15,7 +15,7 @@ from PIL import Image
 
 from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob, failed_row
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -25,7 +25,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
 ):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
-    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/stand.png")
+    Image.fromarray(load_world("stand", (160, 120)).image).save("photos/stand.png")
     Path("photos/broken.jpg").write_text("no photo")
     options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--workers", "1")
     done = physic("batch", *options)

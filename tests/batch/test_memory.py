@@ -11,7 +11,7 @@ import pytest
 
 from physic_core import Pipeline
 from physic_testing.conformance.network_and_memory import resident_megabytes
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = [
     pytest.mark.slow,
@@ -32,6 +32,6 @@ def growth_mb(process: Callable[[int], Any], first: int, last: int) -> float:
 
 
 def test_a_loaded_pipeline_needs_no_more_memory_after_12_photos_than_after_4():
-    image = build_world("stand", 0, (160, 120)).image
+    image = load_world("stand", (160, 120)).image
     with Pipeline("mock") as pipeline:
         assert growth_mb(lambda i: pipeline(image), 4, 12) < 40

@@ -15,7 +15,7 @@ from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body.convert.bodies import convert_with_residuals, replace_mesh_with_joints
 from physic_core.body.model import BodyModel
 from physic_core.types import Bodies
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand", 1, (160, 120))
+    return load_world("stand_indoors", (160, 120))
 
 
 def run(world: World, *overrides: str) -> Reconstruction:
@@ -63,7 +63,7 @@ def test_a_body_converted_by_its_joints_has_the_same_height(
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie
     elsewhere.
     """
-    world = build_world("stand", 1, (160, 120))
+    world = load_world("stand_indoors", (160, 120))
     bodies_of_world = Bodies(world.parameters, "embedded")
     there = convert_with_residuals(bodies_of_world, other_model).bodies
     back = convert_with_residuals(replace_mesh_with_joints(there, other_model), embedded).bodies

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.slow
 
@@ -109,7 +109,7 @@ COMMANDS = [
 
 
 def photo(folder: Path) -> None:
-    Image.fromarray(build_world("stand").image).save(folder / "photo.png")
+    Image.fromarray(load_world("stand").image).save(folder / "photo.png")
 
 
 @pytest.fixture

@@ -24,14 +24,14 @@ from PIL import Image
 from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_mock.pixels import MockInpainter
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand", 0, (160, 120))
+    return load_world("stand", (160, 120))
 
 
 def run(photo: str, *arguments: str) -> Result:

@@ -14,7 +14,7 @@ from physic_core.errors import NoPersonError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.pipeline.run import reconstruct
 from physic_mock.backends import MockSegmenter
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -45,7 +45,7 @@ def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 @pytest.fixture
 def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
-    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photo.png")
+    Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
     return "photo.png"
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_batch_gives_pictures_masks_files_and_contacts(nodes: ModuleType, tmp_
     config.write_text(
         'extends = "mock"\n[run]\ncache = false\n[engine.joint.optimiser]\nsteps = 3\n'
     )
-    world = build_world("sit_side_by_side", 0, (160, 120))
+    world = load_world("sit_side_by_side", (160, 120))
     batch = torch.from_numpy(world.image.astype(np.float32) / 255)[None].repeat(2, 1, 1, 1)
     node = nodes.NODE_CLASS_MAPPINGS["PhysicReconstruct"]
     assert set(node.INPUT_TYPES()["required"]) == {"image", "preset", "focal_px", "filename_prefix"}

@@ -146,9 +146,9 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(
 ):
     from PIL import Image
 
-    from physic_testing import build_world
+    from physic_testing import load_world
 
-    Image.fromarray(build_world("stand", 0, (160, 120)).image).save(tmp_path / "photo.png")
+    Image.fromarray(load_world("stand", (160, 120)).image).save(tmp_path / "photo.png")
     arguments = [
         "photo.png",
         "--preset",

@@ -13,7 +13,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import project
 from physic_core.interfaces import INTERFACES
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 from .adjusted import adjusted, with_points, with_scene
 
@@ -50,7 +50,7 @@ def test_the_energy_falls_and_all_people_move(start):
 
 
 def test_stage_three_moves_in_a_world():
-    world = build_world("sit_on_chair", seed=3, size=(128, 96))
+    world = load_world("sit_on_chair", size=(128, 96))
     noise = [f"{name}.options.noise=1" for name in INTERFACES]
     config = load_config(
         preset="mock", overrides=["engine.preset=paper", "run.cache=false", *noise]

@@ -19,7 +19,7 @@ from physic_core import (
 from physic_core.interfaces import INTERFACES, ContactPrior, MetricDepth, Options
 from physic_core.io.photo import read_photo
 from physic_core.types import DepthMap, Hints, Intrinsics, People
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 
 class FlatOptions(Options):
@@ -68,7 +68,7 @@ def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
 
 
 def test_each_interface_can_be_called_alone():
-    world = build_world("stand", 0, (160, 120))
+    world = load_world("stand", (160, 120))
     image = world.image
     hints = Hints()
     found: dict[str, Any] = {}

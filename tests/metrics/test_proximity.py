@@ -16,7 +16,7 @@ from physic_core.metrics import (
     scene_distance,
 )
 from physic_core.types import Intrinsics, Plane
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.quick
 
@@ -132,7 +132,7 @@ def test_hidden_is_what_lies_behind_in_the_image():
 
 @pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug"])
 def test_the_distances_of_a_world_are_measured(name):
-    world = build_world(name)
+    world = load_world(name)
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)
     found = scene_distance(

@@ -17,7 +17,7 @@ from physic_core.io.photo import Photo
 from physic_core.pipeline.border import find_inside
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import KnownLength, KnownSizes, PeoplePrompt
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 # top, bottom, left, right as shares of the photo's sides, and the colour.
 BORDERS = {
@@ -109,7 +109,7 @@ def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
 @pytest.fixture(scope="module")
 def plain(few_steps: None) -> Reconstruction:
     """The result of a photo without a border."""
-    return reconstruct(build_world("stand").image, "mock")
+    return reconstruct(load_world("stand").image, "mock")
 
 
 @pytest.mark.usefixtures("few_steps")

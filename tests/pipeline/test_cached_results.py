@@ -22,7 +22,7 @@ from physic_core.cli import main
 from physic_core.discovery.backends import find_backend, list_backends, load_class
 from physic_core.interfaces import INTERFACES
 from physic_core.io.photo import read_photo
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -75,7 +75,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> Counts:
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("photo") / "stand.png"
-    Image.fromarray(build_world("stand").image).save(path)
+    Image.fromarray(load_world("stand").image).save(path)
     return path
 
 
@@ -272,7 +272,7 @@ def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path)
     for path in warm.iterdir():
         os.utime(path, (9, 9))
     reconstruct(
-        build_world("stand", 1).image,
+        load_world("stand_indoors").image,
         load_config(preset="mock", overrides=[f"run.cache_mb={limit}"]),
     )
     left = list(warm.iterdir())

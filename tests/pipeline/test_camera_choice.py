@@ -19,7 +19,7 @@ from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.optimise import Solution, run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 SIZE = (160, 120)
 QUICK = with_overrides(
@@ -30,7 +30,7 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 
 @pytest.fixture(scope="module")
 def evidence() -> Estimates:
-    world = build_world("stand", 0, SIZE)
+    world = load_world("stand", SIZE)
     plan = resolve(load_config(preset="mock"))
     return run_backends(
         world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8)

@@ -19,7 +19,7 @@ from physic_core.geometry.camera import check_distortion, undistort_image, undis
 from physic_core.io.photo import Photo
 from physic_core.pipeline.prepared_photo import undistort
 from physic_core.types import Lens
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 CAMERA = Intrinsics(300.0, 310.0, 155.0, 118.0, 320, 240)  # the principal point is off the centre
 BARREL = (-0.28, 0.09, 0.0012, -0.0007, 0.004)
@@ -86,7 +86,7 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
 
 
 def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
-    world = build_world("stand", 0, (160, 120))
+    world = load_world("stand", (160, 120))
     K = [world.intrinsics.fx, world.intrinsics.fy, world.intrinsics.cx, world.intrinsics.cy]
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]
     config = load_config(

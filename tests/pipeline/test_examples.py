@@ -20,7 +20,7 @@ from physic_core.batch.process import batch_config
 from physic_core.body import load_body
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 from .consistency import consistency
 
@@ -79,7 +79,7 @@ def test_pictures_and_pages_show_the_numbers_of_the_result(
         result = result_of(name)
     else:
         with Pipeline("mock") as pipeline:
-            result = pipeline(build_world(shown["of"].removeprefix("world ")).image)
+            result = pipeline(load_world(shown["of"].removeprefix("world ")).image)
     assert docs.differences(shown, docs.numbers_of(result)) == [], (
         f"`{docs.COMMAND}` renews what is old"
     )

@@ -23,7 +23,7 @@ from physic_core.pipeline.backend_results import (
 from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Person, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 LOST = 0
 KEPT = 1
@@ -31,7 +31,7 @@ KEPT = 1
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("hug", 0, (160, 120))
+    return load_world("hug", (160, 120))
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from physic_core.engine.sizes.stature import load_ages
 from physic_core.pipeline.known_people import resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 NAN = np.nan
 
@@ -80,7 +80,7 @@ def place_of_child(world: World) -> int:
 
 @pytest.mark.parametrize("who", ["child", "adult"])
 def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
-    world = build_world("child_by_the_hand", 8, (160, 120))
+    world = load_world("child_by_the_hand", (160, 120))
     child = place_of_child(world)
     chosen = child if who == "child" else 1 - child
     given = [0.0, 0.0]
@@ -97,7 +97,7 @@ def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
 
 
 def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
-    world = build_world("child_by_the_hand", 1, (160, 120))
+    world = load_world("child_by_the_hand_view1", (160, 120))
     child = place_of_child(world)
     given = [0.0, 0.0]
     given[child] = 4.0

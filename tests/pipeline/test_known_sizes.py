@@ -20,7 +20,7 @@ from physic_core.engine.sizes.stature import betas_with_stature, stature_factor
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import bodies_of_stature, known_people
 from physic_core.types import Bodies, People
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 SIZE = (160, 120)
 MODEL = load_body("embedded")
@@ -28,7 +28,7 @@ MODEL = load_body("embedded")
 
 @pytest.fixture(scope="module")
 def stand() -> World:
-    return build_world("stand", 0, SIZE)
+    return load_world("stand", SIZE)
 
 
 def run(world: World, known: KnownSizes, *overrides: str) -> Reconstruction:
@@ -172,7 +172,7 @@ def test_statures_are_given_from_left_to_right() -> None:
 
 
 def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> None:
-    found = run(build_world("hug", 1, SIZE), KnownSizes(stature=(1.55, 1.9)))
+    found = run(load_world("hug", SIZE), KnownSizes(stature=(1.55, 1.9)))
     (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 0]
     assert check.ok
     (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]

@@ -19,7 +19,7 @@ from physic_core.errors import BackendError
 from physic_core.metrics import pa_mpjpe_mm
 from physic_core.pipeline import optimise as solution
 from physic_core.types import Hints
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 pytestmark = [pytest.mark.quick, pytest.mark.kernels]
 
@@ -51,7 +51,7 @@ class Case:
 def cases() -> list[Case]:
     return [
         Case(
-            world=(world := build_world(name)),
+            world=(world := load_world(name)),
             start=start_of(world),
             placed=reconstruct(
                 world.image, load_config(preset="mock", overrides=[*MOCK, *STAGE_2])

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core.cli import main
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.kernels
 
@@ -29,7 +29,7 @@ def run(*arguments: str) -> dict[str, Any]:
 
 def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photo.png")
+    Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
     Path("base.toml").write_text(
         'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\nthreshold = 0.4\n'
     )

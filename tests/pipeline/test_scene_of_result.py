@@ -9,7 +9,7 @@ import torch
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.geometry.visibility import move_behind_bodies
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 pytestmark = pytest.mark.kernels
 
@@ -21,7 +21,7 @@ def solved(world: World, *overrides: str) -> Reconstruction:
 
 
 def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
-    world = build_world("sit_on_sofa", 579362556, SIZE)
+    world = load_world("sit_on_sofa", SIZE)
     plain = solved(world, "engine.scene.carve_m=0")
     result = solved(world)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 NO_FLOOR = ['engine.scene.floor="off"']
 
@@ -28,7 +28,7 @@ def result(request: pytest.FixtureRequest) -> Reconstruction:
     world, settings = request.param
     noise = ["metric_depth.options.stated_sigma=0.095"]
     return reconstruct(
-        build_world(world).image, load_config(preset="mock", overrides=[*noise, *settings])
+        load_world(world).image, load_config(preset="mock", overrides=[*noise, *settings])
     )
 
 

@@ -91,11 +91,11 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
     """On a world of the mocks: what the pages promise does not depend on the backends."""
     from PIL import Image
 
-    from physic_testing.worlds import build_world
+    from physic_testing.worlds import load_world
 
     (tmp_path / "examples").mkdir()
     for photo in ("couple.jpg", "basketball.png"):
-        Image.fromarray(build_world().image).save(tmp_path / "examples" / photo, "PNG")
+        Image.fromarray(load_world().image).save(tmp_path / "examples" / photo, "PNG")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
     exec(compile(text.replace('"extends": "embedded"', '"extends": "mock"'), "page", "exec"), {})

@@ -210,7 +210,7 @@ def test_a_plugin_registers_modules_of_its_own(name: str):
         assert any(file == f"{path}.py" or file.startswith(f"{path}/") for file in files), path
 
 
-MEGABYTES = {"physic-core": 15, "physic-embedded": 105, "physic-testing": 2}
+MEGABYTES = {"physic-core": 15, "physic-embedded": 105, "physic-testing": 4}
 
 
 # Compressing 100 MB of networks takes seconds.

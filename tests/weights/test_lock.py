@@ -16,7 +16,7 @@ from physic_core.weights import locate, read_manifest
 from physic_core.weights.lock import locked, read_lock, recorded_uses
 from physic_setup.fetch import fetch
 from physic_setup.pins import pin
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.quick
 
@@ -112,7 +112,7 @@ def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest: 
 
     fetch(read_manifest(manifest)["net"])
     Path("mine/net/model.onnx").write_bytes(b"other")
-    world = build_world("stand", 0, (160, 120))
+    world = load_world("stand", (160, 120))
     config = {
         "extends": "mock",
         "run": {"cache": False},

@@ -190,9 +190,9 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
     import physic_ray
     from physic_ray.cluster import connected
     from physic_ray.dataset import schema_of_rows
-    from physic_testing.worlds import build_world
+    from physic_testing.worlds import load_world
 
-    Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "stand.png")
+    Image.fromarray(load_world("stand", size=(96, 72)).image).save(tmp_path / "stand.png")
     table = tmp_path / "photos.csv"
     table.write_text(f"id,path\na,{tmp_path / 'stand.png'}\nb,{tmp_path / 'missing.jpg'}\n")
 

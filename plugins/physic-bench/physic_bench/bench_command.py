@@ -13,24 +13,7 @@ from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
     from physic_bench.worlds.run_worlds import BenchmarkJob
-    from physic_bench.worlds.world_evidence import WorldCase
     from physic_core.configuration.model import Config
-
-
-class _Size(click.ParamType[Any]):
-    name = "WxH"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        width, _, height = str(value).lower().partition("x")
-        if not (
-            width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64
-        ):
-            self.fail(
-                f"'{value}' is not a size in px of at least 64x64, such as 320x240", param, ctx
-            )
-        return int(width), int(height)
 
 
 @click.group()
@@ -44,20 +27,11 @@ def bench() -> None:
 
 @bench.command()
 @click.option(
-    "--worlds",
-    metavar="N",
-    type=click.IntRange(1),
-    default=34,
-    show_default=True,
-    help="How many worlds.",
-)
-@click.option(
-    "--seed",
-    metavar="S",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Draws the worlds.",
+    "--world",
+    "worlds",
+    metavar="NAME",
+    multiple=True,
+    help="A world; repeat for more.  [default: all]",
 )
 @click.option(
     "--preset",
@@ -66,7 +40,6 @@ def bench() -> None:
     show_default=True,
     help="Engine's preset, the full model.",
 )
-@click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
 @click.option(
     "--noise-seed",
     metavar="K",
@@ -74,22 +47,6 @@ def bench() -> None:
     default=0,
     show_default=True,
     help="Draws the errors.",
-)
-@click.option(
-    "--other-bodies/--model-bodies",
-    default=True,
-    show_default=True,
-    help="People with proportions and skin that no shape of the body model has, or people of the "
-    "body model.",
-)
-@click.option(
-    "--actions",
-    type=click.Choice(["default", "contact", "both"]),
-    default="default",
-    show_default=True,
-    help="Everyday actions; those that touch the own body, other people, hidden or soft supports "
-    "and small objects; or "
-    "--worlds of each.",
 )
 @click.option(
     "--rows",
@@ -115,13 +72,9 @@ def bench() -> None:
 @click.option("--cache", type=AnyPath(), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(
-    worlds: int,
-    seed: int,
+    worlds: tuple[str, ...],
     preset: str,
-    size: tuple[int, int],
     noise_seed: int,
-    other_bodies: bool,
-    actions: str,
     rows: str,
     overrides: tuple[str, ...],
     jobs: int,
@@ -147,11 +100,11 @@ def accuracy(
 
     resolve(config)
     require_available(resolve(noisy))
+    names = _names(worlds)
     check_results(check_writable(out))
 
     from physic_bench.worlds.ablation import FULL, TRIAL, TableRow, select_rows
     from physic_bench.worlds.run_worlds import BenchmarkJob
-    from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
     keys = [key.strip() for key in rows.split(",") if key.strip()]
     chosen = select_rows(preset, keys or ([FULL] if trial else []))
@@ -159,12 +112,19 @@ def accuracy(
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, TableRow(TRIAL, label, config.engine.settings()))
     work = BenchmarkJob(noisy, chosen, None if no_cache else (cache or cache_folder("bench")))
-    cases = benchmark_cases(worlds, seed, size, actions)
-    cases = with_other_bodies(cases) if other_bodies else cases
-    settings: dict[str, Any] = {"worlds": worlds, "seed": seed, "preset": preset, "size": size}
-    settings |= {"noise_seed": noise_seed, "other_bodies": other_bodies, "actions": actions}
+    settings: dict[str, Any] = {"worlds": names, "preset": preset, "noise_seed": noise_seed}
     settings |= {"set": list(overrides), "config": noisy.as_dict()}
-    _run(cases, work, jobs, out, settings)
+    _run(names, work, jobs, out, settings)
+
+
+def _names(chosen: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the chosen worlds, or of all."""
+    from physic_testing.worlds import WORLDS
+
+    for name in chosen:
+        if name not in WORLDS:
+            raise ConfigError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
+    return chosen or WORLDS
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
@@ -211,7 +171,7 @@ def _configs(
 
 
 def _run(
-    cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]
+    worlds: tuple[str, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]
 ) -> None:
     """Run the benchmark, write the results and print the tables."""
     from physic_bench.tables import write_results
@@ -222,20 +182,18 @@ def _run(
     records: list[dict[str, Any]] = []
     stopped: BaseException | None = None
     try:
-        for record in run_cases(cases, work, jobs):
+        for record in run_cases(worlds, work, jobs):
             records.append(record)
             failed = (
                 " failed"
                 if record["error"] or any(row["error"] for row in record["rows"].values())
                 else ""
             )
-            echo(
-                f"[{len(records)}/{len(cases)}] {record['name']} {record['seed']}{failed}", err=True
-            )
+            echo(f"[{len(records)}/{len(worlds)}] {record['name']}{failed}", err=True)
     except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
         stopped = cause
-    header = f"{len(records)} of {len(cases)} worlds, seed {settings['seed']}"
-    document = document_of(records, len(cases), work, settings)
+    header = f"{len(records)} of {len(worlds)} worlds"
+    document = document_of(records, len(worlds), work, settings)
     paths = write_results(tables_of(records, work), out, header, notes_of(records, work), document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")

@@ -16,7 +16,7 @@ from physic_bench.joints import LIMB_JOINTS
 from physic_core import load_reconstruction
 from physic_core.batch.photos import photo_folder
 from physic_core.body.joints import JOINT_INDEX
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 from .miniatures import figures, run
 
@@ -24,7 +24,7 @@ from .miniatures import figures, run
 def test_a_killed_call_reconstructs_what_is_missing_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    world = build_world("stand", 0, (160, 120))
+    world = load_world("stand", (160, 120))
     out = tmp_path / "out"
     monkeypatch.chdir(tmp_path)
     Path("mine").mkdir()

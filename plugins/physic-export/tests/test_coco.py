@@ -13,7 +13,7 @@ import pytest
 from physic_core import Reconstruction, reconstruct
 from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 # of pycocotools
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -113,7 +113,7 @@ def test_two_formats_have_the_suffix_json(export):
 
 @pytest.mark.usefixtures("few_steps")
 def test_a_run_with_the_written_annotations_gives_the_same_bodies(export, tmp_path: Path):
-    world = build_world("stand", 1, (160, 120))
+    world = load_world("stand_indoors", (160, 120))
     config = {"extends": "mock", "run": {"cache": False}}
     first = reconstruct(world.image, config)
     export("a.json", "coco", of=first)

@@ -13,7 +13,7 @@ import pytest
 
 from physic_core import Reconstruction, reconstruct
 from physic_core.types import Lens, skeleton_named
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 
 def rows_of(file: Path) -> list[dict[str, str]]:
@@ -55,7 +55,7 @@ def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(
 
 @pytest.mark.usefixtures("few_steps")
 def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path: Path):
-    world = build_world("stand", 1, (160, 120))
+    world = load_world("stand_indoors", (160, 120))
     config = {"extends": "mock", "run": {"cache": False}}
     first = reconstruct(world.image, config)
     assert first.file_size == (160, 120)

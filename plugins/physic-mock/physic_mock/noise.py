@@ -11,9 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds import OTHER_BODIES
-from physic_testing.worlds.views import split_name
-
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
@@ -30,11 +27,8 @@ def seeded_rng(
     Views of one moment have errors of their own, but for what every photo of a person shows alike
     (``all_views``).
     """
-    base, view = split_name(world.name)
-    name = base.removesuffix(OTHER_BODIES)  # the same errors as with bodies of the body model
-    if view is not None and not all_views:
-        name = f"{name} view {view}"
-    return np.random.default_rng([noise_seed, world.seed, zlib.crc32(f"{name} {purpose}".encode())])
+    name = world.name.partition("_view")[0] if all_views else world.name
+    return np.random.default_rng([noise_seed, zlib.crc32(f"{name} {purpose}".encode())])
 
 
 def scale_to_image(stated_px: float, shape: tuple[int, int]) -> float:

@@ -11,13 +11,13 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.errors import BackendError
 from physic_mock import NOISE_VERSION
-from physic_testing.worlds import World, build_world, is_world, labels
+from physic_testing.worlds import WORLDS, World, labels, load_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-_TOLERANCE = 2  # grey levels; a world drawn on another machine may round differently
-_LARGEST_PX = 1920 * 1440  # a larger world would take minutes to draw
+_TOLERANCE = 2  # grey levels; photos that were scaled on another machine may round differently
+_LARGEST_PX = 1920 * 1440  # of a photo, which is scaled from one of 640 x 480 px
 _SAME_PERSON_IOU = 0.3
 
 
@@ -72,17 +72,16 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
         BackendError: the image is not the photo of a world.
     """
     height, width = image.shape[:2]
-    label = labels.read_label(image)
-    if label is None:
+    name = labels.read_label(image)
+    if not name:
         raise _unknown_image_error(width, height, "carries no world's label")
-    name, seed = label
-    if not is_world(name):
+    if name not in WORLDS:
         raise _unknown_image_error(width, height, f"is of the world {name!r}, which there is not")
     if height * width > _LARGEST_PX:
         raise _unknown_image_error(
-            width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)"
+            width, height, f"is larger than mocks accept ({_LARGEST_PX} px in all)"
         )
-    world = build_world(name, seed, (width, height))
+    world = load_world(name, (width, height))
     photo = _similar_pixels(image, world.image)
     empty = _similar_pixels(image, world.empty_image)
     explained = photo | empty if hole is None else photo | empty | hole
@@ -90,8 +89,7 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
         raise _unknown_image_error(
             width,
             height,
-            f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its "
-            f"pixels",
+            f"differs from the world {name!r} in {1 - explained.mean():.1%} of its pixels",
         )
     shown = np.ones_like(photo) if hole is None else ~hole
     return _find_remaining(world, photo & shown, empty, shown)
@@ -102,7 +100,7 @@ def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
     return BackendError(
         f"The mock backends only know the photos of their own worlds, and this {width} x {height} "
         f"px image {fault}: "
-        "give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, "
+        "give physic_testing.worlds.load_world(name, size).image, saved without loss, "
         "or choose real backends."
     )
 

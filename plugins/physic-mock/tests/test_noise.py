@@ -26,12 +26,12 @@ from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import SegmenterOptions
 from physic_mock.recognition import MockOptions
 from physic_testing.conformance.true_keypoints import world_keypoints
-from physic_testing.worlds import SKELETONS, build_world
+from physic_testing.worlds import SKELETONS, load_world
 
 
 @pytest.fixture(scope="module")
 def world():
-    return build_world("stand", 0)
+    return load_world("stand")
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -50,7 +50,7 @@ def bodies_of(world, camera=None, **options):
 
 
 def test_ragged_masks_stay_near_the_truth():
-    world = build_world("hug", 0)
+    world = load_world("hug")
     for seed in range(5):
         found = MockSegmenter(SegmenterOptions(noise=1, noise_seed=seed, missed_people=0)).infer(
             world.image
@@ -108,7 +108,7 @@ def test_keypoints_have_the_stated_tails(world):
 
 
 def test_limbs_are_found_at_people_whose_boxes_overlap():
-    world = build_world("group", 0)
+    world = load_world("group")
     overlap = box_iou(world.boxes, world.boxes) - np.eye(len(world.boxes))
     assert overlap.max() > 0
     wrist, nose = (SKELETONS["blazepose33"].names.index(name) for name in ("left_wrist", "nose"))
@@ -211,7 +211,7 @@ def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
 
 
 def test_children_come_out_as_adults_who_are_farther_away():
-    world = build_world("child_by_the_hand", 1)
+    world = load_world("child_by_the_hand_view1")
     model = load_body(world.body_model)
     adult = np.isnan(world.ages).argmax()
     child = np.isfinite(world.ages).argmax()

@@ -13,7 +13,7 @@ from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import network_input_size
 from physic_testing import check_backend
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
 TOKENS_IN = ("int64", ())
@@ -190,7 +190,7 @@ class TestWorld:
 
     @pytest.mark.parametrize("size", [(320, 240), (200, 330)])
     def test_depth_and_focal_length_are_recovered(self, loaded, size):
-        world = build_world("stand", 1, size)
+        world = load_world("stand_indoors", size)
         found = loaded(Moge2Depth).infer(world.empty_image, Hints())
         np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
         assert (
@@ -203,7 +203,7 @@ class TestWorld:
         assert found.notes == ("MoGe-2 ran on CPU",)
 
     def test_point_map_leaves_the_unit_to_the_metric_depth(self, loaded):
-        world = build_world("stand", 1, (320, 240))
+        world = load_world("stand_indoors", (320, 240))
         found = loaded(Moge2Pointmap).infer(world.image, Hints())
         np.testing.assert_allclose(
             found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4
@@ -214,7 +214,7 @@ class TestWorld:
     def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(
         self, perfect, loaded
     ):
-        world = build_world("stand", 1, (960, 720))
+        world = load_world("stand_indoors", (960, 720))
         found = loaded(Moge2Depth, tokens=1200).infer(world.empty_image, Hints())
         assert perfect.networks[0].fed["image"].shape[2:] == (420, 560)
         assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-4)
@@ -223,7 +223,7 @@ class TestWorld:
         assert np.quantile(off, 0.9) < 1e-3
 
     def test_given_camera_is_used_and_the_shift_found_for_it(self, loaded):
-        world = build_world("stand", 1, (320, 240))
+        world = load_world("stand_indoors", (320, 240))
         given = replace(world.intrinsics, source="EXIF")
         found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=given))
         np.testing.assert_allclose(
@@ -232,21 +232,21 @@ class TestWorld:
         assert found.intrinsics == given
 
     def test_points_lie_on_the_rays_of_a_given_camera_even_if_it_is_wrong(self, loaded):
-        world = build_world("stand", 1, (320, 240))
+        world = load_world("stand_indoors", (320, 240))
         wrong = replace(world.intrinsics, fx=500.0, fy=450.0, cx=140.0, cy=125.0)
         found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=wrong))
         x, y, z = found.points[50, 60]
         assert (x / z, y / z) == pytest.approx(((60 - 140) / 500, (50 - 125) / 450), rel=1e-5)
 
     def test_default_camera_does_not_overrule_what_the_depth_network_sees(self, loaded):
-        world = build_world("stand", 1, (320, 240))
+        world = load_world("stand_indoors", (320, 240))
         guess = Intrinsics.from_focal(900.0, 320, 240, "nothing is known", CameraTrust.GUESSED)
         found = loaded(Moge2Depth).infer(world.empty_image, Hints(intrinsics=guess))
         assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-5)
         np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
 
     def test_sky_is_not_a_surface(self, loaded):
-        world = build_world("outdoor_steps", 0, (320, 240))
+        world = load_world("outdoor_steps", (320, 240))
         sky = ~np.isfinite(world.empty_depth)
         assert sky.any()
         depth = loaded(Moge2Depth).infer(world.empty_image, Hints()).depth

@@ -21,7 +21,7 @@ from physic_core.weights import missing, read_manifest
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
 from physic_onnx.sessions import OnnxOptions
-from physic_testing import build_world
+from physic_testing import load_world
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 
@@ -95,7 +95,7 @@ class TestSam2:
 
     @pytest.mark.parametrize("name", ["stand", "group", "sit_on_chair"])
     def test_people_of_worlds_are_segmented(self, sam2, name):
-        world = build_world(name, 0, (320, 240))
+        world = load_world(name, (320, 240))
         sam2.network[1].boxes = world.boxes
         people = sam2.infer(world.image)
         union = people.masks.any(0) | world.masks.any(0)
@@ -103,14 +103,14 @@ class TestSam2:
 
     def test_boxes_are_passed_in_the_frame_of_the_training(self, networks):
         """The network itself tells how well a mask fits, and does not believe a box that is off."""
-        world = build_world("stand", 0, (320, 240))
+        world = load_world("stand", (320, 240))
         right = networks.masks_from_boxes(networks.encode(world.image), world.boxes)[1].max()
         away = networks.masks_from_boxes(networks.encode(world.image), world.boxes + 60)[1].max()
         assert right > 0.8
         assert right > away + 0.05
 
     def test_the_floor_of_a_world(self, sam2):
-        world = build_world("stand", 0, (320, 240))
+        world = load_world("stand", (320, 240))
         sam2.network[1].boxes = world.boxes
         floor = sam2.infer(world.image).floor
         if floor is not None:  # it may also say that nothing looks like one

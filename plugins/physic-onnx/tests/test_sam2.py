@@ -17,7 +17,7 @@ from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_positions, ground_points
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
 from physic_onnx.sessions import OnnxOptions
-from physic_testing import build_world, check_backend
+from physic_testing import check_backend, load_world
 
 FEATURES = {
     "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),
@@ -604,7 +604,7 @@ def test_conformance(sam2, signature, detector):
 @pytest.mark.parametrize("detector", [rt_detr, rtmo])
 def test_people_and_floor_of_a_world(sam2, detector):
     """The network's own grid is what is lost: 256 cells across."""
-    world = build_world("stand", 1, (320, 240))
+    world = load_world("stand_indoors", (320, 240))
     backend = sam2("transformers.js", detector)()
     backend.load()
     people = backend.infer(world.image)
@@ -621,7 +621,7 @@ def test_people_and_floor_of_a_world(sam2, detector):
 def test_no_people_need_no_encoding(sam2):
     backend = sam2("transformers.js", rt_detr)()
     backend.load()
-    people = backend.infer(build_world("stand", 1, (320, 240)).empty_image)
+    people = backend.infer(load_world("stand_indoors", (320, 240)).empty_image)
     assert len(people) == 0
     assert people.floor is None
     assert backend.encoder.runs == 0

@@ -17,7 +17,7 @@ from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 IMAGE = np.zeros((4, 6, 3), np.uint8)
 DEPTH = np.arange(1, 25, dtype=np.float64).reshape(4, 6) / 4
@@ -186,7 +186,7 @@ def test_a_file_of_points_gives_points_and_validity(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def stand() -> World:
-    return build_world("stand", 1, (160, 120))
+    return load_world("stand_indoors", (160, 120))
 
 
 def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: World) -> None:
@@ -334,7 +334,7 @@ def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(
 
 def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
     def options(world: World, values: np.ndarray) -> dict[str, str]:
-        path = tmp_path / f"{world.name}-{world.seed}-{world.image.shape[1]}-{values.ndim}.npy"
+        path = tmp_path / f"{world.name}-{world.image.shape[1]}-{values.ndim}.npy"
         np.save(path, values)
         return {"path": str(path)}
 

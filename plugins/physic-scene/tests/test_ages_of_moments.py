@@ -15,7 +15,7 @@ from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
-from physic_testing.worlds import build_world, view_names
+from physic_testing.worlds import load_world
 
 NOISE = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 QUICK = ("engine.joint.optimiser.steps=5",)
@@ -24,7 +24,7 @@ YEARS = 10.0
 
 @pytest.fixture(scope="module")
 def worlds():
-    return [build_world(name, 1, (160, 120)) for name in view_names("child_by_the_hand", 2)]
+    return [load_world(f"child_by_the_hand_view{i}", (160, 120)) for i in (1, 2)]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 from physic_core import Pipeline, load_config, load_reconstruction
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline, save_scene
-from physic_testing.worlds import build_world, view_names
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +25,7 @@ def found():
     config = load_config(
         preset="mock", flags={"noise": MISSED}, overrides=["engine.joint.optimiser.steps=10"]
     )
-    worlds = [build_world(name, 3, (240, 180)) for name in view_names("group", 3)]
+    worlds = [load_world(f"group_view{i}", (240, 180)) for i in (1, 2, 3)]
     with Pipeline(config) as pipeline:
         alone = [pipeline(world.image) for world in worlds]
     with ScenePipeline(config) as scene:

@@ -19,7 +19,7 @@ from PIL import Image
 
 from physic_core import Reconstruction
 from physic_serve.command import example_photos
-from physic_testing import build_world
+from physic_testing import load_world
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("photo") / "walk.png"
-    Image.fromarray(build_world("walk").image).save(path)
+    Image.fromarray(load_world("walk").image).save(path)
     return path
 
 

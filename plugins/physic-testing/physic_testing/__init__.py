@@ -14,14 +14,14 @@ if TYPE_CHECKING:
         parametrize_with_checks,
         violations,
     )
-    from physic_testing.worlds import WORLDS, World, build_world, world_of
+    from physic_testing.worlds import WORLDS, World, load_world, world_of
 
 __all__ = [
     "WORLDS",
     "Report",
     "World",
-    "build_world",
     "check_backend",
+    "load_world",
     "parametrize_with_checks",
     "violations",
     "world_of",
@@ -34,7 +34,7 @@ _ON_FIRST_USE = {
     "violations": "physic_testing.conformance",
     "WORLDS": "physic_testing.worlds",
     "World": "physic_testing.worlds",
-    "build_world": "physic_testing.worlds",
+    "load_world": "physic_testing.worlds",
     "world_of": "physic_testing.worlds",
 }
 

@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.errors import NoPersonError
 from physic_core.types import PeoplePrompt
-from physic_testing import build_world, check_backend, world_of
+from physic_testing import check_backend, load_world, world_of
 from physic_transformers.depth_pro import DepthPro
 from physic_transformers.grounded_sam2 import GroundedSam2
 from physic_transformers.sam3 import Sam3
@@ -325,7 +325,7 @@ def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
 
 
 def test_points_and_boxes_are_prompts_of_sam_2() -> None:
-    world = build_world("sit_side_by_side", 3, (320, 240))
+    world = load_world("sit_side_by_side", (320, 240))
     backend = TellingGroundedSam2()
     backend.load()
     rows, columns = world.masks[1].nonzero()

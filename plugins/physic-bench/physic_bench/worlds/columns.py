@@ -226,7 +226,7 @@ def records_of(worlds: Sequence[Record], row: str) -> list[Record]:
     """
     found: list[Record] = []
     for world in worlds:
-        title = f"{world['name']} {world['seed']}"
+        title = world["name"]
         about = {"id": title, "group": title}
         if row == "truth":
             people = [person["measured"] for person in world["people"]]

@@ -159,14 +159,7 @@ class Evaluator:
         self._graph = graph
         self._empty = world.points(people=False)
         self._known: BoolArray = np.asarray(np.isfinite(self._empty).all(-1))
-        self._near = scene_distance(
-            world.vertices,
-            self._empty,
-            world.empty_normals,
-            self._known,
-            world.intrinsics,
-            world.floor,
-        )
+        self._near = self._distance(world.vertices)
         hidden = hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics)
         self._counted = (
             world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUE_PENETRATION_M)
@@ -174,6 +167,13 @@ class Evaluator:
         self._shown = world.contact & (np.abs(self._near.distance) <= _SHOWN)
         self._limbs = np.zeros(world.joints_visible.shape, bool)
         self._limbs[:, LIMB_JOINTS] = ~world.joints_visible[:, LIMB_JOINTS]
+
+    def _distance(self, vertices: FloatArray) -> SignedDistances:
+        """Return the distances of vertices (n, V, 3) from the visible surfaces of the scene."""
+        world = self.world
+        return scene_distance(
+            vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
+        )
 
     @staticmethod
     def body_graph(model: BodyModel) -> csr_array:
@@ -190,13 +190,10 @@ class Evaluator:
         touch = self._touch(everybody, self._near)
         for facts, true in zip(touch, self._true_touch(everybody, world.vertices), strict=True):
             facts |= true
-        seen = world.masks.sum((1, 2))
-        whole = world.unoccluded_masks.sum((1, 2))
         return [
             {
                 "action": world.action[i],
                 "distance_m": float(world.joints[i, 0, 2]),
-                "visible_share": float(seen[i] / max(whole[i], 1)),
                 "hidden_limb_joints": int(self._limbs[i].sum()),
                 "contact_vertices": int(world.contact[i].sum()),
                 "shown_contact_vertices": int(self._shown[i].sum()),
@@ -350,14 +347,9 @@ class Evaluator:
         """Return penetration and floating of vertices (n, V, 3) of true people relative to the true
         scene.
         """
-        world = self.world
-        distance = world.room.signed_distance(
-            world.camera.to_room(np.asarray(vertices, np.float64))
-        )
-        distance = np.maximum(distance, -PROXIMITY_RADIUS_M)
-        counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
-        inside = penetration(distance, counted)
-        gap = contact_gap(distance, world.contact[true], reach=PROXIMITY_RADIUS_M)
+        distance = self._distance(vertices).distance
+        inside = penetration(distance, self._counted[true])
+        gap = contact_gap(distance, self._shown[true], reach=PROXIMITY_RADIUS_M)
         return [
             {
                 "true_penetration_mm": 1000 * float(inside.mean_depth[j]),

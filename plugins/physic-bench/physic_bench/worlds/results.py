@@ -28,7 +28,7 @@ def tables_of(records: Sequence[Record], work: BenchmarkJob) -> Tables | None:
     """
     if not records:
         return None
-    order = sorted(records, key=lambda record: str((record["name"], record["seed"])))
+    order = sorted(records, key=lambda record: str(record["name"]))
     keys = [row.key for row in work.rows]
     return Tables.of(
         {key: records_of(order, key) for key in (*keys, "truth")},
@@ -56,8 +56,7 @@ def notes_of(records: Sequence[Record], work: BenchmarkJob) -> list[str]:
     notes += [f"{alarms} bodies match no person"] * bool(alarms)
     blind = [record for record in records if record["error"]]
     notes += [
-        f"{r['name']} {r['seed']}: {r['error'].splitlines()[0]}: its people count as missed"
-        for r in blind
+        f"{r['name']}: {r['error'].splitlines()[0]}: its people count as missed" for r in blind
     ]
     return notes
 

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 
 from physic_bench.kept import kept
 from physic_bench.worlds.world_evidence import (
-    WorldCase,
     estimate_evidence,
     evidence_key,
     source_hash,
@@ -68,11 +67,11 @@ class BenchmarkJob:
     folder: Path | None
 
 
-def run_cases(cases: Sequence[WorldCase], work: BenchmarkJob, jobs: int = 1) -> Iterator[Record]:
+def run_cases(worlds: Sequence[str], work: BenchmarkJob, jobs: int = 1) -> Iterator[Record]:
     """Run the benchmark on several worlds; yield the records in order of completion.
 
     Args:
-        cases: worlds.
+        worlds: names of the worlds.
         work: configuration and table rows.
         jobs: number of processes; 1 uses this process.
 
@@ -81,7 +80,7 @@ def run_cases(cases: Sequence[WorldCase], work: BenchmarkJob, jobs: int = 1) -> 
             are in its record.
     """
     if jobs == 1:
-        yield from (run_world(case, work) for case in cases)
+        yield from (run_world(world, work) for world in worlds)
         return
     others = set(active_children())
     pool = ProcessPoolExecutor(
@@ -89,7 +88,7 @@ def run_cases(cases: Sequence[WorldCase], work: BenchmarkJob, jobs: int = 1) -> 
     )
     try:
         with started_processes():
-            futures = [pool.submit(run_world, case, work) for case in cases]
+            futures = [pool.submit(run_world, world, work) for world in worlds]
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
@@ -111,21 +110,21 @@ def _ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def run_world(case: WorldCase, work: BenchmarkJob) -> Record:
+def run_world(name: str, work: BenchmarkJob) -> Record:
     """Run estimators and engine on one world and return its record.
 
     Returns:
-        "name", "seed", "people" (truth), "false_alarms", "error" of the estimators, and "rows" by
+        "name", "people" (truth), "false_alarms", "error" of the estimators, and "rows" by
         key: each with "people" and "scene" of :class:`physic_bench.worlds.evaluation.Evaluator`,
         "seconds", "warnings" and "error".
     """
     from physic_core.adapters.devices import limited_threads
 
     with limited_threads(work.config.run.threads):
-        return _record(case, work)
+        return _record(name, work)
 
 
-def _record(case: WorldCase, work: BenchmarkJob) -> Record:
+def _record(world: str, work: BenchmarkJob) -> Record:
     """Load the record of a world from the cache, or compute it."""
     plan, model, skin = _pipeline_and_body(work.config.model_dump_json())
 
@@ -134,28 +133,27 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
         return (
             None
             if work.folder is None
-            else work.folder / evidence_key(case, plan) / f"{name}-{code}.json"
+            else work.folder / evidence_key(world, plan) / f"{name}-{code}.json"
         )
 
     @cache
     def looked() -> tuple[Evaluator, Estimates | None, str]:
         from physic_bench.worlds.evaluation import Evaluator
-        from physic_testing.worlds import build_world
+        from physic_testing.worlds import load_world
 
-        world = build_world(case.name, case.seed, case.size)
+        truth = load_world(world)
         try:
-            evidence = estimate_evidence(case, world, plan, model, work.folder)
+            evidence = estimate_evidence(truth, plan, model, work.folder)
         except Exception as error:  # of any backend: it is a failure of this world, and is counted
-            return Evaluator(world, world.masks[:0], skin), None, f"{type(error).__name__}: {error}"
-        return Evaluator(world, evidence.people.masks, skin), evidence, ""
+            return Evaluator(truth, truth.masks[:0], skin), None, f"{type(error).__name__}: {error}"
+        return Evaluator(truth, evidence.people.masks, skin), evidence, ""
 
     def about() -> Record:
         evaluator, _, trouble = looked()
         alarms = len(evaluator.matching.false_alarms)
         people = evaluator.truth_records()
         return {
-            "name": case.name,
-            "seed": case.seed,
+            "name": world,
             "people": people,
             "false_alarms": alarms,
             "error": trouble,

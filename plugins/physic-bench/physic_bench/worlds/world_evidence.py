@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,8 +19,6 @@ from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.stage_runner import StageRunner
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
@@ -36,26 +33,6 @@ _ESTIMATION_CODE = (
 """Source files on which evidence depends, besides the plugins of the backends."""
 
 
-@dataclass(frozen=True)
-class WorldCase:
-    """Name, seed and photo size of a world.
-
-    Attributes:
-        name: one of ``physic_testing.worlds.WORLDS`` or ``CONTACT_WORLDS``.
-        seed: seed of the world.
-        size: width and height of the photo, px.
-    """
-
-    name: str
-    seed: int
-    size: tuple[int, int]
-
-    @property
-    def title(self) -> str:
-        """Name and seed for messages, such as "lie 7"."""
-        return f"{self.name} {self.seed}"
-
-
 def noisy_config() -> Config:
     """Return the mocks with errors as large as on photos, and labelled surfaces."""
     from physic_core.configuration.model import load_config
@@ -66,7 +43,7 @@ def noisy_config() -> Config:
 
 
 def estimate_evidence(
-    case: WorldCase, world: World, plan: ResolvedPipeline, model: BodyModel, folder: Path | None
+    world: World, plan: ResolvedPipeline, model: BodyModel, folder: Path | None
 ) -> Estimates:
     """Run the estimators on a world's photo, or load their output from ``folder``.
 
@@ -75,7 +52,7 @@ def estimate_evidence(
     Raises:
         PhysicError: no person was found, or a backend failed.
     """
-    path = None if folder is None else folder / f"{evidence_key(case, plan)}.npz"
+    path = None if folder is None else folder / f"{evidence_key(world.name, plan)}.npz"
     known = None if path is None else load_evidence(path)
     if known is not None:
         return known
@@ -97,13 +74,13 @@ def load_evidence(path: Path) -> Estimates | None:
     return None
 
 
-def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
+def evidence_key(world: str, plan: ResolvedPipeline) -> str:
     """Return the cache key of a world's evidence: a hash of world, backends, options and source
     code.
     """
     plugins = {found.provenance.plugin.partition(".")[0] for found in plan.backends.values()}
     facts = {
-        "world": [case.name, case.seed, *case.size],
+        "world": world,
         "photo": plan.photo.model_dump(mode="json"),
         "backends": {
             name: [
@@ -137,40 +114,9 @@ def source_hash(*parts: str) -> str:
             found = (
                 [path]
                 if path.is_file()
-                else (one for one in path.rglob("*") if one.suffix in (".py", ".json"))
+                else (one for one in path.rglob("*") if one.suffix in (".py", ".json", ".npz"))
             )
             for file in sorted(found):
                 digest.update(file.relative_to(root).as_posix().encode())
                 digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def benchmark_cases(
-    count: int, seed: int, size: tuple[int, int], actions: str = "default"
-) -> tuple[WorldCase, ...]:
-    """Return the worlds of the benchmark for a seed.
-
-    Args:
-        count: number of worlds of each kind of action; the actions of a kind take turns.
-        seed: seed of the random world seeds.
-        size: width and height of the photos, px.
-        actions: "default" for those of ``WORLDS``, "contact" for those of ``CONTACT_WORLDS``, or
-            "both".
-    """
-    from physic_testing.worlds import CONTACT_WORLDS, WORLDS, benchmark_worlds
-
-    kinds = {"default": (WORLDS,), "contact": (CONTACT_WORLDS,), "both": (WORLDS, CONTACT_WORLDS)}[
-        actions
-    ]
-    return tuple(
-        WorldCase(name, own, size)
-        for names in kinds
-        for name, own in benchmark_worlds(count, seed, names)
-    )
-
-
-def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:
-    """Return the same worlds with people whose body no shape of the body model has."""
-    from physic_testing.worlds import OTHER_BODIES
-
-    return tuple(replace(case, name=case.name + OTHER_BODIES) for case in cases)

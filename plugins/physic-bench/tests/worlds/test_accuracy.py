@@ -17,7 +17,7 @@ from physic_bench.worlds import run_worlds, world_evidence
 from physic_bench.worlds.ablation import ablation_rows, select_rows
 from physic_bench.worlds.results import document_of, notes_of, tables_of
 from physic_bench.worlds.run_worlds import BenchmarkJob, run_world
-from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, load_evidence
+from physic_bench.worlds.world_evidence import estimate_evidence, load_evidence
 from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
@@ -25,10 +25,9 @@ from physic_core.configuration.resolve import resolve
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.files.plain import write_value
 from physic_core.interfaces import INTERFACES
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
-SIZE = (160, 120)
-CASE = WorldCase("stand", 0, SIZE)
+WORLD = "stand"
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def config():
 @pytest.fixture(scope="module")
 def evidence(config):
     plan = resolve(config)
-    return estimate_evidence(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
+    return estimate_evidence(load_world(WORLD), plan, load_body("embedded"), None)
 
 
 def alike(one, other):
@@ -71,18 +70,12 @@ def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
 def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
     noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
     keys = [
-        world_evidence.evidence_key(case, resolve(found))
-        for case, found in (
-            (CASE, config),
-            (WorldCase("stand", 1, SIZE), config),
-            (WorldCase("lie", 0, SIZE), config),
-            (WorldCase("stand", 0, (120, 160)), config),
-            (CASE, noisy),
-        )
+        world_evidence.evidence_key(world, resolve(found))
+        for world, found in ((WORLD, config), ("lie", config), (WORLD, noisy))
     ]
     assert len(set(keys)) == len(keys)
     trial = load_config(preset="mock", overrides=["engine.joint.optimiser.steps=3"])
-    assert world_evidence.evidence_key(CASE, resolve(trial)) == keys[0]
+    assert world_evidence.evidence_key(WORLD, resolve(trial)) == keys[0]
 
 
 def test_rows_are_the_papers_and_can_be_picked():
@@ -108,7 +101,7 @@ def test_rows_are_the_papers_and_can_be_picked():
 
 def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monkeypatch):
     work = BenchmarkJob(config, select_rows("default", ["start", "full"]), tmp_path)
-    first = run_world(CASE, work)
+    first = run_world(WORLD, work)
     assert first["error"] == ""
     assert list(first["rows"]) == ["start", "full"]
     for row in first["rows"].values():
@@ -119,14 +112,14 @@ def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monke
 
     monkeypatch.setattr(world_evidence, "run_backends", never)
     monkeypatch.setattr("physic_core.pipeline.optimise.run_engine", never)
-    again = run_world(CASE, work)
+    again = run_world(WORLD, work)
     assert again == first
     assert json.loads(json.dumps(first)) == first
 
 
 def test_the_engine_is_better_than_a_start_with_errors():
     noisy = load_config(preset="mock", overrides=[f"{name}.options.noise=1" for name in INTERFACES])
-    record = run_world(CASE, BenchmarkJob(noisy, select_rows("default", ["start", "full"]), None))
+    record = run_world(WORLD, BenchmarkJob(noisy, select_rows("default", ["start", "full"]), None))
     start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
     assert full["mpjpe_mm"] < start["mpjpe_mm"]
     assert "floating_mm" not in start
@@ -140,13 +133,13 @@ def test_what_fails_is_counted(config, monkeypatch):
     work = BenchmarkJob(config, select_rows("default", ["start", "full"]), None)
     with monkeypatch.context() as patch:
         patch.setattr("physic_core.pipeline.optimise.run_engine", broken)
-        record = run_world(CASE, work)
+        record = run_world(WORLD, work)
     assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
     assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]
     assert [p["found"] for p in record["rows"]["start"]["people"]] == [True]
 
     monkeypatch.setattr(world_evidence, "run_backends", broken)
-    blind = run_world(CASE, work)
+    blind = run_world(WORLD, work)
     assert blind["error"] == "RuntimeError: no memory\nleft"
     assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [
         blind["error"]
@@ -158,9 +151,9 @@ def test_what_fails_is_counted(config, monkeypatch):
 
 def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     work = BenchmarkJob(config, select_rows("default", ["start"]), None)
-    records = [run_world(CASE, work)]
+    records = [run_world(WORLD, work)]
     paths = write_results(
-        tables_of(records, work), tmp_path, "two", [], document_of(records, 2, work, {"seed": 0})
+        tables_of(records, work), tmp_path, "two", [], document_of(records, 2, work, {})
     )
     assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
     document = json.loads(
@@ -189,24 +182,8 @@ def bench(*arguments):
     return CliRunner().invoke(main, ["bench", *arguments])
 
 
-@pytest.fixture
-def known_worlds(monkeypatch):
-    """Worlds that other tests build too, in the place of drawn ones."""
-    monkeypatch.setattr(
-        world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count
-    )
-
-
-def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
-    world = (
-        "--worlds",
-        "1",
-        "--model-bodies",
-        "--size",
-        "160x120",
-        "--cache",
-        str(tmp_path / "cache"),
-    )
+def test_a_trial_stands_beside_the_full_row(tmp_path):
+    world = ("--world", WORLD, "--cache", str(tmp_path / "cache"))
     finished = bench(
         "accuracy", *world, "-o", str(tmp_path / "out"), "--set", "joint.optimiser.steps=0"
     )
@@ -225,7 +202,7 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
         (["--set", "engine.preset=paper"], "say it with --preset NAME"),
         (["--preset", "best"], "no engine preset named 'best'"),
         (["--rows", "fll"], "no row named 'fll'"),
-        (["--size", "big"], "'big' is not a size in px"),
+        (["--world", "moon"], "no world named 'moon'"),
         (["--cache", "x", "--no-cache"], "exclude each other"),
         (["--set", "metric_depth.options.fog=1"], "fog"),
     ],
@@ -247,28 +224,14 @@ def test_a_file_of_the_user_is_not_replaced(name, tmp_path):
 @pytest.mark.parametrize(
     ("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)]
 )
-def test_a_run_that_is_stopped_leaves_what_is_done(
-    cause, code, tmp_path, monkeypatch, known_worlds
-):
-    def stopped(cases, work, jobs):
-        yield run_world(cases[0], work)
+def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkeypatch):
+    def stopped(worlds, work, jobs):
+        yield run_world(worlds[0], work)
         raise cause
 
     monkeypatch.setattr(run_worlds, "run_cases", stopped)
-    finished = bench(
-        *(
-            "accuracy",
-            "--worlds",
-            "3",
-            "--model-bodies",
-            "--size",
-            "160x120",
-            "--rows",
-            "start",
-            "--no-cache",
-        ),
-        *("-o", str(tmp_path)),
-    )
+    worlds = ("--world", WORLD, "--world", "lie", "--world", "walk")
+    finished = bench("accuracy", *worlds, "--rows", "start", "--no-cache", "-o", str(tmp_path))
     assert finished.exit_code == code
     assert "1 of 3 worlds" in finished.output
     document = json.loads((tmp_path / "results.json").read_text())

@@ -14,7 +14,7 @@ from physic_bench.worlds.columns import COLUMNS
 from physic_bench.worlds.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
 from physic_core.body import load_body
 from physic_core.types import SURFACE_NAMES, ContactPartner
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, load_world
 
 SIZE = (96, 72)
 
@@ -58,9 +58,9 @@ def figures(*counts: dict) -> dict[str, float]:
     return {column.key: figure(people, column).value for column in COLUMNS}
 
 
-@pytest.mark.parametrize("name", ["hands_on_hips", "hold_hands", "hold_ball"])
+@pytest.mark.parametrize("name", ["hands_on_hips", "hold_hands_view2", "hold_ball"])
 def test_the_truth_is_perfect(name):
-    world = build_world(name, 0, SIZE)
+    world = load_world(name, SIZE)
     contacts = true_contacts(world)
     counts = [counted(world, contacts, i) for i in range(len(world.masks))]
     found = figures(*counts)
@@ -75,7 +75,7 @@ def test_the_truth_is_perfect(name):
 
 
 def test_a_missed_person_has_no_true_positives():
-    world = build_world("hold_hands", 0, SIZE)
+    world = load_world("hold_hands_view2", SIZE)
     counts = counted(world, NO_CONTACT)
     truth = counted(world, true_contacts(world))
     assert counts["scene_misses"] == truth["scene_hits"] == world.contact[0].sum()
@@ -89,7 +89,7 @@ def test_a_missed_person_has_no_true_positives():
 
 
 def test_a_wrong_partner_is_found_and_not_right():
-    world = build_world("hold_hands", 0, SIZE)
+    world = load_world("hold_hands_view2", SIZE)
     truth = true_contacts(world)
     people = tuple(replace(p, person=0) if p.kind == "person" else p for p in truth.partners)
     counts = counted(world, replace(truth, partners=people))
@@ -102,7 +102,7 @@ def test_a_wrong_partner_is_found_and_not_right():
 
 
 def test_probabilities_are_calibrated_by_hand():
-    world = build_world("hands_on_hips", 0, SIZE)
+    world = load_world("hands_on_hips", SIZE)
     truth = true_contacts(world)
     share = truth.touching[0, world.outer].mean()
     even = replace(truth, probability=np.full(truth.touching.shape, 0.25, np.float32))

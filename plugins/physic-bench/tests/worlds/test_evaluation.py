@@ -13,7 +13,7 @@ from physic_bench.worlds.evaluation import Evaluator, WorldEstimate
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.types import Scene
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.quick
 
@@ -25,7 +25,7 @@ def skin():
 
 @pytest.fixture(scope="module")
 def world():
-    return build_world("hug", 0)
+    return load_world("hug")
 
 
 def truth_of(world):
@@ -98,7 +98,7 @@ def test_a_known_fault_is_measured(world, truth, skin):
 
 
 def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
-    world = build_world("stand", 0)
+    world = load_world("stand")
     sunk = (-0.03 * np.asarray(world.floor.normal)).astype(np.float32)
     estimate = replace(truth_of(world), vertices=world.vertices + sunk, joints=world.joints + sunk)
     (person,) = Evaluator(world, world.masks, skin).person_records(estimate)

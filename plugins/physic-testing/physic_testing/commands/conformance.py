@@ -88,7 +88,7 @@ def check(
     "--world",
     "worlds",
     multiple=True,
-    metavar="NAME[:SEED]",
+    metavar="NAME",
     help="A world to show; repeat for more.",
 )
 @_DEVICE
@@ -102,16 +102,17 @@ def compare(
     """
     from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
-    from physic_testing.worlds import CHILD_WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS, WORLDS
+    from physic_testing.worlds import WORLDS
 
     require_interface(interface)
-    chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or DEFAULT_WORLDS
-    for name, _ in chosen:
-        known = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS)
-        if name not in known:
-            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(known)}")
+    for name in worlds:
+        if name not in WORLDS:
+            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
     found = compared(
-        interface, [_with_options(name) for name in names], worlds=chosen, device=device
+        interface,
+        [_with_options(name) for name in names],
+        worlds=worlds or DEFAULT_WORLDS,
+        device=device,
     )
     if as_json:
         echo_json(found.as_dict())
@@ -148,11 +149,3 @@ def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
         raise click.UsageError(
             f"{name}: write NAME{{key=value, ...}} as in TOML ({error})"
         ) from error
-
-
-def _seed(world: str) -> int:
-    """Return the seed of NAME:SEED, 0 without a seed."""
-    _, colon, seed = world.partition(":")
-    if colon and not seed.isdecimal():
-        raise click.UsageError(f"--world {world}: write NAME or NAME:SEED; SEED is an integer")
-    return int(seed) if colon else 0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.types import Bodies, Keypoints, People, Plane, Pointmap, SceneScale
-from physic_testing.worlds import BLAZEPOSE, build_world
+from physic_testing.worlds import BLAZEPOSE, load_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, UInt8Array
@@ -60,14 +60,15 @@ _LARGE = 3
 _GLARE = 247
 
 _WORLDS = {
-    "several people": ("group", 1),
-    "walking": ("walk", 1),
-    "striding": ("walk", 0),
-    "sitting": ("sit_side_by_side", 0),
-    "steps": ("outdoor_steps", 2),
-    "squatting": ("squat", 0),
-    "crouching": ("squat", 1),
-    "leaning": ("lean_on_wall", 0),
+    "one person": "stand_indoors",
+    "several people": "group",
+    "walking": "walk_portrait",
+    "striding": "walk",
+    "sitting": "sit_side_by_side",
+    "steps": "outdoor_crowd",
+    "squatting": "squat",
+    "crouching": "squat_indoors",
+    "leaning": "lean_on_wall",
 }
 
 
@@ -134,16 +135,15 @@ def _build(name: str, size: tuple[int, int]) -> Case:
         larger = (_LARGE * size[0], _LARGE * size[1])
         return replace(_build(name.removesuffix(", large"), larger), name=name)
     width, height = size
-    if name == "one person":
-        return case_of_world(name, build_world("stand", 1, size))
     if name in _WORLDS:
-        action, seed = _WORLDS[name]
-        sizes = {"walk": (height, width), "squat": (width * 7 // 8, height * 7 // 8)}
-        return case_of_world(name, build_world(action, seed, sizes.get(action, size)))
+        small = (width * 7 // 8, height * 7 // 8)
+        return case_of_world(
+            name, load_world(_WORLDS[name], small if name in ("squatting", "crouching") else size)
+        )
     if name == "odd size":
-        return case_of_world(name, build_world("stand", 1, (131, 97)))
+        return case_of_world(name, load_world("stand_indoors", (131, 97)))
     if name == "close":
-        return case_of_world(name, build_world("stand", 0, (_LARGE * width, _LARGE * height)))
+        return case_of_world(name, load_world("stand", (_LARGE * width, _LARGE * height)))
     person = _build("one person", size)
     if name == "nobody":
         return _without_people(person)

@@ -16,19 +16,14 @@ from physic_testing.conformance.cases import SIZE, case_of_world
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.requests import infer_arguments
-from physic_testing.worlds import build_world
+from physic_testing.worlds import load_world
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_testing.conformance.backend_under_test import BackendUnderTest, OptionsFor
 
-DEFAULT_WORLDS: tuple[tuple[str, int], ...] = (
-    ("stand", 0),
-    ("walk", 0),
-    ("sit_on_chair", 0),
-    ("group", 0),
-)
-"""Names and seeds of the default worlds for the comparison of backends."""
+DEFAULT_WORLDS = ("stand", "walk", "sit_on_chair", "group")
+"""Names of the default worlds for the comparison of backends."""
 
 
 @dataclass(frozen=True)
@@ -58,13 +53,13 @@ class BackendComparison:
 
     Attributes:
         interface: interface of the backends.
-        worlds: name and seed of each world.
+        worlds: name of each world.
         size: width and height of the photos, px.
         rows: scores of each backend.
     """
 
     interface: str
-    worlds: tuple[tuple[str, int], ...]
+    worlds: tuple[str, ...]
     size: tuple[int, int]
     rows: tuple[BackendScores, ...] = field(default=())
 
@@ -92,7 +87,7 @@ class BackendComparison:
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
         notes += [row.traceback.rstrip("\n") for row in self.rows if row.traceback]
         width, height = self.size
-        worlds = ", ".join(f"{name} {seed}" for name, seed in self.worlds)
+        worlds = ", ".join(self.worlds)
         about = (
             f"{self.interface} on synthetic worlds of {width} x {height} px: {worlds}; people, "
             f"keypoints, bodies and "
@@ -104,7 +99,7 @@ class BackendComparison:
         """Return the comparison as a JSON-ready dict, NaN as None."""
         return {
             "interface": self.interface,
-            "worlds": [list(world) for world in self.worlds],
+            "worlds": list(self.worlds),
             "size": list(self.size),
             "better": {
                 name: error.better
@@ -140,7 +135,7 @@ def compare(
     interface: str,
     backends: Sequence[str | type[Backend] | tuple[str | type[Backend], OptionsFor]],
     *,
-    worlds: Sequence[tuple[str, int]] = DEFAULT_WORLDS,
+    worlds: Sequence[str] = DEFAULT_WORLDS,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
 ) -> BackendComparison:
@@ -150,7 +145,7 @@ def compare(
         interface: interface of the backends.
         backends: names or classes, as for :func:`physic_testing.check_backend`, each alone or with
             its options.
-        worlds: name and seed of each world.
+        worlds: name of each world.
         device: device on which the backends are loaded.
         size: width and height of the photos, px.
 
@@ -171,16 +166,14 @@ def compare(
     return BackendComparison(interface, tuple(worlds), size, rows)
 
 
-def _row(
-    subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tuple[int, int]
-) -> BackendScores:
+def _row(subject: BackendUnderTest, worlds: Sequence[str], size: tuple[int, int]) -> BackendScores:
     """Measure the mean errors and the median run time of one backend."""
     errors = []
     times = []
     problems = []
     tracebacks = []
-    for name, seed in worlds:
-        case = case_of_world(f"{name} {seed}", build_world(name, seed, size))
+    for name in worlds:
+        case = case_of_world(name, load_world(name, size))
         try:
             backend = subject.loaded(case)
             arguments = infer_arguments(subject.interface, case)

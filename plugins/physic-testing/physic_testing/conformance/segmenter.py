@@ -67,7 +67,6 @@ def _truth(answer: People, case: Case) -> Values:
         "masks": masks,
         "floor": floor,
         "boxes": np.zeros((len(masks), 4)),
-        "whole": case.truth.unoccluded_masks,
     }
 
 
@@ -77,9 +76,7 @@ def _act(values: Values, change: Change, case: Case) -> Values:
         change.camera.width / case.intrinsics.width if change.name == CHANGES[1] else 1
     )
     moved = {
-        key: [change.of_picture(mask, nearest=True) for mask in values[key]]
-        for key in ("masks", "whole")
-        if key in values
+        key: [change.of_picture(mask, nearest=True) for mask in values[key]] for key in ("masks",)
     }
     height = change.camera.height
     width = change.camera.width
@@ -174,10 +171,6 @@ def _readings(key: str, limit: float) -> tuple[Reading, ...]:
     )
 
 
-def _whole(values: Values, case: Case) -> Values:
-    return values | {"masks": values["whole"].astype(np.float64)}
-
-
 def _box_moved(edge: int) -> Make:
     return changed(boxes=lambda boxes: boxes + np.eye(4)[edge])
 
@@ -185,15 +178,7 @@ def _box_moved(edge: int) -> Make:
 _OUTSIDE = between(
     "masks", changed(masks=_dilated), changed(masks=lambda masks: 1 - _dilated(1 - masks))
 )
-_SIZE = (
-    Reading("farther out on all sides", _OUTSIDE, _DILATED, 1.0, " px", 2.5, in_pairs=False),
-    Reading(
-        "those of whole people",
-        _whole,
-        "Masks are those of visible pixels, not amodal.",
-        in_pairs=False,
-    ),
-)
+_SIZE = (Reading("farther out on all sides", _OUTSIDE, _DILATED, 1.0, " px", 2.5, in_pairs=False),)
 _BOXES = tuple(
     Reading(f"too far right or down at the {edge}", _box_moved(i), _EXCLUSIVE, 1.0, " px", 0.5)
     for i, edge in enumerate(("left", "top", "right", "bottom"))

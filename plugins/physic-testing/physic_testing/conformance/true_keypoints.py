@@ -38,7 +38,7 @@ def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray,
     import torch
 
     from physic_core.body import load_body
-    from physic_testing.worlds.ground_truth import project
+    from physic_testing.worlds.world import project
 
     columns = list(skeleton.fitted)
     regressor = load_body(world.body_model).regressor(skeleton.take(columns))

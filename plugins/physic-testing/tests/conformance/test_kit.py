@@ -182,7 +182,7 @@ def test_a_backend_that_needs_a_gpu_is_not_called_without_one():
 
 
 def test_backends_are_compared_in_one_table():
-    worlds = (("stand", 1), ("group", 1))
+    worlds = ("stand_indoors", "group")
     found = compare(
         "metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE
     )
@@ -197,7 +197,7 @@ def test_backends_are_compared_in_one_table():
     assert third.endswith("0 of 2")
     assert note.endswith(f": not ready: {NO_WEIGHTS}")
     assert about.startswith(
-        "metric_depth on synthetic worlds of 160 x 120 px: stand 1, group 1; people"
+        "metric_depth on synthetic worlds of 160 x 120 px: stand_indoors, group; people"
     )
     json.dumps(found.as_dict(), allow_nan=False)
 

@@ -12,7 +12,7 @@ from physic_testing.conformance.cases import build_case
 from physic_testing.conformance.changes import CHANGES, change_of, changed_case
 from physic_testing.conformance.readings import share_of
 from physic_testing.conformance.truth import embedded_surface, mirrored_order
-from physic_testing.worlds.ground_truth import project
+from physic_testing.worlds.world import project
 
 RNG = np.random.default_rng(0)
 MISTAKE = [RNG.normal(size=40) for _ in range(12)]

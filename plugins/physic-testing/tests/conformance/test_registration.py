@@ -109,9 +109,7 @@ def test_compare_prints_a_table_and_json(offer, physic):
     head, flat, far, _ = done.stdout.splitlines()
     assert [line.split()[0] for line in (head, flat, far)] == ["backend", "flat", "far"]
     assert "1 of 1" in flat
-    done = physic(
-        "plugins", "compare", "metric_depth", "flat", "far", "--world", "stand:0", "--json"
-    )
+    done = physic("plugins", "compare", "metric_depth", "flat", "far", "--world", "stand", "--json")
     read = json.loads(done.stdout)
     assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
-    assert read["worlds"] == [["stand", 0]]
+    assert read["worlds"] == ["stand"]
