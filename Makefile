@@ -12,7 +12,6 @@
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
-# make export-pictures [RESULT=out] docs/pictures/export-*.png, made again; downloads Blender as a package (bpy), needs EGL
 # make lint | clean             the first part alone | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
 
@@ -25,7 +24,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-all coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
+.PHONY: demo quick test test-all coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -101,13 +100,6 @@ notebooks: $(VENV)/test.stamp
 pictures: $(VENV)/test.stamp
 	$(BIN)/python tools/docs_pictures.py
 
-# Each release of bpy is for one version of Python, and for older versions of numpy than PhySIC's, so it has an environment
-# of its own, which has nothing of PhySIC. RESULT is the folder of a result of examples/couple.jpg; without it, one is made.
-export-pictures: $(VENV)/test.stamp
-	$(BIN)/uv venv --quiet --clear --python 3.11 .venv-bpy
-	$(BIN)/uv pip install --python .venv-bpy/bin/python bpy==5.0.1 mujoco pillow
-	.venv-bpy/bin/python tools/export_pictures.py $(RESULT)
-
 lint: $(VENV)/test.stamp
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -133,4 +125,4 @@ $(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DIST
 	@touch $(VENV)/demo.stamp $@
 
 clean:
-	rm -rf $(VENV) .venv-lowest-direct .venv-highest .venv-bpy demo dist docs/_build docs/_reference
+	rm -rf $(VENV) .venv-lowest-direct .venv-highest demo dist docs/_build docs/_reference
