@@ -301,7 +301,7 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> 
 
 
 def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfaces(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
 ) -> None:
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
