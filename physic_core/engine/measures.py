@@ -14,18 +14,23 @@ import torch
 import torch.nn.functional as F
 
 from physic_core.engine.contact.probability import SEAT, kind_of_part
+from physic_core.engine.sizes.known_sizes import size_beside_others
+from physic_core.engine.sizes.stature import stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import dilate_square
 from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_mask
+from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
     from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import Support
+    from physic_core.types import FloatArray, KnownSizes, Support
 
 _FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
@@ -103,6 +108,84 @@ def measure_given_keypoints(estimates: Estimates, state: State) -> list[dict[str
         else {}
         for i, own in enumerate(given)
     ]
+
+
+def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, float, float]]:
+    """Measure what the user knows on people and scene.
+
+    Returns:
+        For each size that could be measured its name, the given and the resulting metres.
+    """
+    if state.known is None:
+        return []
+    own, given = state.model.stature(state.betas).tolist(), state.known.stature.tolist()
+    sizes = [
+        (f"the stature of person {i}", known_m, m)
+        for i, (known_m, m) in enumerate(zip(given, own, strict=True))
+        if math.isfinite(known_m)
+    ]
+    floor = state.scene.floor
+    if known.camera_height is not None and floor is not None:
+        height = floor.offset * state.scene_scale
+        sizes.append(("the camera height", known.camera_height, height))
+    distances = state.known.distances
+    normals = vertex_normals(state.vertices, state.model.faces)
+    ends = distances.ends_on_bodies(state.vertices, normals, state.K)
+    extents = distances.measure(ends, state.vertices, state.scene_scale)
+    for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
+        length = known.lengths[index]
+        name = f"the length from {pixel_text(length.start)} to {pixel_text(length.end)}"
+        sizes.append((name, length.metres, extent))
+    return sizes
+
+
+def pixel_text(at: Sequence[float]) -> str:
+    """Format a pixel x, y."""
+    return f"({at[0]:.0f}, {at[1]:.0f})"
+
+
+def compare_statures(
+    estimates: Estimates, placed: State, state: State, off_floor: FloatArray
+) -> list[dict[str, float | None]]:
+    """Compare each person's stature of the given age or size with what the photo shows.
+
+    The joint fit leaves some people above the floor: the photo shows these as large as bodies that
+    stand on it.
+
+    Args:
+        estimates: with ages and statures of N people.
+        placed: state before stage 3, whose bodies have the given statures, or the usual ones of the
+            given ages.
+        state: after stage 3.
+        off_floor: (N,) log factor by which each body must grow to stand on the floor.
+
+    Returns:
+        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference
+        of their logarithms in standard deviations; empty for people without a known age or stature.
+    """
+    before, after = (one.model.stature(one.betas).double().log().numpy() for one in (placed, state))
+    after = after + off_floor
+    given = KnownPeople(estimates.ages, estimates.statures)
+    stature, years = given.filled(len(before))
+    is_sized = state.known is not None and state.known.unscaled is not None
+    sigma = stature_sigmas(stature, years)
+    found: list[dict[str, float | None]] = [{} for _ in before]
+    for i in np.flatnonzero(
+        (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
+    ).tolist():
+        # A scene that the user's sizes have scaled does not grow with its people.
+        alone = slice(i, i + 1)
+        shown, spread = (
+            size_beside_others(before[alone], after[alone], sigma[alone], 0)
+            if is_sized
+            else size_beside_others(before, after, sigma, i)
+        )
+        found[i] = {
+            "given_stature_m": math.exp(before[i]),
+            "shown_stature_m": math.exp(shown),
+            "stature_sigmas": abs(shown - before[i]) / spread,
+        }
+    return found
 
 
 def _missing_seat(support: Support, found: Contact, person: int) -> float | None:

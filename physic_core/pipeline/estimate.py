@@ -38,13 +38,6 @@ from physic_core.pipeline.backend_results import (
     select_held_objects,
     transfer_contact,
 )
-from physic_core.pipeline.floor_and_scale import (
-    PeopleInScene,
-    candidates_in,
-    find_floor_and_scale,
-    floor_evidence,
-    plane_of,
-)
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -104,6 +97,14 @@ def run_backends(
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
+    from physic_core.engine.floor import best_candidate, chosen_floor
+    from physic_core.engine.floor_and_scale import (
+        PeopleInScene,
+        candidates_in,
+        find_floor_and_scale,
+        floor_evidence,
+        plane_of,
+    )
     from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
     from physic_core.engine.sizes.evidence import is_inverse, is_measured
     from physic_core.engine.state import Estimates
@@ -160,7 +161,6 @@ def run_backends(
         if shows_people(shape, original, scene, people.masks):
             original = with_measured_shape(original, shape, original.intrinsics or camera)
             original = replace(original, people_farther=None)
-    from physic_core.engine.floor import best_candidate, chosen_floor
 
     with stages.time_engine("floor candidates"):
         evidence = floor_evidence(people, hole, keypoints, camera)
@@ -368,7 +368,7 @@ class _BackendCalls:
         )
         if known.stature is None and known.years is None:
             return bodies
-        from physic_core.pipeline.known_people import bodies_of_stature, resize_children
+        from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
 
         if known.stature is not None:
             bodies = bodies_of_stature(bodies, self.model, known.stature)

@@ -1,6 +1,4 @@
-"""People whom the user chose or knows: select them, assign statures and ages, resize bodies,
-correct keypoints.
-"""
+"""People whom the user chose or knows: select them, assign statures and ages, correct keypoints."""
 
 from __future__ import annotations
 
@@ -9,13 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from physic_core.adapters.people import box_iou, boxes_from_masks
-from physic_core.body.bones import rotations_from_parameters
-from physic_core.engine.sizes.stature import ADULT_YEARS, load_ages, resize_bodies
 from physic_core.errors import ConfigError, InputError, NoPersonError
-from physic_core.geometry.tensors import tensor
 from physic_core.metrics.matching import assign
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
@@ -24,12 +18,8 @@ from physic_core.types.skeletons import keypoint_in_words
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from torch import Tensor
-
-    from physic_core.body.model import BodyModel
     from physic_core.io.keypoint_file import GivenKeypoints
     from physic_core.types import (
-        Bodies,
         BoolArray,
         FloatArray,
         Keypoints,
@@ -122,100 +112,6 @@ def _per_person(
     found = np.full(count, np.nan)
     found[order] = np.where(values > 0, values, np.nan)
     return found
-
-
-def bodies_of_stature(
-    bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None
-) -> Bodies:
-    """Give N bodies of the configured body model their known statures (N,), and keep their size in
-    the image.
-
-    A body that becomes larger moves away from the camera by the same factor. Its betas are the
-    nearest to ``near`` (N, K), or to the old ones.
-    """
-    parameters = bodies.parameters
-    chosen = (
-        np.isfinite(statures)
-        & np.isfinite(parameters.betas).all(1)
-        & np.isfinite(parameters.transl).all(1)
-    )
-    if not chosen.any():
-        return bodies
-    rows = parameters[chosen]
-    exact = model.double
-    betas, transl, ratio = resize_bodies(
-        exact,
-        rotations_from_parameters(rows).double(),
-        tensor(rows.betas).double(),
-        tensor(rows.transl).double(),
-        torch.from_numpy(statures[chosen]),
-        None if near is None else torch.from_numpy(near[chosen]),
-    )
-
-    def changed(values: FloatArray, new: Tensor) -> FloatArray:
-        out = np.array(values)
-        out[chosen] = new.numpy()
-        return out
-
-    factor = np.ones(len(statures))
-    factor[chosen] = ratio.numpy()
-    factor = factor[:, None, None]
-    return replace(
-        bodies,
-        parameters=replace(
-            parameters,
-            betas=changed(parameters.betas, betas),
-            transl=changed(parameters.transl, transl),
-        ),
-        joints=None
-        if bodies.joints is None
-        else np.asarray(bodies.joints * factor, bodies.joints.dtype),
-        mesh=None
-        if bodies.mesh is None
-        else replace(
-            bodies.mesh,
-            vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype),
-        ),
-    )
-
-
-def resize_children(
-    bodies: Bodies, model: BodyModel, known: KnownPeople
-) -> tuple[Bodies, list[str]]:
-    """Give people of known age under 16 a child's stature and shape; others are unchanged.
-
-    Body estimators treat all people as adults, so children come out as adults farther away. The
-    size of a child in the photo is preserved. A known stature overrides an age.
-
-    Args:
-        bodies: of N people, of the configured body model; people of known stature have it.
-        model: the configured body model.
-        known: by the user.
-
-    Returns:
-        The bodies, and a note about each child.
-    """
-    if known.years is None:
-        return bodies, []
-    betas = np.array(bodies.parameters.betas, np.float64)
-    statures = np.full(len(betas), np.nan)
-    notes = []
-    table = load_ages()
-    for i in np.flatnonzero((known.years < ADULT_YEARS) & np.isfinite(betas).all(1)).tolist():
-        mean, sigma = table.at_age(known.years[i])
-        statures[i], spread = np.exp(mean), f" ± {100 * sigma:.0f} %"
-        if known.stature is not None and np.isfinite(known.stature[i]):
-            statures[i], spread = known.stature[i], ""
-        notes.append(
-            f"person {i} is a child of {known.years[i]:g} years, {statures[i]:.2f} m{spread} tall "
-            f"before the joint fit"
-        )
-    near = None
-    if model.name == "embedded":
-        children = np.isfinite(statures)
-        betas[children] = table.betas(np.log(statures[children]))
-        near = betas
-    return bodies_of_stature(bodies, model, statures, near), notes
 
 
 def corrected_keypoints(

@@ -9,17 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.posture import standing_legs
+from physic_core.engine.measures import compare_statures, measure_known_sizes, pixel_text
 from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
-from physic_core.engine.sizes.known_sizes import size_beside_others
-from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
+from physic_core.engine.sizes.stature import STATURES_M
 from physic_core.errors import ConfigError
-from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import CHECKS
 from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from physic_core.engine.sizes.known_sizes import KnownGeometry
     from physic_core.engine.state import Estimates, State
     from physic_core.pipeline.solution import Solution
@@ -125,7 +122,7 @@ def compare_sizes(
     """
     warnings, measured = contradictions(estimates.known, state)
     growth = _growth_to_floor(solution)
-    sizes = _compare_statures(estimates, placed, state, growth)
+    sizes = compare_statures(estimates, placed, state, growth)
     limit = CHECKS["given_size"].threshold
     for i, (size, own) in enumerate(zip(sizes, growth, strict=True)):
         if own and size and (size["stature_sigmas"] or 0) <= limit:  # else the check warns
@@ -173,45 +170,18 @@ def contradictions(
     if state.known is None:
         return [], {}
     warnings = []
-    sizes: list[tuple[str, float, float]] = []
-    own = state.model.stature(state.betas).tolist()
-    heights = state.known.stature.tolist()
-    sizes += [
-        (f"the stature of person {i}", h, s)
-        for i, (h, s) in enumerate(zip(heights, own, strict=True))
-        if math.isfinite(h)
-    ]
-    if known.camera_height is not None:
-        if state.scene.floor is None:
-            warnings.append(
-                f"the camera height {known.camera_height:g} m was not used: no plane was found "
-                f"for the floor; give a "
-                "stature or a known length instead"
-            )
-        else:
-            height = state.scene.floor.offset * state.scene_scale
-            sizes.append(("the camera height", known.camera_height, height))
-    for i in state.known.unused:
-        length = known.lengths[i]
+    if known.camera_height is not None and state.scene.floor is None:
+        warnings.append(
+            f"the camera height {known.camera_height:g} m was not used: no plane was found for the "
+            "floor; give a stature or a known length instead"
+        )
+    for length in (known.lengths[i] for i in state.known.unused):
         warnings.append(
             f"the known length of {length.metres:g} m was not used: the scene has no depth at one "
-            f"of its pixels "
-            f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges "
-            f"and inside the photo"
+            f"of its pixels {pixel_text(length.start)} and {pixel_text(length.end)}; choose pixels "
+            "away from edges and inside the photo"
         )
-    distances = state.known.distances
-    normals = vertex_normals(state.vertices, state.model.faces)
-    ends = distances.ends_on_bodies(state.vertices, normals, state.K)
-    extents = distances.measure(ends, state.vertices, state.scene_scale)
-    for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
-        length = known.lengths[index]
-        sizes.append(
-            (
-                f"the length from {_pixels(length.start)} to {_pixels(length.end)}",
-                length.metres,
-                extent,
-            )
-        )
+    sizes = measure_known_sizes(known, state)
     apart = max((abs(math.log(max(value, 1e-9) / given)) for _, given, value in sizes), default=0.0)
     each = ", ".join(
         f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes
@@ -225,51 +195,3 @@ def contradictions(
         {"name": name, "given": given, "result": value} for name, given, value in sizes
     ]
     return warnings, {"known_sizes": measured}
-
-
-def _compare_statures(
-    estimates: Estimates, placed: State, state: State, off_floor: FloatArray
-) -> list[dict[str, float | None]]:
-    """Compare each person's stature of the given age or size with what the photo shows.
-
-    The joint fit leaves some people above the floor: the photo shows these as large as bodies that
-    stand on it.
-
-    Args:
-        estimates: with ages and statures of N people.
-        placed: state before stage 3, whose bodies have the given statures, or the usual ones of the
-            given ages.
-        state: after stage 3.
-        off_floor: (N,) log factor by which each body must grow to stand on the floor.
-
-    Returns:
-        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference
-        of their logarithms in standard deviations; empty for people without a known age or stature.
-    """
-    before, after = (one.model.stature(one.betas).double().log().numpy() for one in (placed, state))
-    after = after + off_floor
-    given = KnownPeople(estimates.ages, estimates.statures)
-    stature, years = given.filled(len(before))
-    is_sized = state.known is not None and state.known.unscaled is not None
-    sigma = stature_sigmas(stature, years)
-    found: list[dict[str, float | None]] = [{} for _ in before]
-    for i in np.flatnonzero(
-        (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
-    ).tolist():
-        # A scene that the user's sizes have scaled does not grow with its people.
-        alone = slice(i, i + 1)
-        shown, spread = (
-            size_beside_others(before[alone], after[alone], sigma[alone], 0)
-            if is_sized
-            else size_beside_others(before, after, sigma, i)
-        )
-        found[i] = {
-            "given_stature_m": math.exp(before[i]),
-            "shown_stature_m": math.exp(shown),
-            "stature_sigmas": abs(shown - before[i]) / spread,
-        }
-    return found
-
-
-def _pixels(at: Sequence[float]) -> str:
-    return f"({at[0]:.0f}, {at[1]:.0f})"

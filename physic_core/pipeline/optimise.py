@@ -11,11 +11,6 @@ from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
-from physic_core.pipeline.engine_input import (
-    initial_state,
-    scene_input,
-    with_known_sizes,
-)
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
 
 if TYPE_CHECKING:
@@ -37,8 +32,7 @@ def run_engine(
     # between CPUs.
     model = model.double
     with stages.time_engine("scene"):
-        scene = solve_scene(scene_input(estimates), settings.scene)
-        state = with_known_sizes(estimates, initial_state(estimates, model, scene))
+        state = solve_scene(estimates, model, settings.scene)
     is_sized = state.known is not None and state.known.unscaled is not None
     if estimates.scale_guess and not is_sized:
         stages.warn(estimates.scale_guess)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from physic_core.body.posture import photo_turned_deg
+from physic_core.engine.floor_and_scale import scale_note
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import (
     failed_checks,
@@ -20,7 +21,6 @@ from physic_core.pipeline.checks import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.floor_and_scale import scale_note
 from physic_core.types import Person, Reconstruction
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock

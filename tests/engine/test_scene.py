@@ -12,8 +12,10 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.floor import FloorEvidence, find_floor
+from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
-from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
+from physic_core.engine.scene.solve import SceneInput
+from physic_core.engine.scene.state import SceneState
 from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height_over_plane
@@ -101,7 +103,7 @@ def build_scene(
     cameras = Cameras(K, K_metric, K_pointmap)
     floor = FloorEvidence(mask=floor_mask, feet_px=feet_px)
     given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
-    return solve_scene(given, settings or SceneMethod())
+    return solve.build_scene(given, settings or SceneMethod())
 
 
 def scene(**options: object) -> SceneState:

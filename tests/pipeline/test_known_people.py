@@ -9,8 +9,7 @@ import torch
 from physic_core import KnownSizes, load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.sizes.stature import load_ages
-from physic_core.pipeline.known_people import resize_children
+from physic_core.engine.sizes.stature import load_ages, resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
 from physic_testing.worlds import World, load_world

@@ -16,9 +16,13 @@ from physic_core import KnownLength, KnownSizes, Reconstruction, load_config, re
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, vertices_at_ray
-from physic_core.engine.sizes.stature import betas_with_stature, stature_factor
+from physic_core.engine.sizes.stature import (
+    betas_with_stature,
+    bodies_of_stature,
+    stature_factor,
+)
 from physic_core.errors import ConfigError
-from physic_core.pipeline.known_people import bodies_of_stature, known_people
+from physic_core.pipeline.known_people import known_people
 from physic_core.types import Bodies, People
 from physic_testing.worlds import World, load_world
 

@@ -13,11 +13,11 @@ import torch
 from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
+from physic_core.engine.floor_and_scale import feet_pixels
 from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
-from physic_core.pipeline.floor_and_scale import feet_pixels
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_mock import backends

@@ -7,8 +7,8 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
+from physic_core.engine.floor_and_scale import feet_pixels
 from physic_core.metrics import pa_mpjpe_mm
-from physic_core.pipeline.floor_and_scale import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
 from physic_testing.worlds import World
 

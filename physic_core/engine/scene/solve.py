@@ -8,22 +8,39 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.joints import NUM_JOINTS
+from physic_core.body.landmarks import keypoints_on_body
+from physic_core.body.model import BodyModel
 from physic_core.engine.floor import FloorEvidence
+from physic_core.engine.floor_and_scale import floor_evidence
 from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
 from physic_core.engine.scene.state import SceneState
+from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
+from physic_core.engine.state import Estimates, State
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, select_pixels
+from physic_core.geometry.tensors import (
+    all_finite,
+    select_pixels,
+    tensor,
+    tensors,
+    to_device,
+)
 from physic_core.types import AffineAmbiguity
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, Intrinsics
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 
@@ -49,7 +66,99 @@ class SceneInput:
     floor: FloorEvidence = field(default_factory=FloorEvidence)
 
 
-def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
+def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> State:
+    """Return the state of a photo: its scene, scaled by the user's known sizes or a measured depth,
+    and the people as estimated.
+
+    Args:
+        estimates: of the photo.
+        model: body model of the people, whose type and device their tensors get.
+        method: of stage 1.
+
+    Raises:
+        BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
+    """
+    scene = build_scene(_scene_input(estimates), method)
+    return _with_known_sizes(estimates, _initial_state(estimates, model, scene))
+
+
+def _scene_input(estimates: Estimates) -> SceneInput:
+    scene, people = estimates.scene, estimates.people
+    evidence = floor_evidence(people, estimates.hole, estimates.keypoints, estimates.intrinsics)
+    points, valid, depth = tensors(scene.points, scene.valid, estimates.depth.depth)
+    floor = replace(evidence, found=estimates.floor)
+    return SceneInput(points, valid, scene.unknown, depth, _cameras(estimates), floor)
+
+
+def _cameras(estimates: Estimates) -> Cameras:
+    """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
+    metric = estimates.depth.intrinsics
+    pointmap = estimates.scene.intrinsics
+    keep = estimates.camera_given or (
+        pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
+    )
+    if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
+        pointmap = None
+    if keep and metric is not None and metric.known:
+        metric = None  # its depth does not depend on the camera
+    return Cameras(
+        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
+        metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
+        pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
+    )
+
+
+def _trust(camera: Intrinsics) -> int:
+    """Return 1 for a known camera, 0 for an estimated one, -1 for a guessed one."""
+    return int(camera.known) - int(camera.guessed)
+
+
+def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) -> State:
+    """Return the people as estimated, in the type and on the device of the model."""
+    bodies, detected = estimates.bodies, keypoints_on_body(estimates.keypoints)
+    masks, observed = tensor(estimates.people.masks), bodies.observed
+
+    def own(array: FloatArray) -> Tensor:
+        return tensor(array).to(model.device, model.dtype)
+
+    if observed is None:
+        observed = np.ones((len(masks), NUM_JOINTS), bool)
+    return State(
+        model=model,
+        skeleton=detected.joint_set,
+        keypoints=own(detected.points),
+        keypoint_confidence=own(detected.confidence),
+        masks=masks.to(model.device),
+        observed=tensor(observed).to(model.device),
+        contact_prior=own(estimates.contact.probability),
+        rotations=rotations_from_parameters(bodies.parameters, model.device, model.dtype),
+        betas=own(bodies.parameters.betas),
+        expression=own(bodies.parameters.expression),
+        transl=own(bodies.parameters.transl),
+        rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
+        scene=scene,
+        K=scene.K.to(model.device, model.dtype),
+        stance=estimates.stance,
+        scale_sigma=estimates.depth.scale_sigma,
+        views=to_device(estimates.views, model.device, model.dtype),
+    )
+
+
+def _with_known_sizes(estimates: Estimates, state: State) -> State:
+    """Return the state with the scene scaled by the user's known sizes or a measured depth."""
+    measured, people = estimates.measured_scale, len(estimates.people)
+    if not estimates.known and measured is None:
+        return state
+    statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
+    by_depth = None if measured is None else measured.evidence
+    scene, known = scale_scene_to_known_sizes(
+        estimates.known, statures, state.masks, state.scene, by_depth
+    )
+    sigma = state.scale_sigma if known.unscaled is None else known.scale_sigma
+    return replace(state, scene=scene, known=known, scale_sigma=sigma)
+
+
+def build_scene(given: SceneInput, method: SceneMethod) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove
     edges and outliers.
 

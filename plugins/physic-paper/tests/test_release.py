@@ -24,7 +24,7 @@ from physic_core.engine.limbs import limb_part_indices
 from physic_core.engine.placement.solve import human_points
 from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras
-from physic_core.engine.scene.solve import SceneInput, solve_scene
+from physic_core.engine.scene.solve import SceneInput, build_scene
 from physic_core.engine.state import State
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
@@ -309,7 +309,7 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
         Cameras(published["camera/K"].double()),
         FloorEvidence(published.bits("one/in/floor_mask")),
     )
-    scene = solve_scene(given, RELEASE.scene)
+    scene = build_scene(given, RELEASE.scene)
     # ties among neighbours
     assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8
     assert len(scene.floor_points) == len(published.floor)

@@ -43,7 +43,6 @@ _EVALUATION_CODE = (
     "physic_core/engine",
     "physic_core/geometry",
     "physic_core/metrics",
-    "physic_core/pipeline/engine_input.py",
     "physic_core/pipeline/optimise.py",
     "physic_core/pipeline/solution.py",
     "physic_testing",

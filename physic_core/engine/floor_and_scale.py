@@ -15,22 +15,54 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import torch
+from torch import Tensor
 
+from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.model import BodyModel
+from physic_core.engine.floor import (
+    FloorCandidate,
+    FloorEvidence,
+    GroundAtSoles,
+    chosen_floor,
+    floor_candidates,
+    standing_score,
+)
+from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.sizes.evidence import (
+    USUAL_CAMERA_HEIGHT_M,
+    USUAL_CAMERA_HEIGHT_SIGMA,
+    USUAL_DEPTH_M,
+    USUAL_DEPTH_SIGMA,
+    MeasuredScale,
+    depth_witness,
+    is_measured,
+    measured_scale,
+    rescaled_depth,
+    scales_by_soles,
+    scales_by_torsos,
+)
+from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
+from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_probability, stature_sigmas
+from physic_core.engine.stance import (
+    Stance,
+    depth_beside,
+    depth_gaps_at_feet,
+    hanging_posture,
+    lower_than_the_other,
+    standing_prior,
+    touch_in_picture,
+)
+from physic_core.geometry.floor import FloorSearch
+from physic_core.geometry.pointmap import pointmap_normals
+from physic_core.geometry.tensors import optional_tensors, tensor
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from physic_core.body.model import BodyModel
-    from physic_core.engine.floor import FloorCandidate, FloorEvidence, GroundAtSoles
-    from physic_core.engine.scene.method import SceneMethod
-    from physic_core.engine.sizes.evidence import MeasuredScale
-    from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
-    from physic_core.engine.stance import Stance
-    from physic_core.geometry.floor import FloorSearch
     from physic_core.types import (
         Bodies,
         BodyContact,
@@ -112,9 +144,6 @@ def floor_evidence(
     people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics
 ) -> FloorEvidence:
     """Return the evidence of segmenter, feet and camera about the floor."""
-    from physic_core.engine.floor import FloorEvidence
-    from physic_core.geometry.tensors import optional_tensors
-
     labels = people.surfaces
     uncovered = ~people.masks.any(0)
     ground = None if labels is None else labels.mask(*_FLOORS) & uncovered
@@ -133,11 +162,6 @@ def _ground_at_soles(
     people: People, hole: BoolArray, keypoints: Keypoints
 ) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it."""
-    import torch
-
-    from physic_core.engine.floor import GroundAtSoles
-    from physic_core.engine.stance import touch_in_picture
-
     (height, width), labels = hole.shape, people.surfaces
     found = []
     visible = torch.from_numpy(~hole)
@@ -185,10 +209,6 @@ def candidates_in(
     """Return the candidates for the floor of a relative scene; only "no floor" if the search is
     switched off.
     """
-    from physic_core.engine.floor import FloorCandidate, floor_candidates
-    from physic_core.geometry.pointmap import pointmap_normals
-    from physic_core.geometry.tensors import tensor
-
     if method.floor == "off":
         return (FloorCandidate(None, 0.0),)
     points = tensor(scene.points)
@@ -236,15 +256,6 @@ def find_floor_and_scale(
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    from physic_core.engine.floor import chosen_floor
-    from physic_core.engine.sizes.evidence import (
-        depth_witness,
-        is_measured,
-        measured_scale,
-        rescaled_depth,
-    )
-    from physic_core.engine.sizes.scale_vote import vote_on_scale
-
     seen = _people_seen(given, model)
     scene = given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
@@ -299,15 +310,6 @@ class _Seen(NamedTuple):
 
 def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     """Return people with their torsos as witnesses, and their stance before a floor is known."""
-    import torch
-
-    from physic_core.body.bones import rotations_from_parameters
-    from physic_core.body.joints import JOINT_INDEX
-    from physic_core.engine.sizes.evidence import scales_by_torsos
-    from physic_core.engine.sizes.scale_vote import Witnesses
-    from physic_core.engine.sizes.stature import adult_probability
-    from physic_core.geometry.tensors import tensor
-
     p = given.bodies.parameters
     count = len(given.people)
     with torch.no_grad():
@@ -347,16 +349,6 @@ def _stance_without_floor(given: PeopleInScene) -> tuple[Stance, FloatArray]:
     """Return the stance of N people by keypoints and depth, and the probability (N,) that their
     depth is right.
     """
-    from physic_core.engine.stance import (
-        Stance,
-        depth_beside,
-        depth_gaps_at_feet,
-        hanging_posture,
-        lower_than_the_other,
-        standing_prior,
-    )
-    from physic_core.geometry.tensors import optional_tensors, tensor
-
     people = given.people
     keypoints = given.keypoints
     photo, scene = (
@@ -386,8 +378,6 @@ def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -
     Visibility is the square root of the mask's area, times the confidence of shoulders, hips, knees
     and ankles.
     """
-    from physic_core.engine.sizes.stature import stature_sigmas
-
     keypoints = given.keypoints
     sigma = stature_sigmas(stature, years)
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
@@ -413,14 +403,6 @@ class _OnPlane(NamedTuple):
 
 def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     """Return the evidence of feet and camera if a candidate is the floor."""
-    from physic_core.engine.floor import standing_score
-    from physic_core.engine.sizes.evidence import (
-        USUAL_CAMERA_HEIGHT_M,
-        USUAL_CAMERA_HEIGHT_SIGMA,
-        scales_by_soles,
-    )
-    from physic_core.engine.sizes.scale_vote import Witnesses
-
     score = candidate.log_score
     height = math.nan
     by_soles = np.full((len(seen.feet), 2), np.nan)
@@ -447,9 +429,6 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
 
 def _usual_depth(scene: Pointmap) -> Witnesses:
     """Return the scale of a scene by the usual depth of scenes with people."""
-    from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, USUAL_DEPTH_SIGMA
-    from physic_core.engine.sizes.scale_vote import Witnesses
-
     scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
     return Witnesses(
         np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0
@@ -467,8 +446,6 @@ def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
 
 def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
     """Scale a scene of unknown size to a usual one; the warning names the assumption."""
-    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_DEPTH_M
-
     if plane is not None:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
@@ -501,8 +478,6 @@ def _too_small(
     """Return the stature of people of unknown size who are too small for adults; feet ``stands``
     (N, 2) bool stand.
     """
-    from physic_core.engine.sizes.stature import ADULT_STATURE_M
-
     on_floor = np.isfinite(soles.scale) & stands.any(1)
     unknown = np.isnan(known.filled(len(stands))).all(0)
     if on_floor.sum() < _FEWEST_ON_FLOOR:

@@ -14,18 +14,18 @@ import torch
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.engine.floor import FloorCandidate
-from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.sizes.evidence import depth_witness
-from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
-from physic_core.geometry.floor import PlaneFit
-from physic_core.geometry.rays import RayCaster
-from physic_core.pipeline.floor_and_scale import (
+from physic_core.engine.floor_and_scale import (
     FloorAndScale,
     PeopleInScene,
     candidates_in,
     find_floor_and_scale,
     floor_evidence,
 )
+from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.sizes.evidence import depth_witness
+from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
+from physic_core.geometry.floor import PlaneFit
+from physic_core.geometry.rays import RayCaster
 from physic_core.types import (
     Bodies,
     CameraTrust,
