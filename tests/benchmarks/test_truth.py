@@ -7,26 +7,16 @@ from __future__ import annotations
 import json
 import math
 import sys
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from benchmarks.truth import command, measures, run, sets, statistics, table
+from benchmarks.truth import contact as touch
 from physic_bench import cameras, triangulation
-from physic_bench import joints as joints_by_name
-
-MODULES = ("contact", "measures", "run", "scores", "sets", "statistics", "table")
-
-
-@pytest.fixture(scope="module")
-def truth() -> SimpleNamespace:
-    """The modules of the benchmark, and those that it shares with physic-bench."""
-    own = {name: import_module(f"benchmarks.truth.{name}") for name in MODULES}
-    shared = {"cameras": cameras, "joints": joints_by_name, "views": triangulation}
-    return SimpleNamespace(main=import_module("benchmarks.truth.command"), **own, **shared)
-
+from physic_bench import joints as limbs
 
 STANDING = {
     "left_shoulder": (0.2, -0.5, 3.0),
@@ -47,14 +37,14 @@ UP = np.array([0.0, -1.0, 0.0])
 
 
 @pytest.fixture
-def joints(truth) -> np.ndarray:
-    return truth.joints.limb_joints(STANDING, 3)
+def joints() -> np.ndarray:
+    return limbs.limb_joints(STANDING, 3)
 
 
-def person_of(truth, joints: np.ndarray, contact: dict[str, float] | None = None) -> dict:
+def person_of(joints: np.ndarray, contact: dict[str, float] | None = None) -> dict:
     """A person of an answer whose body has these joints, and whose keypoints are exact."""
     body = np.zeros((55, 3))
-    body[truth.joints.BODY_ROWS] = joints
+    body[limbs.BODY_ROWS] = joints
     pixels = joints @ K.T
     pixels = pixels[:, :2] / pixels[:, 2:]
     keypoints = np.column_stack([pixels, np.ones(12)])
@@ -81,8 +71,8 @@ def answer_with(*people: dict, **more: object) -> dict:
     return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
 
 
-def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
-    row = truth.joints.ROW
+def test_a_person_who_sits_bends_or_lies_is_not_upright(joints):
+    row = limbs.ROW
     sitting = joints.copy()
     bent = joints.copy()
     for side in ("left", "right"):
@@ -90,16 +80,16 @@ def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
         sitting[row[f"{side}_ankle"]] = sitting[row[f"{side}_knee"]] + [0, 0.45, 0]
         bent[row[f"{side}_shoulder"]] = joints[row[f"{side}_hip"]] + [0, 0, -0.5]
     lying = joints[:, [1, 0, 2]]
-    assert truth.joints.is_upright(joints, UP)
-    assert truth.joints.is_upright(joints, None)
-    assert not truth.joints.is_upright(sitting, None)
-    assert not truth.joints.is_upright(bent, UP)
-    assert truth.joints.is_upright(lying, None)
-    assert not truth.joints.is_upright(lying, UP)
+    assert limbs.is_upright(joints, UP)
+    assert limbs.is_upright(joints, None)
+    assert not limbs.is_upright(sitting, None)
+    assert not limbs.is_upright(bent, UP)
+    assert limbs.is_upright(lying, None)
+    assert not limbs.is_upright(lying, UP)
 
 
-def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
-    found = truth.measures.pose_errors(moved(joints, 0.03, 0, 0.04), joints)
+def test_a_shift_is_in_the_place_and_not_in_the_pose(joints):
+    found = measures.pose_errors(moved(joints, 0.03, 0, 0.04), joints)
     assert found["mpjpe_mm"] == pytest.approx(50)
     assert found["pelvis_mm"] == pytest.approx(50)
     assert found["pelvis_depth_ratio"] == pytest.approx(3.04 / 3)
@@ -110,44 +100,44 @@ def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
     assert found["bones_ratio"] == pytest.approx(1)
 
 
-def test_errors_at_the_true_scale_ignore_that_a_person_is_too_small_and_near(truth, joints):
-    found = truth.measures.pose_errors(0.9 * joints, joints)
+def test_errors_at_the_true_scale_ignore_that_a_person_is_too_small_and_near(joints):
+    found = measures.pose_errors(0.9 * joints, joints)
     assert found["bones_ratio"] == pytest.approx(0.9)
-    assert found["bones"] == pytest.approx(dict.fromkeys(truth.joints.BONES, 0.9))
+    assert found["bones"] == pytest.approx(dict.fromkeys(limbs.BONES, 0.9))
     assert found["pelvis_depth_ratio"] == pytest.approx(0.9)
     assert found["mpjpe_scaled_mm"] == pytest.approx(0, abs=1e-9)
     assert found["pa_mpjpe_mm"] == pytest.approx(0, abs=1e-6)
     assert found["mpjpe_mm"] > 250
 
 
-def test_joints_without_truth_do_not_count(truth, joints):
+def test_joints_without_truth_do_not_count(joints):
     wrong = joints.copy()
     facts = joints.copy()
-    wrong[truth.joints.ROW["left_wrist"]] += 5
-    facts[truth.joints.ROW["left_wrist"]] = np.nan
-    found = truth.measures.pose_errors(wrong, facts)
+    wrong[limbs.ROW["left_wrist"]] += 5
+    facts[limbs.ROW["left_wrist"]] = np.nan
+    found = measures.pose_errors(wrong, facts)
     assert (found["mpjpe_mm"], found["joints"]) == (pytest.approx(0), 11)
 
 
-def test_a_floor_has_errors_of_height_and_tilt(truth):
+def test_a_floor_has_errors_of_height_and_tilt():
     tilt = np.radians(5)
     plane = np.array([0.0, -np.cos(tilt), np.sin(tilt), 1.35])
-    found = truth.measures.floor_errors(plane, UP, 1.5)
+    found = measures.floor_errors(plane, UP, 1.5)
     assert found == {
         "floor": True,
         "floor_angle_deg": pytest.approx(5),
         "camera_height_ratio": pytest.approx(0.9),
     }
-    assert not truth.measures.floor_errors(None, UP, 1.5)["floor"]
+    assert not measures.floor_errors(None, UP, 1.5)["floor"]
 
 
-def test_a_person_is_found_by_box_or_keypoints(truth):
+def test_a_person_is_found_by_box_or_keypoints():
     full = [0, 0, 100, 200]
     upper = [0, 0, 100, 80]
     far = [300, 0, 400, 200]
     points = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 70, 12)])
     nowhere = np.full((12, 2), np.nan)
-    match = truth.measures.match_people
+    match = measures.match_people
     assert match([upper], [nowhere], [full], [nowhere]) == {}
     assert match([upper], [points], [full], [points]) == {0: 0}
     assert match([far, full], [nowhere] * 2, [full], [nowhere]) == {0: 1}
@@ -155,22 +145,20 @@ def test_a_person_is_found_by_box_or_keypoints(truth):
     assert match([], [], [full], [points]) == {}
 
 
-def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
+def test_contact_is_five_percent_of_the_largest_force_of_the_film():
     forces = np.zeros((2, 4, 6))
     forces[0, 0, 2] = 1000
     forces[1, 1, :3] = 0, 30, 41
     forces[1, 2, :3] = 0, 30, 39
     forces[1, 3, 3:] = 900  # moments are not forces
-    assert truth.measures.true_contact(forces).tolist() == [
+    assert measures.true_contact(forces).tolist() == [
         [True, False, False, False],
         [False, True, False, False],
     ]
 
 
-def test_known_probabilities_have_the_known_scores(truth):
-    found = truth.measures.probability_scores(
-        [0.9, 0.5, 0.2, 0.5, 0.1], [True, True, True, False, False]
-    )
+def test_known_probabilities_have_the_known_scores():
+    found = measures.probability_scores([0.9, 0.5, 0.2, 0.5, 0.1], [True, True, True, False, False])
     assert found == {
         "auc": pytest.approx((2 + 1.5 + 1) / 6),
         "brier": pytest.approx((0.01 + 0.25 + 0.64 + 0.25 + 0.01) / 5),
@@ -181,21 +169,21 @@ def test_known_probabilities_have_the_known_scores(truth):
         "f1": pytest.approx(2 / 3),
         "calibration": pytest.approx((0.1 + 0 + 0.8 + 0.1) / 5),
     }
-    alike = truth.measures.probability_scores([0.9, 0.2], [True, True])
+    alike = measures.probability_scores([0.9, 0.2], [True, True])
     assert (alike["recall"], alike["constant"], alike["brier"]) == (0.5, 0, pytest.approx(0.325))
     assert all(math.isnan(alike[name]) for name in ("auc", "specificity", "balanced"))
-    assert all(math.isnan(value) for value in truth.measures.probability_scores([], []).values())
+    assert all(math.isnan(value) for value in measures.probability_scores([], []).values())
 
 
-def ring(truth, count: int = 5) -> list:
+def ring(count: int = 5) -> list:
     """Cameras around the origin that look at it from 4 m, the world's y down."""
-    cameras = []
+    views = []
     for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
         cos = np.cos(angle)
         sin = np.sin(angle)
         turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
-        cameras.append(truth.cameras.Camera(K, 1000, 800, turn, np.array([0.0, 0.1, 4.0])))
-    return cameras
+        views.append(cameras.Camera(K, 1000, 800, turn, np.array([0.0, 0.1, 4.0])))
+    return views
 
 
 @pytest.fixture
@@ -208,29 +196,29 @@ def people(joints) -> list[np.ndarray]:
     ]
 
 
-def test_exact_views_give_exact_joints(truth, people):
-    cameras = ring(truth)
+def test_exact_views_give_exact_joints(people):
+    cameras = ring()
     points = np.stack([camera.project(people[0]) for camera in cameras])
-    assert truth.views.triangulate(cameras, points) == pytest.approx(people[0], abs=1e-9)
-    assert np.isnan(truth.views.triangulate(cameras[:1], points[:1])).all()
+    assert triangulation.triangulate(cameras, points) == pytest.approx(people[0], abs=1e-9)
+    assert np.isnan(triangulation.triangulate(cameras[:1], points[:1])).all()
 
 
-def test_a_view_that_disagrees_about_a_joint_is_left_out_there(truth, people):
-    cameras = ring(truth)
+def test_a_view_that_disagrees_about_a_joint_is_left_out_there(people):
+    cameras = ring()
     points = np.stack([camera.project(people[0]) for camera in cameras])
     points[2, 4] += [200, 50]
     points[3, 5] = np.nan
-    found, error = truth.views.robust_joints(cameras, points)
+    found, error = triangulation.robust_joints(cameras, points)
     assert found == pytest.approx(people[0], abs=1e-9)
     assert error == pytest.approx(0, abs=1e-9)
     points[[0, 1, 3], 4] += np.random.default_rng(0).uniform(100, 300, (3, 2))
-    found, _ = truth.views.robust_joints(cameras, points)
+    found, _ = triangulation.robust_joints(cameras, points)
     assert np.isnan(found[4]).all()
     assert np.isfinite(np.delete(found, 4, 0)).all()
 
 
-def test_people_are_matched_across_views(truth, people):
-    cameras = ring(truth)
+def test_people_are_matched_across_views(people):
+    cameras = ring()
     rng = np.random.default_rng(1)
     views = []
     order = []
@@ -240,14 +228,14 @@ def test_people_are_matched_across_views(truth, people):
         views.append([camera.project(people[i]) + rng.normal(0, 2, (12, 2)) for i in mine])
     views[1].append(rng.uniform(0, 800, (12, 2)))  # seen by one camera alone: nobody
     del views[4][list(order[4]).index(0)]
-    found = truth.views.match_views(cameras, views)
+    found = triangulation.match_views(cameras, views)
     assert [len(person.members) for person in found] == [5, 4]
     for person, i in zip(found, (1, 0), strict=True):
         assert np.linalg.norm(person.joints - people[i], axis=-1).max() < 0.03
         assert all(order[v][member] == i for v, member in person.members.items() if v != 4)
 
 
-def test_a_camera_of_a_padded_picture(truth):
+def test_a_camera_of_a_padded_picture():
     record = {
         "width": 960,
         "height": 512,
@@ -257,7 +245,7 @@ def test_a_camera_of_a_padded_picture(truth):
         "R": np.eye(3).tolist(),
         "t_m": [0, 0, 1],
     }
-    camera, shown = truth.cameras.calibrated(record)
+    camera, shown = cameras.calibrated(record)
     assert shown == (25, 0, 935, 512)
     assert (camera.width, camera.height) == (910, 512)
     factor = 512 / 1080
@@ -269,9 +257,9 @@ def test_a_camera_of_a_padded_picture(truth):
     )
 
 
-def test_intervals_are_over_groups(truth):
-    pooled = truth.statistics.pooled("x")
-    figure = truth.statistics.figure
+def test_intervals_are_over_groups():
+    pooled = statistics.pooled("x")
+    figure = statistics.figure
     alike = [
         {"set": "a", "group": str(i // 10), "photo": str(i // 10), "x": float(i // 10)}
         for i in range(40)
@@ -296,30 +284,26 @@ def test_intervals_are_over_groups(truth):
     assert nothing.count == 0
 
 
-def test_a_large_set_does_not_drown_a_small_one(truth):
+def test_a_large_set_does_not_drown_a_small_one():
     records = [{"set": "many", "group": str(i), "photo": str(i), "x": 1.0} for i in range(9)]
     records.append({"set": "few", "group": "0", "photo": "0", "x": 2.0})
-    assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(
-        1.5
-    )
-    assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(
-        1.1
-    )
+    assert statistics.figure(records, statistics.of_sets("x")).value == pytest.approx(1.5)
+    assert statistics.figure(records, statistics.pooled("x")).value == pytest.approx(1.1)
 
 
-def alone(truth, joints: np.ndarray) -> object:
+def alone(joints: np.ndarray) -> object:
     """A sample of mpi_inf_3dhp with its floor a metre under the camera."""
     facts = {
-        "joints": dict(zip(truth.joints.LIMB_JOINTS, joints.tolist(), strict=True)),
+        "joints": dict(zip(limbs.LIMB_JOINTS, joints.tolist(), strict=True)),
         "K": K.tolist(),
         "up": UP.tolist(),
         "floor_point": [0.3, 1.0, 2.0],
     }
-    return truth.sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), K=K, truth=facts)
+    return sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), K=K, truth=facts)
 
 
-def rows_by_name(truth, records: dict) -> dict[str, float]:
-    rows = truth.table.rows_of(records["people"], records["floors"], records["photos"])
+def rows_by_name(records: dict) -> dict[str, float]:
+    rows = table.rows_of(records["people"], records["floors"], records["photos"])
     return {row.name.strip(): row.figure.value for row in rows if not row.name.startswith("  ")} | {
         "missing": next(row.figure.value for row in rows if "missing" in row.name),
         "height": next(row.figure.value for row in rows if "camera height" in row.name),
@@ -329,9 +313,9 @@ def rows_by_name(truth, records: dict) -> dict[str, float]:
     }
 
 
-def test_a_person_too_near_comes_out_in_the_table(truth, joints):
-    answer = answer_with(person_of(truth, 0.9 * joints), floor=[0, -1, 0, 1.05])
-    rows = rows_by_name(truth, truth.main.compared([alone(truth, joints)], [answer]))
+def test_a_person_too_near_comes_out_in_the_table(joints):
+    answer = answer_with(person_of(0.9 * joints), floor=[0, -1, 0, 1.05])
+    rows = rows_by_name(command.compared([alone(joints)], [answer]))
     assert rows["people found, mpi_inf_3dhp"] == 1
     assert rows["PA-MPJPE mm, upright"] == pytest.approx(0, abs=1e-6)
     assert math.isnan(rows["PA-MPJPE mm, on floor, seat or bent"])
@@ -346,10 +330,10 @@ def test_a_person_too_near_comes_out_in_the_table(truth, joints):
     ) == (1, 1, 0)
 
 
-def test_errors_are_divided_by_the_stated_ones(truth, joints):
-    person = person_of(truth, 0.9 * joints) | {"distance_sigma": 0.2, "stature_sigma": 0.05}
+def test_errors_are_divided_by_the_stated_ones(joints):
+    person = person_of(0.9 * joints) | {"distance_sigma": 0.2, "stature_sigma": 0.05}
     answer = answer_with(person, floor=[0, -1, 0, 1.05]) | {"scale_sigma": 0.1}
-    rows = rows_by_name(truth, truth.main.compared([alone(truth, joints)], [answer]))
+    rows = rows_by_name(command.compared([alone(joints)], [answer]))
     error = -math.log(0.9)
     assert rows["distance over its stated sigma, rms"] == pytest.approx(error / 0.2)
     assert rows["stature over its stated sigma, rms"] == pytest.approx(error / 0.05)
@@ -359,37 +343,33 @@ def test_errors_are_divided_by_the_stated_ones(truth, joints):
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.3])
-def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
+def test_a_person_a_third_off_is_wrong_whatever_the_grade(joints, scale):
     for grade, wrong in (("good", 1), ("doubtful", math.nan)):
-        person = person_of(truth, scale * joints) | {"grade": grade}
-        records = truth.main.compared(
-            [alone(truth, joints)], [answer_with(person) | {"grade": grade}]
-        )
-        rows = truth.table.rows_of(records["people"], records["floors"], records["photos"])
+        person = person_of(scale * joints) | {"grade": grade}
+        records = command.compared([alone(joints)], [answer_with(person) | {"grade": grade}])
+        rows = table.rows_of(records["people"], records["floors"], records["photos"])
         found = [row.figure.value for row in rows if row.name == "  measurably wrong of those"]
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
-def test_limbs_of_parkour_films_have_contact_labels(truth, joints):
-    names = [
-        name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS
-    ]
+def test_limbs_of_parkour_films_have_contact_labels(joints):
+    names = [name.replace("left_", "l_").replace("right_", "r_") for name in limbs.LIMB_JOINTS]
     facts = {
         "joints": dict(zip(names, (joints @ np.diag([1, -1, -1])).tolist(), strict=True)),
         "touches": {"l_ankle": True, "r_ankle": True, "l_fingers": True, "r_fingers": False},
         "uncaptured": {"l_ankle": 0, "r_ankle": 1, "l_fingers": 0, "r_fingers": 0},
     }
-    sample = truth.sets.Sample("parkour", "f_000", "f", Path("f.mp4"), frame=0, truth=facts)
+    sample = sets.Sample("parkour", "f_000", "f", Path("f.mp4"), frame=0, truth=facts)
     contact = {"left_foot": 0.8, "right_foot": 0.1, "left_hand": 0.2, "right_hand": 0.6}
-    small = person_of(truth, moved(joints, 0, 0, 2))
-    records = truth.main.compared([sample], [answer_with(small, person_of(truth, joints, contact))])
+    small = person_of(moved(joints, 0, 0, 2))
+    records = command.compared([sample], [answer_with(small, person_of(joints, contact))])
     assert [(r["part"], r["probability"], r["touches"]) for r in records["parts"]] == [
         ("left_foot", 0.8, True),
         ("left_hand", 0.2, True),
         ("right_hand", 0.6, False),
     ]
-    assert rows_by_name(truth, records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
-    nobody = truth.main.compared([sample], [answer_with()])
+    assert rows_by_name(records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
+    nobody = command.compared([sample], [answer_with()])
     assert [r["probability"] for r in nobody["parts"]] == [0.0] * 3
 
 
@@ -409,12 +389,12 @@ def labels(box: list[float], posture: object, in_air: bool = False, **parts: str
     }
 
 
-def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
-    person = person_of(truth, joints) | {
+def test_labelled_parts_are_scored_against_the_world(joints, tmp_path):
+    person = person_of(joints) | {
         "parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}
     }
     person["below_mask"] = 0.03
-    other = person_of(truth, moved(joints, 1, 0, 0)) | {
+    other = person_of(moved(joints, 1, 0, 0)) | {
         "parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}
     }
     far = [2000, 2000, 2100, 2200]
@@ -433,9 +413,9 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").touch()
     (tmp_path / "labels.json").write_text(json.dumps({"a": people}))
-    (sample,) = truth.sets.SETS["contact"](tmp_path)
+    (sample,) = sets.SETS["contact"](tmp_path)
     assert sample.source == tmp_path / "photos" / "a.jpg"
-    records = truth.main.compared([sample], [answer_with(other, person)])
+    records = command.compared([sample], [answer_with(other, person)])
     feet = [
         (r["person"], r["part"], r["probability"], r["touches"])
         for r in records["parts"]
@@ -452,9 +432,7 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
         (r["probability"], r["touches"]) for r in records["parts"] if r["part"] == "left_hand"
     ]
     assert left_hands == [(0.9, False), (0.0, False)]
-    rows = {
-        row.name.strip(): row.figure for row in truth.contact.contact_rows(records["labelled"], [])
-    }
+    rows = {row.name.strip(): row.figure for row in touch.contact_rows(records["labelled"], [])}
     assert rows["people found, contact"].value == pytest.approx(2 / 3)
     assert (
         rows["people who sit and have a seat"].value,
@@ -465,12 +443,12 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
     assert (in_air.value, in_air.count) == (0.5, 2)
     deep = rows["people graded good who reach below their mask"]
     assert (deep.value, deep.count) == (1, 1)
-    tables = truth.contact.part_tables(records["parts"])
+    tables = touch.part_tables(records["parts"])
     assert tables["contact"]["feet"]["auc"]["value"] == pytest.approx(2.5 / 6)
-    assert "| contact: feet | 5 | 2 | 0.417 |" in truth.contact.table_of_parts(tables)
+    assert "| contact: feet | 5 | 2 | 0.417 |" in touch.table_of_parts(tables)
 
 
-def test_a_body_that_ends_below_the_mask_is_measured_in_statures(truth):
+def test_a_body_that_ends_below_the_mask_is_measured_in_statures():
     """A person of 2 m at 4 m spans 500 px of a focal length of 1000 px; the body ends 10 rows below
     the mask.
     """
@@ -481,61 +459,54 @@ def test_a_body_that_ends_below_the_mask_is_measured_in_statures(truth):
         mask=mask, stature=2.0, vertices=vertices, joints=np.array([[0.0, 0, 4]])
     )
     camera = np.array([[1000.0, 0, 200], [0, 1000, 400], [0, 0, 1]])
-    assert truth.run.below_mask(person, camera) == pytest.approx(10 / 500)
+    assert run.below_mask(person, camera) == pytest.approx(10 / 500)
     mask[600:] = True
-    assert truth.run.below_mask(person, camera) is None
+    assert run.below_mask(person, camera) is None
 
 
-def test_films_of_fits_and_films_apart_are_tables_of_their_own(truth):
+def test_films_of_fits_and_films_apart_are_tables_of_their_own():
     """The camera is half as high where nobody stands on one film; a film where somebody always
     stands tells nothing.
     """
-    assert not set(truth.sets.FILMS_OF_FITS) & set(truth.sets.FILMS_APART)
+    assert not set(sets.FILMS_OF_FITS) & set(sets.FILMS_APART)
     samples = []
     answers = []
     for film, stands, height in (
-        *(
-            (truth.sets.FILMS_OF_FITS[0], *frame)
-            for frame in ((True, 1.0), (True, 2.0), (False, 0.75))
-        ),
-        (truth.sets.FILMS_APART[0], True, 1.0),
+        *((sets.FILMS_OF_FITS[0], *frame) for frame in ((True, 1.0), (True, 2.0), (False, 0.75))),
+        (sets.FILMS_APART[0], True, 1.0),
     ):
         facts = {
             "touches": {"l_ankle": stands, "r_ankle": False},
             "uncaptured": {"l_ankle": 0, "r_ankle": 0},
         }
         samples.append(
-            truth.sets.Sample(
-                "parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts
-            )
+            sets.Sample("parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts)
         )
         answers.append(answer_with(floor=[0, -1, 0, height]))
-    (record,) = truth.contact.film_records(samples, answers)
+    (record,) = touch.film_records(samples, answers)
     assert (record["group"], record["ratio"], record["frames"]) == (
         samples[0].group,
         0.5,
         {"stands": 2, "in_air": 1},
     )
-    parts = [truth.contact.part_record(sample, "0", "left_foot", 0.6, True) for sample in samples]
-    tables = truth.contact.part_tables(parts)
-    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in truth.contact.FILMS] == [
+    parts = [touch.part_record(sample, "0", "left_foot", 0.6, True) for sample in samples]
+    tables = touch.part_tables(parts)
+    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in touch.FILMS] == [
         3,
         1,
     ]
 
 
-def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joints):
+def test_a_run_writes_table_and_json(tmp_path, monkeypatch, capsys, joints):
     folder = tmp_path / "mpi_inf_3dhp"
     folder.mkdir()
-    records = [{**alone(truth, joints).truth, "image": f"{name}.jpg"} for name in ("a", "b")]
+    records = [{**alone(joints).truth, "image": f"{name}.jpg"} for name in ("a", "b")]
     (folder / "truth.json").write_text(json.dumps(records))
-    monkeypatch.setattr(
-        truth.run, "_run", lambda *_: answer_with(person_of(truth, moved(joints, 0, 0, 0.1)))
-    )
+    monkeypatch.setattr(run, "_run", lambda *_: answer_with(person_of(moved(joints, 0, 0, 0.1))))
     monkeypatch.setattr(
         sys, "argv", ["truth", str(tmp_path), "--out", str(tmp_path / "out"), "--jobs", "2"]
     )
-    assert truth.main.main() == 0
+    assert command.main() == 0
     lines = (tmp_path / "out" / "table.md").read_text().splitlines()
     assert "| MPJPE mm at own scale, mean of sets | 100 | 100 .. 100 | 2 | <= 180 |" in lines
     assert "| people found, parkour | - |  | 0 | all |" in lines
