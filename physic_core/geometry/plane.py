@@ -2,7 +2,7 @@
 
 X + o = 0``: signed heights, sample points, and the up direction that surface normals show.
 
-The height ``n . X + o`` is positive above the plane, and o is the height of the camera. OpenCV
+The height ``n @ X + o`` is positive above the plane, and o is the height of the camera. OpenCV
 camera frame.
 
 Most man-made surfaces are horizontal or vertical: normals are parallel or perpendicular to up
