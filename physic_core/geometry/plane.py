@@ -1,6 +1,5 @@
-"""Planes ``n .
-
-X + o = 0``: signed heights, sample points, and the up direction that surface normals show.
+"""Planes ``n @ X + o = 0``: signed heights, sample points, and the up direction that surface
+normals show.
 
 The height ``n @ X + o`` is positive above the plane, and o is the height of the camera. OpenCV
 camera frame.
