@@ -17,9 +17,8 @@ from physic_paper.terms.printed_regularisation import mesh_energy
 
 
 def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
-    """Return L_c (Eq.
-
-    6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
+    """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the
+    surface.
 
     Args:
         squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
@@ -38,9 +37,8 @@ def depth_energy(
     sigma: float,
     rho: RobustLoss,
 ) -> Tensor:
-    """Return L_d (Eq.
-
-    4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, (B,).
+    """Return L_d (Eq. 4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 /
+    sigma^2)``, (B,).
 
     The mean does not depend on the resolution. It is 0 for a person without vertices.
 
@@ -62,9 +60,8 @@ def depth_energy(
 def penetration_energy(
     signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss
 ) -> Tensor:
-    """Return L_i (Eq.
-
-    7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
+    """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 /
+    sigma^2)``.
 
     Args:
         signed: (B, V) metres, negative inside.

@@ -187,9 +187,8 @@ class ContactState:
 
 
 def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:
-    """Return the signed distance of vertices to the planes through scene points: ``n .
-
-    (v - p)``, negative inside.
+    """Return the signed distance of vertices to the planes through scene points: ``n . (v - p)``,
+    negative inside.
 
     Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
     """

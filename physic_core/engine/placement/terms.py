@@ -200,9 +200,8 @@ _MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
 
 
 def closed_form_translation(person: PlacementProblem) -> Tensor:
-    """Estimate the translation of Eq.
-
-    2 by linear least squares of X + t_x = u (Z + t_z); return x (4,).
+    """Estimate the translation of Eq. 2 by linear least squares of X + t_x = u (Z + t_z); return x
+    (4,).
 
     The solution is approximate: the weights of the rows approximate image errors.
     """

@@ -46,9 +46,8 @@ class ReprojectionSettings:
 def reprojection_energy(
     projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss
 ) -> Tensor:
-    """Return the energy L_j2d (Eq.
-
-    2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``, unit in px.
+    """Return the energy L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) /
+    unit|^2)``, unit in px.
 
     Args:
         projected: (B, J, 2) px.
@@ -145,9 +144,8 @@ class DepthSettings:
 
 
 class DepthTerm:
-    """Depth term: Eq.
-
-    4 with log depth, between each visible vertex and the depth map at its projection.
+    """Depth term: Eq. 4 with log depth, between each visible vertex and the depth map at its
+    projection.
 
     ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, with scale s of the scene and depth
     offset o of the person. The mean does not depend on the resolution.

@@ -103,9 +103,8 @@ class ContactTermSettings:
 
 
 class ContactTerm:
-    """Contact term: Eq.
-
-    6 for contact vertices near scene or floor that face the nearer of these two surfaces.
+    """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these
+    two surfaces.
 
     ``sum_v w_v rho(d_v^2 / sigma^2)``, with signed distance d_v; a redescending rho ignores far
     contacts.

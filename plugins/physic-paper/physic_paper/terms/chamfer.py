@@ -34,9 +34,8 @@ def chamfer_energy(
     nearest_vertex: Tensor,
     point_weight: float,
 ) -> Tensor:
-    """Return L_d (Eq.
-
-    4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, () square metres.
+    """Return L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, ()
+    square metres.
 
     Args:
         vertices: (n, 3) camera-facing vertices, metres.
@@ -97,9 +96,8 @@ class HumanPoints(ShortRepr):
         return cls(picked, share, tuple(cKDTree(p.cpu().double().numpy()) for p in picked))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
-        """Return Eq.
-
-        4 for each person. The points scale with the scene, without a gradient to its scale.
+        """Return Eq. 4 for each person. The points scale with the scene, without a gradient to its
+        scale.
 
         Args:
             vertices: (B, n, 3) metres.

@@ -27,9 +27,8 @@ class PointPenetrationSettings:
 
 
 def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:
-    """Return L_i (Eq.
-
-    7 of the paper): ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V) each -> (B,).
+    """Return L_i (Eq. 7 of the paper): ``sum_v w_v rho(|v - p|^2) [n_p . (v - p) < 0]``, (B, V)
+    each -> (B,).
 
     ``loss`` is ``rho(|v - p|^2)``, ``signed`` is ``n_p . (v - p)``.
     """
