@@ -132,10 +132,12 @@ class DefaultOptimisation(JointMethod):
         aware = self.visibility.occlusion_aware
         surface = SurfaceTerms(
             sampling,
-            depth=DepthTerm(self.depth, sampling, variables),
-            contact=ContactTerm(self.contact, sampling),
-            penetration=PenetrationTerm(self.penetration, sampling, occlusion_aware=aware),
-            floor=FloorTerm(self.floor, sampling),
+            [
+                DepthTerm(self.depth, sampling, variables),
+                ContactTerm(self.contact, sampling),
+                PenetrationTerm(self.penetration, sampling, occlusion_aware=aware),
+                FloorTerm(self.floor, sampling),
+            ],
             soles=SoleTerm(self.soles, sampling),
             regularisation=RegularisationTerm(
                 self.regularisation, sampling, variables, occlusion_aware=aware

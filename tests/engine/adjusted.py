@@ -11,6 +11,7 @@ import torch
 
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.settings import with_overrides
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import to_device
@@ -74,6 +75,12 @@ def with_options(joint: JointMethod, **changes: Any) -> JointMethod:
     """Settings of stage 3 whose energy has some other methods."""
     Other = type("Other", (type(joint),), changes)
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
+
+
+def part_of(energy: JointEnergy, kind: type[T]) -> T:
+    """The one surface term of a class."""
+    (found,) = (term for term in term_of(energy, SurfaceTerms).terms if isinstance(term, kind))
+    return found
 
 
 def term_of(energy: JointEnergy, kind: type[T]) -> T:

@@ -11,7 +11,7 @@ from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
-from physic_core.engine.joint.terms.surface import SURFACE_ENERGIES, SurfaceInputs
+from physic_core.engine.joint.terms.surface import SurfaceInputs
 from physic_core.geometry.plane import height_over_plane
 from physic_paper.terms.printed_regularisation import mesh_energy
 
@@ -84,17 +84,18 @@ def reference_surface_energies(
     """Arguments and result as of ``surface_energies``."""
     scale = log_scale.exp()[:, None]
     zero = torch.zeros_like(offset)
-    energies = dict.fromkeys(SURFACE_ENERGIES, zero)
+    on = {term.name: (term, total) for term, total in data.terms}
+    energies = {}
     signed = height = torch.zeros_like(data.plane_distance)
     if data.normals is not None:
         signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - data.plane_distance
     if data.floor_normal is not None:
         height = height_over_plane(vertices, data.floor_normal, data.floor_offset * scale) / scale
-    if data.depth is not None:
-        s = data.depth
+    if "depth" in on:
+        term, s = on["depth"]
         mean = depth_energy(
             vertices[..., 2],
-            data.log_map_depth,
+            term.log_map_depth,
             s.weight,
             log_scale[:, None],
             offset,
@@ -102,24 +103,25 @@ def reference_surface_energies(
             s.rho,
         )
         energies["depth"] = s.weight.sum(1) * mean
-    if data.contact is not None:
-        s = data.contact
-        distance = torch.where(data.on_scene, signed, height)
+    if "contact" in on:
+        term, s = on["contact"]
+        distance = torch.where(term.on_scene, signed, height)
         energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
-    if data.penetration is not None:
-        s = data.penetration
+    if "penetration" in on:
+        _, s = on["penetration"]
         energies["penetration"] = penetration_energy(signed, s.weight, SLACK_M, s.sigma, s.rho)
-    if data.floor is not None:
-        s = data.floor
+    if "floor" in on:
+        term, s = on["floor"]
         # Invisible legs give the scale no gradient: they use the scale at the last refresh.
         invisible = (
             height * scale + data.floor_offset * (data.last_scale - scale)
         ) / scale.detach()
-        above = torch.where(data.eligible, height, invisible)
+        above = torch.where(term.eligible, height, invisible)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
     relative = root_relative(vertices, pelvis, root)
     energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
     lowest = [
         lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles
     ]
-    return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
+    assert list(energies) == [*on, "mesh"]
+    return torch.stack(list(energies.values())), torch.stack(lowest, 1)

@@ -14,14 +14,14 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.snapshot import OcclusionTracker, sample_mask_neighbours
-from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.terms.picture import DepthTerm
 from physic_core.engine.limbs import keypoints_of_observed_limbs, observed_parts
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS
 from physic_paper.terms.chamfer import HumanPoints
 
-from .adjusted import adjusted, with_scene
+from .adjusted import adjusted, part_of, with_scene
 
 SETTINGS = engine_preset("default").joint
 
@@ -139,8 +139,7 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
     energy = JointEnergy(standing.state, SETTINGS)
     rows = energy.weights["depth"][0] > 0
     vertices = standing.vertices[0, energy.sampling.ids[rows]]
-    (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
-    seen = surface.depth.log_map_depth[0, rows].exp()
+    seen = part_of(energy, DepthTerm).log_map_depth[0, rows].exp()
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
 

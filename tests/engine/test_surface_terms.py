@@ -96,10 +96,11 @@ def test_fused_and_reference_energies_are_alike(sunk, name):
 def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
     energy = JointEnergy(sunk, DEFAULT)
     terms = surface_of(energy)
-    sums = {name: getattr(terms.surface, name) for name in ("depth", "contact", "penetration")}
-    terms.surface = replace(
-        terms.surface, **{name: replace(one, kind=kind) for name, one in sums.items()}
-    )
+    sums = [
+        (term, total if term.name == "floor" else replace(total, kind=kind))
+        for term, total in terms.surface.terms
+    ]
+    terms.surface = replace(terms.surface, terms=tuple(sums))
     assert_alike(energy)
 
 

@@ -13,12 +13,12 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
-from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.terms.scene import ContactTerm
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
-from .adjusted import adjusted, term_of, with_scene
+from .adjusted import adjusted, part_of, with_scene
 
 SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
@@ -35,7 +35,7 @@ NAMES = SKELETONS["blazepose33"].names
 def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
     nobody = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
     energy = JointEnergy(nobody, adjusted(SETTINGS, **changes))
-    prior = term_of(energy, SurfaceTerms).contact.prior
+    prior = part_of(energy, ContactTerm).prior
     likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
     for name in STATIC_CONTACT_PARTS:
         likely[nobody.model.contact_sets[name]] = True
@@ -44,7 +44,7 @@ def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
 
 def test_the_prior_goes_before_likely_parts(standing):
     prior, both = (
-        term_of(JointEnergy(standing.state, settings), SurfaceTerms).contact.prior
+        part_of(JointEnergy(standing.state, settings), ContactTerm).prior
         for settings in (
             adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25)
         )

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
@@ -136,3 +137,55 @@ class Term(ABC):
         """Return the weighted energies, differentiable: name -> (B,) per person; "scale", of the
         scene, is (1,).
         """
+
+
+class SurfacePlace(NamedTuple):
+    """Place of B people's vertices at one evaluation, in the unit of the scene: (B, n) each."""
+
+    scene: Tensor
+    """Signed distance to the plane through the nearest scene point, negative inside."""
+    floor: Tensor
+    """Height over the floor."""
+    last_floor: Tensor
+    """The same by the scale of the scene at the last refresh, to which it gives no gradient."""
+    log_depth: Tensor
+    """Logarithm of the depth, metres."""
+    log_scale: Tensor
+    """(B, 1) logarithm of the scale of the scene and of the depth offset of the person."""
+
+
+class SurfaceResidual(NamedTuple):
+    """Residuals (B, n) of a surface term, and their derivatives by the place of the vertices: one
+    number, or (B, n) numbers or Booleans; None for those that are 0.
+    """
+
+    value: Tensor
+    by_scene: Tensor | float | None = None
+    by_floor: Tensor | None = None
+    by_last_floor: Tensor | None = None
+    by_depth: float | None = None
+
+
+class SurfaceTerm(ABC):
+    """Robust sum over the residuals of vertices, evaluated with the others of its kind by
+    :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
+
+    Attributes:
+        name: of the energy, and of its weights.
+        weights: name -> (B, n) weights since the last :meth:`refresh`; 0 excludes a vertex.
+    """
+
+    name: ClassVar[str]
+    weights: Mapping[str, Tensor] = MappingProxyType({})
+
+    @abstractmethod
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Update :attr:`weights`, which are constant until the next call."""
+
+    @abstractmethod
+    def robust_sum(self) -> RobustSum | None:
+        """Return the robust sum over the residuals; None if the term is off."""
+
+    @abstractmethod
+    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+        """Return the residuals of vertices, and their derivatives by the place."""

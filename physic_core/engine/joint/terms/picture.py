@@ -12,7 +12,16 @@ from torch import Tensor
 
 from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
 from physic_core.engine.joint.snapshot import sample_mask_neighbours
-from physic_core.engine.joint.term import PosedBodies, RobustLoss, RobustSum, Snapshot, Term
+from physic_core.engine.joint.term import (
+    PosedBodies,
+    RobustLoss,
+    RobustSum,
+    Snapshot,
+    SurfacePlace,
+    SurfaceResidual,
+    SurfaceTerm,
+    Term,
+)
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.engine.state import State
@@ -143,7 +152,7 @@ class DepthSettings:
     """Expected log(depth offset) of all other people."""
 
 
-class DepthTerm:
+class DepthTerm(SurfaceTerm):
     """Depth term: Eq. 4 with log depth, between each visible vertex and the depth map at its
     projection.
 
@@ -156,6 +165,8 @@ class DepthTerm:
     Raises:
         PhysicError: the photo has no depth map.
     """
+
+    name = "depth"
 
     def __init__(self, settings: DepthSettings, sampling: Sampling, variables: Variables) -> None:
         if settings.weight and sampling.state.photo_depth is None:
@@ -200,6 +211,11 @@ class DepthTerm:
             _DEPTH_SIGMA,
             self._per_person.to(share.dtype)[:, None] * share,
         )
+
+    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+        """Return the differences of log depth."""
+        away = at.log_depth - self.log_map_depth - at.log_scale
+        return SurfaceResidual(away, by_depth=1.0)
 
 
 def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:

@@ -11,7 +11,13 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS, Sampling
-from physic_core.engine.joint.term import RobustSum, Snapshot
+from physic_core.engine.joint.term import (
+    RobustSum,
+    Snapshot,
+    SurfacePlace,
+    SurfaceResidual,
+    SurfaceTerm,
+)
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative, Positive
 
@@ -36,11 +42,13 @@ class PenetrationSettings:
     """
 
 
-class PenetrationTerm:
+class PenetrationTerm(SurfaceTerm):
     """Penetration term: Eq. 7 for visible vertices near the scene and not in free space.
 
     ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``, with signed distance d_v.
     """
+
+    name = "penetration"
 
     def __init__(
         self, settings: PenetrationSettings, sampling: Sampling, *, occlusion_aware: bool
@@ -69,6 +77,10 @@ class PenetrationTerm:
         """
         weight = self.settings.weight
         return robust_depths(weight * self.weights["penetration"]) if weight else None
+
+    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+        """Return the depths inside the scene beyond ``SLACK_M``."""
+        return SurfaceResidual(torch.relu(-at.scene - SLACK_M), by_scene=-1.0)
 
 
 def robust_depths(weight: Tensor) -> RobustSum:
@@ -102,7 +114,7 @@ class ContactTermSettings:
     """
 
 
-class ContactTerm:
+class ContactTerm(SurfaceTerm):
     """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these
     two surfaces.
 
@@ -114,6 +126,8 @@ class ContactTerm:
         on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
         touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
+
+    name = "contact"
 
     def __init__(self, settings: ContactTermSettings, sampling: Sampling) -> None:
         self.settings = settings
@@ -161,6 +175,11 @@ class ContactTerm:
             "geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"]
         )
 
+    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+        """Return the distances to the touched surface."""
+        touched = torch.where(self.on_scene, at.scene, at.floor)
+        return SurfaceResidual(touched, by_scene=self.on_scene, by_floor=~self.on_scene)
+
 
 _PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
 _PLANE_OUTLIER_SIGMAS = 2.0
@@ -177,17 +196,25 @@ class FloorSettings:
     """Weight of the term; 0 removes it."""
 
 
-class FloorTerm:
-    """Floor term: depth of all vertices below the floor's plane."""
+class FloorTerm(SurfaceTerm):
+    """Floor term: depth of all vertices below the floor's plane.
+
+    Attributes:
+        eligible: (B, n) bool, vertices on limbs that the photo shows.
+    """
+
+    name = "floor"
 
     def __init__(self, settings: FloorSettings, sampling: Sampling) -> None:
         self.settings = settings
         self._sampling = sampling
         self.weights: dict[str, Tensor] = {}
+        self.eligible = sampling.on_visible_part
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights: full weight on visible limbs, less on invisible ones."""
         area = self._sampling.area
+        self.eligible = snapshot.visibility.eligible
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
         invisible = torch.where(
             below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area)
@@ -212,6 +239,12 @@ class FloorTerm:
         return RobustSum.of(
             "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"]
         )
+
+    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+        """Return the depths below the floor; invisible limbs give its scale no gradient."""
+        under = torch.relu(-torch.where(self.eligible, at.floor, at.last_floor))
+        by_floor = -self.eligible.to(under)
+        return SurfaceResidual(under, by_floor=by_floor, by_last_floor=-1.0 - by_floor)
 
 
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
