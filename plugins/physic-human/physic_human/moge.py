@@ -1,6 +1,5 @@
-"""Estimate depth and point maps with a checkout of MoGe 1 (Wang et al.
-
-2025), the paper's, or of MoGe-3 (2026).
+"""Estimate depth and point maps with a checkout of MoGe 1 (Wang et al. 2025), the paper's, or
+of MoGe-3 (2026).
 
 The networks return points up to a scale and a shift along z, MoGe-3 also the scale in metres. Focal
 length and shift are computed here.

@@ -1,6 +1,5 @@
-"""Estimate finger and wrist rotations with WiLoR (Potamias et al.
-
-2025), by the network of WiLoR-mini.
+"""Estimate finger and wrist rotations with WiLoR (Potamias et al. 2025), by the
+network of WiLoR-mini.
 
 Only its network is used. Boxes come from the people's keypoints and crops are made here, so neither
 the hand detector (AGPL) nor its downloads are needed.

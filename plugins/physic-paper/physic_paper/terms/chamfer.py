@@ -1,6 +1,4 @@
-"""Depth term L_d as in the paper: Chamfer distance between visible vertices and human points (Eq.
-4).
-"""
+"""Depth term L_d as in the paper (Eq. 4): Chamfer distance between visible vertices and points."""
 
 from __future__ import annotations
 
