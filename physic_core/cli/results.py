@@ -135,7 +135,8 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
 
 
 def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
-    from physic_core.io.result_folder import ARRAYS_FILE, add_report, is_result, save_report
+    from physic_core.io.report_file import add_report, save_report
+    from physic_core.io.result_folder import ARRAYS_FILE, is_result
 
     if out is not None:
         from physic_core.io.results import load_reconstruction
@@ -161,7 +162,7 @@ def _write_index(folder: Path, each: bool) -> None:
         write_contact_sheet,
     )
     from physic_core.errors import InputError
-    from physic_core.io.result_folder import add_report
+    from physic_core.io.report_file import add_report
 
     found = find_results(folder)
     check_contact_sheet(folder)

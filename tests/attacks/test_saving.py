@@ -22,7 +22,8 @@ from physic_core.batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.plain import write_value
-from physic_core.io.result_folder import add_report, is_result, save_report
+from physic_core.io.report_file import add_report, save_report
+from physic_core.io.result_folder import is_result
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 from physic_scene import output

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from physic_core.errors import InputError
-from physic_core.io.result_folder import add_report
+from physic_core.io.report_file import add_report
 from physic_core.io.results import load_reconstruction, read_record, record_of, save_reconstruction
 
 

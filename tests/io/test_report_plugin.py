@@ -11,7 +11,7 @@ import pytest
 
 from physic_core import InputError, save_reconstruction
 from physic_core.errors import PackageMissingError, PluginError
-from physic_core.io.result_folder import add_report
+from physic_core.io.report_file import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = """
