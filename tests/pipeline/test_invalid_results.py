@@ -25,6 +25,8 @@ from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, load_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 LOST = 0
 KEPT = 1
 

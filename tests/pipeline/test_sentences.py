@@ -24,7 +24,7 @@ NO_FLOOR = ['engine.scene.floor="off"']
     ],
     ids=lambda case: "-".join([case[0], *("no floor" for _ in case[1])]),
 )
-def result(request: pytest.FixtureRequest) -> Reconstruction:
+def result(request: pytest.FixtureRequest, few_steps: None) -> Reconstruction:
     world, settings = request.param
     noise = ["metric_depth.options.stated_sigma=0.095"]
     return reconstruct(
