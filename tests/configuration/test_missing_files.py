@@ -164,7 +164,9 @@ def test_a_wrong_missing_method_is_named_by_every_command(site):
         require_available(resolve(config))
     assert says in str(try_backend(find_backend("metric_depth", "own"), "cpu"))
     report = check_backend("own", "metric_depth", size=(96, 72))
-    assert ("loads_or_reports_what_is_missing", says) in [(f.check, f.got) for f in report.failures]
+    (failure,) = report.failures
+    assert failure.check == "tells_what_is_missing_before_load"
+    assert says in failure.got
 
 
 def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():
@@ -181,7 +183,7 @@ def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():
         {"missing": look, "infer": lambda self, image, hints: None},
     )
     report = check_backend(kind, size=(96, 72))
-    failure = next(f for f in report.failures if f.check == "loads_or_reports_what_is_missing")
+    failure = next(f for f in report.failures if f.check == "tells_what_is_missing_before_load")
     assert (failure.expected, failure.got) == (
         "missing() to use no network",
         "it requests example.org",

@@ -188,9 +188,11 @@ def test_conformance(perfect, kind):
 class TestWorld:
     """Known answers, from a network that is perfect in its own space."""
 
-    @pytest.mark.parametrize("size", [(320, 240), (200, 330)])
-    def test_depth_and_focal_length_are_recovered(self, loaded, size):
-        world = load_world("stand_indoors", size)
+    @pytest.mark.parametrize(
+        ("name", "size"), [("stand_indoors", (320, 240)), ("walk_portrait", (332, 249))]
+    )
+    def test_depth_and_focal_length_are_recovered(self, loaded, name, size):
+        world = load_world(name, size)
         found = loaded(Moge2Depth).infer(world.empty_image, Hints())
         np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
         assert (
@@ -198,7 +200,8 @@ class TestWorld:
             == found.intrinsics.fy
             == pytest.approx(world.intrinsics.fx, rel=1e-5)
         )
-        assert (found.intrinsics.cx, found.intrinsics.cy) == ((size[0] - 1) / 2, (size[1] - 1) / 2)
+        height, width = world.depth.shape
+        assert (found.intrinsics.cx, found.intrinsics.cy) == ((width - 1) / 2, (height - 1) / 2)
         assert found.intrinsics.source == "MoGe-2"
         assert found.notes == ("MoGe-2 ran on CPU",)
 

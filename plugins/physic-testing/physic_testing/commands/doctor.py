@@ -6,22 +6,20 @@ A backend that crashes, hangs, or uses all memory does not affect the others.
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
+import subprocess
 import sys
 import tempfile
 import time
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import click
 
-from physic_core.batch.workers import started_processes
 from physic_core.cli.arguments import Device, Number, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
@@ -31,19 +29,14 @@ from physic_core.discovery.backends import (
     load_class,
     missing_requirements,
 )
+from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.plugins import broken_plugins
 from physic_core.errors import PhysicError
 
-if TYPE_CHECKING:
-    from physic_core.discovery.entry_points import Offer
-
 _AT_ONCE = 2
 """Backends that are loaded at the same time; more could take more memory than the machine has."""
-
-_ANSWER = "answer.json"
-_OUTPUT = "output.txt"
 
 
 @dataclass(frozen=True)
@@ -123,11 +116,7 @@ def doctor(
     require_interface(interface)
     named = find_by_name(with_current_folder(name)) if name is not None else list_backends()
     offers = [offer for offer in named if interface in (None, offer.interface)]
-    results = _with_bar(try_in_processes(offers, device, timeout), len(offers))
-    place = {
-        (offer.interface, offer.name, offer.owner): index for index, offer in enumerate(offers)
-    }
-    found = sorted(results, key=lambda one: place[one.interface, one.backend, one.owner])
+    found = _with_bar(try_in_processes(offers, device, timeout), len(offers))
     for broken in broken_plugins() if name is None else ():
         trace = traceback_text(broken.error)
         owner = f"{broken.distribution} {broken.version}".rstrip()
@@ -178,30 +167,43 @@ def try_backend(offer: Offer, device: str) -> DoctorResult:
 def try_in_processes(
     offers: Iterable[Offer], device: str, timeout: float
 ) -> Iterator[DoctorResult]:
-    """Run :func:`try_backend` for each backend in a process of its own; yield the results in the
-    order of their end.
+    """Run :func:`try_backend` for each backend in a process of its own; yield the results.
 
     Args:
         offers: the backends.
         device: for ``load``. On a CPU, two backends are loaded at the same time.
         timeout: time limit of each, s.
     """
-    waiting = deque(offers)
-    trials = list[_Trial]()
-    context = _context()
-    at_once = _AT_ONCE if device == "cpu" else 1
-    try:
-        while waiting or trials:
-            while waiting and len(trials) < at_once:
-                trials.append(_Trial(waiting.popleft(), device, timeout, context))
-            left = min(trial.deadline for trial in trials) - time.monotonic()
-            connection.wait([trial.sentinel for trial in trials], max(0.0, left))
-            for trial in [one for one in trials if one.is_over()]:
-                trials.remove(trial)
-                yield trial.end()
-    finally:
-        for trial in trials:
-            trial.end()
+    with ThreadPoolExecutor(_AT_ONCE if device == "cpu" else 1) as pool:
+        yield from pool.map(lambda offer: _try_in_process(offer, device, timeout), offers)
+
+
+def _try_in_process(offer: Offer, device: str, timeout: float) -> DoctorResult:
+    # Files, not pipes, which processes that the backend starts could keep open.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        answer = Path(folder, "answer.json")
+        output = Path(folder, "output.txt")
+        own = ["-P", "-m", __spec__.name, json.dumps(asdict(offer)), device, str(answer)]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        with output.open("wb") as stream:
+            try:
+                done = subprocess.run(
+                    [sys.executable, *own],
+                    env=environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=stream,
+                    stderr=subprocess.STDOUT,
+                    timeout=timeout,
+                    check=False,
+                )
+            except subprocess.TimeoutExpired:
+                return _result(offer, "broken", f"not finished after {timeout:g} s")
+        with suppress(OSError, ValueError, TypeError):
+            return DoctorResult(**json.loads(answer.read_bytes()))
+        text = output.read_text(encoding="utf-8", errors="replace")
+    last = (text.strip() or "no output").rpartition("\n")[2]
+    cause = f"it ended Python with code {done.returncode}: {last}"
+    return replace(_result(offer, "broken", cause), traceback=text if is_debugging() else "")
 
 
 def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]:
@@ -212,67 +214,6 @@ def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]
         results, length=count, label="backends", show_pos=True, file=sys.stderr
     ) as bar:
         return list(bar)
-
-
-def _context() -> Any:
-    """Return how processes start: on Linux, as copies of one that has imported torch, which alone
-    takes a second.
-    """
-    if sys.platform != "linux":
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__, "physic_testing.commands.common_imports"])
-    return context
-
-
-class _Trial:
-    """One backend in a process of its own.
-
-    Attributes:
-        sentinel: becomes ready when the process has ended.
-        deadline: end of the time limit, by the monotonic clock.
-    """
-
-    def __init__(self, offer: Offer, device: str, timeout: float, context: Any) -> None:
-        self._offer = offer
-        self._timeout = timeout
-        # Files, not pipes: processes that the backend has started may keep a pipe open after the
-        # time limit.
-        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self._process = context.Process(
-            target=_main, args=(offer, device, self._folder.name, dict(os.environ))
-        )
-        with started_processes():
-            self._process.start()
-        self.sentinel = self._process.sentinel
-        self.deadline = time.monotonic() + timeout
-
-    def is_over(self) -> bool:
-        """Return whether the process, or its time, has ended."""
-        return not self._process.is_alive() or time.monotonic() >= self.deadline
-
-    def end(self) -> DoctorResult:
-        """Return what the process has found, and why it has not if there is nothing; it is
-        ended.
-        """
-        is_late = self._process.is_alive()
-        self._process.kill()
-        self._process.join()
-        with self._folder as folder:
-            if is_late:
-                return _result(self._offer, "broken", f"not finished after {self._timeout:g} s")
-            with suppress(OSError, ValueError, TypeError, KeyError):
-                found = json.loads(Path(folder, _ANSWER).read_bytes())
-                values = {
-                    key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")
-                }
-                return replace(_result(self._offer, "ok"), **values)
-            text = Path(folder, _OUTPUT).read_text(encoding="utf-8", errors="replace")
-        last = (text.strip() or "no output").rpartition("\n")[2]
-        result = _result(
-            self._offer, "broken", f"it ended Python with code {self._process.exitcode}: {last}"
-        )
-        return replace(result, traceback=text) if is_debugging() else result
 
 
 def _result(
@@ -286,19 +227,10 @@ def _result(
     )
 
 
-def _main(offer: Offer, device: str, folder: str, environment: Mapping[str, str]) -> None:
-    """Write what :func:`try_backend` finds, and all that is printed, to files of a folder; runs in
-    the process.
-    """
-    os.environ.clear()
-    os.environ.update(environment)
-    with Path(folder, _OUTPUT).open("wb") as output, open(os.devnull, "rb") as nothing:
-        os.dup2(nothing.fileno(), 0)
-        os.dup2(output.fileno(), 1)
-        os.dup2(output.fileno(), 2)
-    sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
-    found = try_backend(offer, device)
-    Path(folder, _ANSWER).write_text(json.dumps(asdict(found)), encoding="utf-8")
+if __name__ == "__main__":
+    offered, chosen_device, answer_path = sys.argv[1:]
+    found = try_backend(Offer(**json.loads(offered)), chosen_device)
+    Path(answer_path).write_text(json.dumps(asdict(found)), encoding="utf-8")
     with suppress(OSError, ValueError):  # the backend has closed it
         sys.stdout.flush()
     os._exit(0)  # threads and exit handlers of the backend must not keep the process

@@ -6,7 +6,7 @@ All results and errors are stored.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, fields
@@ -22,7 +22,7 @@ from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
-from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, PAIRED, SIZE, build_case
+from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import changed_fields
@@ -54,7 +54,7 @@ FIRST_PHOTO = "odd size"
 result.
 """
 
-PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting, large")}
+PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting")}
 """Two different photos of one size, in the order in which a backend is called on them; for other
 interfaces below.
 """
@@ -109,8 +109,6 @@ class BackendUnderTest:
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
-        of_photos: what is computed from the truth of the photos alone; backends of one interface
-            may share it.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -129,7 +127,6 @@ class BackendUnderTest:
         claim: Offer | None = None,
         device: str = "cpu",
         size: tuple[int, int] = SIZE,
-        of_photos: dict[Hashable, Any] | None = None,
     ) -> None:
         self.kind = kind
         self.interface = interface
@@ -154,7 +151,6 @@ class BackendUnderTest:
         self._loaded: dict[str, Backend] = {}
         self._case_runs: dict[str, CaseRun] = {}
         self.kept: dict[str, Any] = {}
-        self.of_photos: dict[Hashable, Any] = {} if of_photos is None else of_photos
 
     def case(self, name: str) -> Case:
         """Return the photo and its ground truth for a name of
@@ -178,7 +174,7 @@ class BackendUnderTest:
             return self.construct(case)
         except Exception as error:
             raise CheckSkipped(
-                "it cannot be constructed: see 'constructs_with_its_defaults'"
+                "it cannot be constructed: see 'constructs_quickly_and_offline'"
             ) from error
 
     def options(self, case: Case | None = None) -> BaseModel:
@@ -233,9 +229,8 @@ class BackendUnderTest:
         given = infer_arguments(self.interface, case) if arguments is None else arguments
         request = INTERFACES[self.interface].Request(*given)
         require_image(request.image)
-        with self.watch.call() as results:
-            results.append(cast("Any", backend).infer(*request.limited_to(backend.reads)))
-        return results[0]
+        with self.watch.call():
+            return cast("Any", backend).infer(*request.limited_to(backend.reads))
 
     def call(
         self,
@@ -292,23 +287,6 @@ class BackendUnderTest:
     def evidence_names(self) -> tuple[str, ...]:
         """Names of the photos over which bias is measured."""
         return _EVIDENCE.get(self.interface, EVIDENCE)
-
-    @property
-    def paired_names(self) -> tuple[str, ...]:
-        """Names of the photos that are changed, too."""
-        return PAIRED.get(self.interface, PAIRED[""])
-
-    def answer_of(self, case: Case, before: Case) -> Any:
-        """Return the output for a changed photo; None of a backend that knows photos of worlds
-        alone, or refuses it.
-        """
-        if "exact" in self.capabilities or callable(self._options):
-            return None
-        try:
-            answer = self.infer(self.loaded(before), case)
-        except Exception:
-            return None
-        return None if case_violations(self.interface, answer, case) else answer
 
     def result(self, name: str = "one person") -> Any:
         """Return the valid result for a photo.

@@ -23,53 +23,50 @@ SIZE = (320, 240)
 SCENE_UNIT = 1.7
 """Metres per unit of the relative point maps in the hints."""
 
-CASES: dict[str, str] = {
-    "one person": "one person, landscape",
-    "several people": "people beside one another",
-    "odd size": "a width and a height that no network likes, 131 x 97 px",
-    "nobody": "a room without people",
-    "blank": "one grey all over",
-    "tiny": "32 x 24 px",
-    "large": "four times as wide and high",
-    "close": "one person, three times as wide and high",
-    "walking": "one person who walks, higher than wide",
-    "steps": "three people on steps outdoors, in no order of distance, under a sky",
-    "squatting": "one person who squats",
-    "leaning": "one person who leans on a wall",
-    "striding": "one person who walks",
-    "crouching": "one person who squats, with one hand hidden",
-    "striding, large": "one person who walks, three times as wide and high",
-    "sitting, large": "two people side by side on a seat, three times as wide and high",
-    "crouching, large": "one person who squats, with one hand hidden, three times as wide and high",
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo of the kit.
+
+    Attributes:
+        what: description.
+        world: name of the world.
+        scale: sides of the photo over the standard ones.
+        size: width and height, px, in place of ``scale``.
+    """
+
+    what: str
+    world: str
+    scale: float = 1.0
+    size: tuple[int, int] | None = None
+
+
+CASES: dict[str, Photo] = {
+    "one person": Photo("one person, landscape", "stand_indoors"),
+    "several people": Photo("people beside one another", "group"),
+    "odd size": Photo("131 x 97 px, which no network likes", "stand_indoors", size=(131, 97)),
+    "nobody": Photo("a room without people", "stand_indoors"),
+    "blank": Photo("one grey all over", "stand_indoors"),
+    "tiny": Photo("32 x 24 px", "stand_indoors", size=(32, 24)),
+    "large": Photo("one person, four times as wide and high", "stand_indoors", 4),
+    "walking": Photo("one person who walks, higher than wide", "walk_portrait"),
+    "steps": Photo("three people outdoors, in no order of distance, under a sky", "outdoor_crowd"),
+    "squatting": Photo("one person who squats", "squat", 7 / 8),
+    "leaning": Photo("one person who leans on a wall", "lean_on_wall"),
+    "close": Photo("one person, three times as wide and high", "stand", 3),
+    "striding": Photo("one person who walks, three times as wide and high", "walk", 3),
+    "sitting": Photo("two people on a seat, three times as wide and high", "sit_side_by_side", 3),
+    "crouching": Photo("one person with a hidden hand, as large", "squat_indoors", 3 * 7 / 8),
 }
-"""Name of each photo -> description."""
+"""Name of each photo -> what it shows."""
 
 EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
 """Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
 
-EVIDENCE_OF_HANDS = ("close", "striding, large", "sitting, large", "crouching, large")
+EVIDENCE_OF_HANDS = ("close", "striding", "sitting", "crouching")
 """The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
 
-PAIRED = {
-    "": ("several people", "walking", "leaning"),
-    "hand_estimator": ("close", "sitting, large"),
-}
-"""Interface, or "" for all others -> photos that are changed, too."""
-
-_LARGE = 3
 _GLARE = 247
-
-_WORLDS = {
-    "one person": "stand_indoors",
-    "several people": "group",
-    "walking": "walk_portrait",
-    "striding": "walk",
-    "sitting": "sit_side_by_side",
-    "steps": "outdoor_crowd",
-    "squatting": "squat",
-    "crouching": "squat_indoors",
-    "leaning": "lean_on_wall",
-}
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ class Case:
         original: true points of ``photo``, in the same unit.
         floor: floor plane, in the same unit.
         scale: of that unit.
-        world: ground truth; None for a photo that was resampled or altered and has no ground truth.
+        world: ground truth; None for a photo that was altered and has no ground truth.
     """
 
     name: str
@@ -131,26 +128,15 @@ def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
 
 @lru_cache(maxsize=32)
 def _build(name: str, size: tuple[int, int]) -> Case:
-    if name.endswith(", large"):
-        larger = (_LARGE * size[0], _LARGE * size[1])
-        return replace(_build(name.removesuffix(", large"), larger), name=name)
-    width, height = size
-    if name in _WORLDS:
-        small = (width * 7 // 8, height * 7 // 8)
-        return case_of_world(
-            name, load_world(_WORLDS[name], small if name in ("squatting", "crouching") else size)
-        )
-    if name == "odd size":
-        return case_of_world(name, load_world("stand_indoors", (131, 97)))
-    if name == "close":
-        return case_of_world(name, load_world("stand", (_LARGE * width, _LARGE * height)))
-    person = _build("one person", size)
+    photo = CASES[name]
+    sides = photo.size or (round(photo.scale * size[0]), round(photo.scale * size[1]))
+    case = case_of_world(name, load_world(photo.world, sides))
     if name == "nobody":
-        return _without_people(person)
+        return _without_people(case)
     if name == "blank":
-        grey = np.full_like(person.photo, 128)
-        return replace(person, name=name, photo=grey, empty=grey, world=None)
-    return _resized(person, name, *((32, 24) if name == "tiny" else (4 * width, 4 * height)))
+        grey = np.full_like(case.photo, 128)
+        return replace(case, photo=grey, empty=grey, world=None)
+    return case
 
 
 def case_of_world(name: str, world: World) -> Case:
@@ -199,17 +185,4 @@ def _without_people(case: Case) -> Case:
         bodies=Bodies(bodies.parameters[:0], bodies.body_model, observed),
         original=case.scene,
         world=None,
-    )
-
-
-def _resized(case: Case, name: str, width: int, height: int) -> Case:
-    """Resample a case to another size."""
-    from physic_testing.conformance.changes import Change, changed_case
-
-    scale = np.array([width / case.intrinsics.width, height / case.intrinsics.height, 1])
-    pixels = np.diag(scale)
-    pixels[:, 2] += (scale - 1) / 2  # integer coordinates are pixel centres
-    return replace(
-        changed_case(case, Change(name, pixels, np.eye(3), case.intrinsics.resized(width, height))),
-        name=name,
     )

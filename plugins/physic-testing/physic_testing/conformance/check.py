@@ -25,16 +25,13 @@ class Check:
             reason.
         unless: capabilities of a backend for which the check is skipped.
         only_with: capabilities that a backend must have for the check to run.
-        warns: whether a failure is only a warning: the contract does not forbid it, and a run
-            undoes most of it.
     """
 
-    function: Callable[[BackendUnderTest], tuple[str, ...] | None]
+    function: Callable[[BackendUnderTest], None]
     read: str
     after: tuple[str, ...] = ()
     unless: frozenset[str] = frozenset()
     only_with: frozenset[str] = frozenset()
-    warns: bool = False
 
     @property
     def name(self) -> str:

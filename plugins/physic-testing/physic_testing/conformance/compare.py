@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.errors import PhysicError
+from physic_core.metrics.intervals import aligned_table
 from physic_testing.conformance.accuracy import ERRORS, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
@@ -79,11 +80,6 @@ class BackendComparison:
                     f"{row.completed} of {len(self.worlds)}",
                 )
             )
-        widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-        table = [
-            "  ".join(f"{cell:<{w}}" for cell, w in zip(line, widths, strict=True)).rstrip()
-            for line in lines
-        ]
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
         notes += [row.traceback.rstrip("\n") for row in self.rows if row.traceback]
         width, height = self.size
@@ -93,7 +89,7 @@ class BackendComparison:
             f"keypoints, bodies and "
             "hints that backends are given are the true ones; * is best"
         )
-        return "\n".join([*table, *notes, about])
+        return "\n".join([aligned_table(lines), *notes, about])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as a JSON-ready dict, NaN as None."""

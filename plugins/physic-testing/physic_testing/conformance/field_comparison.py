@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
 
 _TOLERANCE = 1e-3  # of the largest value: multi-threaded sums of a network are not bit-identical
 _DIFFERENT_SHARE = 1e-3  # of the pixels of a mask or an image that may differ
@@ -19,9 +22,8 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """
     if is_dataclass(thing) and not isinstance(thing, type):
         for field in fields(thing):
-            yield from named_values(
-                getattr(thing, field.name), f"{path}.{field.name}" if path else field.name
-            )
+            step = f"{path}.{field.name}" if path else field.name
+            yield from named_values(getattr(thing, field.name), step)
     elif isinstance(thing, tuple) and any(
         is_dataclass(t) or isinstance(t, tuple | np.ndarray) for t in thing
     ):
@@ -32,9 +34,9 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def changed_fields(before: tuple[Any, ...], after: tuple[Any, ...]) -> list[str]:
-    """Return the paths of the arguments whose values changed."""
+    """Return the paths of the arguments whose values changed at all."""
     pairs = zip(named_values(before), named_values(after), strict=True)
-    return [path or "image" for (path, old), (_, new) in pairs if not _identical(old, new)]
+    return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
 
 
 def describe_difference(first: Any, second: Any) -> str:
@@ -44,31 +46,44 @@ def describe_difference(first: Any, second: Any) -> str:
     if [path for path, _ in left] != [path for path, _ in right]:
         return "the results have different fields"
     for (path, a), (_, b) in zip(left, right, strict=True):
-        words = _difference(a, b)
-        if words:
+        if words := _difference(a, b):
             return f"{path or 'image'}: {words}"
     return ""
+
+
+def row_differences(first: Any, second: Any, count: int) -> FloatArray:
+    """Return the mean difference (N, N) of each of ``count`` rows of a result from each row of
+    another, every array scaled to at most 1.
+    """
+    one, other = (_rows(result, count) for result in (first, second))
+    apart: FloatArray = np.abs(one[:, None] - other[None]).mean(axis=2)
+    return apart
+
+
+def _rows(result: Any, count: int) -> FloatArray:
+    found = []
+    for _, value in named_values(result):
+        if isinstance(value, np.ndarray) and value.ndim and len(value) == count:
+            flat = np.nan_to_num(value.astype(np.float64).reshape(count, -1))
+            found.append(flat / max(float(np.abs(flat).max(initial=0)), 1e-9))
+    return np.concatenate(found, axis=1)
 
 
 def _identical(old: Any, new: Any) -> bool:
     """Return whether two values are equal, NaN equal to NaN."""
     if isinstance(old, np.ndarray):
-        return (
-            isinstance(new, np.ndarray)
-            and old.shape == new.shape
-            and np.array_equal(old, new, _has_nan(old))
-        )
+        is_float = old.dtype.kind == "f"
+        return isinstance(new, np.ndarray) and np.array_equal(old, new, equal_nan=is_float)
     return bool(old == new) or (old != old and new != new)
 
 
 def _difference(a: Any, b: Any) -> str:
     """Describe the difference of two arrays or values; empty if they agree."""
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
-        same = (
-            _close(float(a), float(b))
-            if isinstance(a, float) and isinstance(b, float)
-            else bool(a == b)
-        )
+        if isinstance(a, float) and isinstance(b, float):
+            same = bool(np.isclose(a, b, rtol=_TOLERANCE, equal_nan=True))
+        else:
+            same = bool(a == b)
         return "" if same else f"{a!r} and {b!r}"
     if a.shape != b.shape:
         return f"shapes {a.shape} and {b.shape}"
@@ -77,27 +92,10 @@ def _difference(a: Any, b: Any) -> str:
     if a.dtype.kind == "f":
         scale = float(np.abs(a[np.isfinite(a)]).max(initial=0))
         alike = np.isclose(a, b, rtol=_TOLERANCE, atol=_TOLERANCE * scale, equal_nan=True)
-        other = int((~alike).sum())
-        if other <= (_DIFFERENT_SHARE * a.size if a.ndim > 1 else 0):
-            return ""
-        gap = float(np.nanmax(np.abs(np.where(alike, 0, a.astype(np.float64) - b))))
-        return (
-            f"{other} of {a.size} numbers differ, by up to {gap:.3g} where the largest is "
-            f"{scale:.3g}"
-        )
-    apart = np.abs(a.astype(np.int64) - b.astype(np.int64)) > (
-        _GREY_TOLERANCE if a.dtype == np.uint8 else 0
-    )
-    return (
-        f"{int(apart.sum())} of {a.size} values differ" if apart.mean() > _DIFFERENT_SHARE else ""
-    )
-
-
-def _close(a: float, b: float) -> bool:
-    """Return whether two numbers agree up to rounding error."""
-    return bool(np.isclose(a, b, rtol=_TOLERANCE, equal_nan=True))
-
-
-def _has_nan(array: Any) -> bool:
-    """Return whether an array's dtype can hold NaN."""
-    return bool(array.dtype.kind == "f")
+        apart = ~alike
+        least = 1 if a.ndim == 1 else _DIFFERENT_SHARE * a.size
+    else:
+        tolerance = _GREY_TOLERANCE if a.dtype == np.uint8 else 0
+        apart = np.abs(a.astype(np.int64) - b.astype(np.int64)) > tolerance
+        least = _DIFFERENT_SHARE * a.size
+    return f"{int(apart.sum())} of {a.size} numbers differ" if apart.sum() >= max(least, 1) else ""

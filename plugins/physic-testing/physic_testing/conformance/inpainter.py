@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.changes import CHANGES
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
 from physic_testing.conformance.readings import Group, Reading, Table, between, changed
-from physic_testing.conformance.requests import infer_arguments
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.changes import Change
     from physic_testing.conformance.readings import Make, Values
 
 _VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
@@ -27,10 +24,6 @@ _SOFT_PX = 6  # width of a soft border
 
 def _values(answer: UInt8Array, case: Case, truth: Values) -> Values:
     return {"picture": answer.astype(np.float64), "photo": case.photo.astype(np.float64)}
-
-
-def _act(values: Values, change: Change, case: Case) -> Values:
-    return {key: change.of_picture(picture) for key, picture in values.items()}
 
 
 def _truth(answer: UInt8Array, case: Case) -> Values:
@@ -98,33 +91,17 @@ _COLOURS = (
         _RANGE,
     ),
     Reading("mirrored", changed(picture=lambda i: i[:, ::-1]), _FLIP),
-    Reading("upside down", changed(picture=lambda i: i[::-1]), _FLIP),
-    Reading(
-        "brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0, in_pairs=False
-    ),
-    Reading(
-        "of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, in_pairs=False
-    ),
-    Reading("blended with the photo", _blended, _RIM, in_pairs=False),
-    Reading("the photo at the border of people", _with_rim, _RIM, in_pairs=False),
-    Reading(
-        "blended with the photo near the border of the mask",
-        _faded_in,
-        _RIM,
-        limit=0.75,
-        in_pairs=False,
-    ),
+    Reading("brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0),
+    Reading("of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, limit=0.85),
+    Reading("blended with the photo", _blended, _RIM),
+    Reading("the photo at the border of people", _with_rim, _RIM),
+    Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75),
 )
+_RIGHT = between("picture", _shifted(1, 0), _shifted(-1, 0))
+_DOWN = between("picture", _shifted(0, 1), _shifted(0, -1))
 _PLACE = (
-    Reading(
-        "to the right",
-        between("picture", _shifted(1, 0), _shifted(-1, 0)),
-        _RESIZED,
-        1.0,
-        " px",
-        0.5,
-    ),
-    Reading("down", between("picture", _shifted(0, 1), _shifted(0, -1)), _RESIZED, 1.0, " px", 0.5),
+    Reading("to the right", _RIGHT, _RESIZED, 1.0, " px", 0.5),
+    Reading("down", _DOWN, _RESIZED, 1.0, " px", 0.5),
 )
 _GREY = "grey levels"
 _AROUND = "fill_has_the_colours_around"
@@ -132,7 +109,6 @@ _FILLED = ("only_the_mask_is_filled",)
 TABLE = Table(
     _values,
     _truth,
-    _act,
     (
         Group(
             _AROUND,
@@ -145,8 +121,6 @@ TABLE = Table(
         Group("fill_is_not_shifted", "a fill in place", _GREY, _slopes, _PLACE, after=(_AROUND,)),
     ),
     "physic_core.interfaces.Inpainter",
-    lambda values, truth: (values["picture"][truth["hole"]], truth["picture"][truth["hole"]], 1.5),
-    CHANGES[:1],
 )
 
 
@@ -154,17 +128,9 @@ def check_only_the_mask_is_filled(subject: BackendUnderTest) -> None:
     """Pixels where the mask is False are unchanged, and most others are not."""
     case = subject.case("one person")
     answer = subject.result()
-    apart = (answer != case.photo).any(axis=2)
-    inside = float(apart[case.hole].mean())
-    outside = int((apart & ~case.hole).sum())
-    hint = (
-        "Return np.where(mask[..., None], filled, image)."
-        if inside > 0.5
-        else "True marks the pixels to fill."
-    )
-    expect(
-        not outside, "unchanged pixels where the mask is False", f"{outside} changed pixels", hint
-    )
+    outside = int(((answer != case.photo).any(axis=2) & ~case.hole).sum())
+    hint = "True marks the pixels to fill: np.where(mask[..., None], filled, image)."
+    expect(not outside, "unchanged pixels where mask is False", f"{outside} changed pixels", hint)
     kept = []
     for one, filled in subject.evidence():
         person = one.truth.masks.any(axis=0)
@@ -186,18 +152,10 @@ def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
     """
     subject.result()
     case = subject.case("one person")
-    for wanted, mask in (
-        ("an empty mask", np.zeros_like(case.hole)),
-        ("a mask of the whole photo", np.ones_like(case.hole)),
-    ):
-        image = infer_arguments(subject.interface, case)[0]
-        is_full = bool(mask.any())
-        answer = subject.call(f"an image for {wanted}", case, (image, mask), may_refuse=is_full)
-        expect(
-            is_full or np.array_equal(answer, case.photo),
-            "the photo for an empty mask",
-            "another image",
-        )
+    full = np.ones_like(case.hole)
+    subject.call("an image for a full mask", case, (case.photo.copy(), full), may_refuse=True)
+    answer = subject.call("an image for an empty mask", case, (case.photo.copy(), ~full))
+    expect(np.array_equal(answer, case.photo), "the photo for an empty mask", "another image")
 
 
 CHECKS: tuple[Check, ...] = (

@@ -1,6 +1,4 @@
-"""The conformance kit: selects the checks of an interface and runs them, from Python or as pytest
-tests.
-"""
+"""The conformance kit: selects the checks of an interface and runs them, from Python or pytest."""
 
 from __future__ import annotations
 
@@ -11,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.error_text import is_debugging
 from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
-    before_load,
     body_estimator,
-    colours,
+    class_checks,
     contact_prior,
     depths,
     hand_estimator,
@@ -22,14 +19,13 @@ from physic_testing.conformance import (
     lifecycle,
     manners,
     output_checks,
-    registration,
-    requirements,
     segmenter,
 )
+from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.exactness import check_is_exact
+from physic_testing.conformance.output_checks import COLOUR_CHECKS
 from physic_testing.conformance.readings import check_group
 from physic_testing.conformance.run import CheckRun, require_check_names
 
@@ -39,11 +35,11 @@ if TYPE_CHECKING:
     from physic_testing.conformance.report import Report
 
 TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
-    "segmenter": (segmenter.TABLE, segmenter.CHECKS + colours.CHECKS),
+    "segmenter": (segmenter.TABLE, segmenter.CHECKS + COLOUR_CHECKS),
     "inpainter": (inpainter.TABLE, inpainter.CHECKS),
-    "metric_depth": (depths.DEPTH, depths.DEPTH_CHECKS + colours.CHECKS),
-    "relative_pointmap": (depths.POINTS, depths.POINTS_CHECKS + colours.CHECKS),
-    "keypoint_detector": (keypoint_detector.TABLE, keypoint_detector.CHECKS + colours.CHECKS),
+    "metric_depth": (depths.DEPTH, depths.DEPTH_CHECKS + COLOUR_CHECKS),
+    "relative_pointmap": (depths.POINTS, depths.POINTS_CHECKS + COLOUR_CHECKS),
+    "keypoint_detector": (keypoint_detector.TABLE, keypoint_detector.CHECKS + COLOUR_CHECKS),
     "body_estimator": (body_estimator.TABLE, body_estimator.CHECKS),
     "hand_estimator": (hand_estimator.TABLE, hand_estimator.CHECKS),
     "contact_prior": (contact_prior.TABLE, contact_prior.CHECKS),
@@ -52,57 +48,43 @@ TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
 general checks.
 """
 
-_STATE = ("is_deterministic", "does_not_repeat_itself", "keeps_no_state_between_photos")
+_EXACT = Check(
+    check_is_exact,
+    "physic_testing.conformance.CAPABILITIES",
+    unless=BLIND,
+    only_with=frozenset({"exact"}),
+)
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """Return all checks of an interface, in order of execution."""
     return (
-        registration.CHECKS
-        + requirements.CHECKS
+        class_checks.CHECKS
         + lifecycle.CHECKS_BEFORE_INFER
-        + before_load.CHECKS
         + output_checks.CHECKS
         + accuracy_checks(interface)
         + lifecycle.CHECKS_AFTER_INFER
-        + requirements.CHECKS_AFTER_INFER
         + manners.CHECKS
     )
 
 
 def accuracy_checks(interface: str) -> tuple[Check, ...]:
-    """Return the checks of an interface that compare outputs with the ground truth, in order of
-    execution.
-    """
+    """Return the checks of an interface that compare outputs with the ground truth."""
     if interface not in TABLES:
         return ()
     table, further = TABLES[interface]
-    own = (*further, *(_check_of(table, group) for group in table.groups))
-    # What another check has found would be found again, with a poorer hint.
-    after = (*_STATE, *(check.name for check in own))
-    exact = _named(
-        "is_exact", check_is_exact.__doc__, lambda subject: check_is_exact(subject, table)
-    )
-    return (
-        *own,
-        Check(exact, "physic_testing.conformance.CAPABILITIES", after=after, unless=BLIND),
-    )
+    return (*further, *(_check_of(table, group) for group in table.groups), _EXACT)
 
 
 def _check_of(table: Table, group: Group) -> Check:
     """Return the check of a group."""
-    function = _named(
-        group.check, f"{group.what}.", lambda subject: check_group(subject, table, group)
-    )
+
+    def function(subject: BackendUnderTest) -> None:
+        check_group(subject, table, group)
+
+    function.__name__ = f"check_{group.check}"
+    function.__doc__ = f"{group.what}."
     return Check(function, table.read, after=(*table.after, *group.after))
-
-
-def _named(
-    name: str, summary: str | None, function: Callable[[BackendUnderTest], Any]
-) -> Callable[..., Any]:
-    function.__name__ = f"check_{name}"
-    function.__doc__ = summary
-    return function
 
 
 def check_backend(
@@ -219,7 +201,7 @@ class BoundCheck:
         return self._name
 
     def __call__(self) -> None:
-        """CheckRun the check as a test: fail, skip or return."""
+        """Run the check as a pytest test: fail, skip or return."""
         import pytest
 
         result = self._shared.run().result(self._name)

@@ -1,28 +1,48 @@
-"""Checks of the output of every backend: valid for all kinds of photos, deterministic, and without
-side effects.
-"""
+"""Checks of the output of every backend: valid for all kinds of photos, and of the photo alone."""
 
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import lru_cache
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.discovery.error_text import describe_error
-from physic_core.errors import ConfigError
+from physic_core.errors import BodyModelError, ConfigError, PhysicError
+from physic_core.types import Hints
+from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
 from physic_testing.conformance.cases import CASES
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.field_comparison import describe_difference
+from physic_testing.conformance.contract import case_violations
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect, warn_unless
+from physic_testing.conformance.field_comparison import describe_difference, row_differences
 from physic_testing.conformance.requests import infer_arguments, read_only_views
 
 if TYPE_CHECKING:
+    from physic_core.types import IntArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest, CaseRun
+    from physic_testing.conformance.cases import Case
 
-_BUFFER = "Does it return the same buffer in every call?"
+REQUIRED = {
+    "several people": "Are masks inverted, or those of whole people?",
+    "walking": "Does it mix up width and height?",
+    "odd size": "Does it pad or crop to a multiple of 14 or 32, and not resize the output back?",
+}
+"""Photos for which an output is required -> likely cause of another answer."""
+
+OPTIONAL = {
+    "blank": "Does it divide by a range or a deviation that is 0?",
+    "tiny": "Does it round a size down to 0?",
+    "large": "Does it assume the input size of its network?",
+}
+"""Photos that a backend may refuse by a PhysicError, beside those over which bias is measured."""
+
+MAX_RATIO = 0.5
+"""Share of the error that rows in the right order, and colours in the right one, leave at most."""
+
+_NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
 
 
 def check_returns_valid_output(subject: BackendUnderTest) -> None:
@@ -32,39 +52,10 @@ def check_returns_valid_output(subject: BackendUnderTest) -> None:
     _expect_valid_output(subject, "one person")
 
 
-def check_accepts_several_people(subject: BackendUnderTest) -> None:
-    """For a photo of several people, the output is valid."""
-    hint = (
-        "Are masks inverted, or those of whole people? True marks the pixels in which a person "
-        "is visible."
-    )
-    _expect_valid_output(
-        subject, "several people", hint if subject.interface == "segmenter" else ""
-    )
-
-
-def check_accepts_or_refuses_each_photo_of_people(subject: BackendUnderTest) -> None:
-    """For each photo over which bias is measured, the output is valid or infer raises a
-    PhysicError.
-    """
-    for name in subject.evidence_names:
-        has_sky = name == "steps" and subject.interface in ("metric_depth", "relative_pointmap")
-        hint = "Is it the sky, whose depth is NaN and not 0?" if has_sky else ""
-        _expect_valid_output_or_refusal(subject, name, hint)
-
-
-def check_accepts_an_odd_size(subject: BackendUnderTest) -> None:
-    """For a photo of 131 x 97 px, which is not a multiple of a patch size, the output is valid."""
-    _expect_valid_output(
-        subject,
-        "odd size",
-        "Does it pad or crop to a multiple of 14, 16 or 32, and not resize the output back?",
-    )
-
-
-def check_accepts_a_portrait(subject: BackendUnderTest) -> None:
-    """For a photo in portrait format, the output is valid."""
-    _expect_valid_output(subject, "walking", "Does it mix up width and height?")
+def check_accepts_photos_of_people(subject: BackendUnderTest) -> None:
+    """For several people, a portrait photo and one of 131 x 97 px, the output is valid."""
+    for name, hint in REQUIRED.items():
+        _expect_valid_output(subject, name, hint)
 
 
 def check_accepts_a_photo_without_people(subject: BackendUnderTest) -> None:
@@ -72,40 +63,27 @@ def check_accepts_a_photo_without_people(subject: BackendUnderTest) -> None:
     _expect_valid_output(subject, "nobody", "Return arrays of 0 rows for 0 people.")
 
 
-def check_accepts_or_refuses_a_blank_photo(subject: BackendUnderTest) -> None:
-    """For a uniformly grey photo, the output is valid or infer raises a PhysicError."""
-    _expect_valid_output_or_refusal(
-        subject, "blank", "Does it divide by a range or a deviation that is 0?"
-    )
-
-
-def check_accepts_or_refuses_a_tiny_photo(subject: BackendUnderTest) -> None:
-    """For a photo of 32 x 24 px, the output is valid or infer raises a PhysicError."""
-    _expect_valid_output_or_refusal(subject, "tiny", "Does it round a size down to 0?")
-
-
-def check_accepts_or_refuses_a_large_photo(subject: BackendUnderTest) -> None:
-    """For a photo of four times the width and height, the output is valid or infer raises a
-    PhysicError.
+def check_accepts_or_refuses_any_photo(subject: BackendUnderTest) -> None:
+    """For a grey photo, one of 32 x 24 px, a large one and all photos over which bias is measured,
+    the output is valid or infer raises a PhysicError.
     """
-    _expect_valid_output_or_refusal(
-        subject, "large", "Does it assume the input size of its network?"
-    )
+    for name in (*OPTIONAL, *subject.evidence_names):
+        if not _attempt(subject, name).refused:
+            hint = OPTIONAL.get(name, "Is it the sky, whose depth is NaN and not 0?")
+            hint += " Raise a PhysicError for a photo that cannot be processed."
+            _expect_valid_output(subject, name, hint)
 
 
 def check_does_not_modify_its_input(subject: BackendUnderTest) -> None:
     """infer does not modify its arguments: it copies an array before it writes to it."""
     subject.result()
     edited = {
-        name: attempt.changed_arguments
-        for name, attempt in subject.case_runs.items()
-        if attempt.changed_arguments
+        place for attempt in subject.case_runs.values() for place in attempt.changed_arguments
     }
-    places = sorted({place for found in edited.values() for place in found})
     expect(
         not edited,
         "photo, people, keypoints and hints as they were before infer()",
-        f"other values in {', '.join(places)} (photo '{next(iter(edited), '')}')",
+        f"other values in {', '.join(sorted(edited))}",
         "Copy before you write: `image.copy()`, `a = a + 1` in place of `a += 1`.",
     )
 
@@ -127,121 +105,178 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
         expect(not changes, "the same output for a view of the same photo", changes)
 
 
-def check_is_deterministic(subject: BackendUnderTest) -> None:
-    """Two instances with the same options return the same output for the same photo."""
-    changes = _change_by_a_new_instance(subject)
-    if changes and not describe_difference(
-        _of_new_instance(subject), _of_new_instance.__wrapped__(subject)
-    ):
-        return  # new instances agree: 'does_not_repeat_itself' says what is wrong
-    expect(
-        not changes,
-        "the same output from a second backend with the same options",
-        changes,
-        "Seed every random generator from an option, or declare the capability 'stochastic'.",
-    )
-
-
-def check_does_not_repeat_itself(subject: BackendUnderTest) -> None:
-    """The output for a photo is not that of an earlier photo of the same size."""
-    changes = _change_by_a_new_instance(subject)
+def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
+    """The output is the same in a second call after others, and of a second instance with the same
+    options.
+    """
+    subject.result(FIRST_PHOTO)
     earlier, later = subject.photos_of_one_size
-    expect(
-        not changes,
-        f"the output of a new instance for the photo '{later}', after a call on '{earlier}' of "
-        f"the same size",
-        changes,
+    for name in (earlier, later, "blank"):
+        subject.run_case(name)
+    for name, attempt in subject.case_runs.items():
+        _expect_same(
+            f"an output for the photo '{name}' that later calls do not change",
+            attempt.result,
+            attempt.shared_result,
+            "Does it return the same buffer in every call?",
+        )
+    case = subject.case(FIRST_PHOTO)
+    again = subject.call("output", case, infer_arguments(subject.interface, case))
+    _expect_same(
+        "the same output for the same photo after calls on others",
+        subject.result(FIRST_PHOTO),
+        again,
+        "Does it keep a running average or a counter? Seed random generators from an option, or "
+        "declare the capability 'stochastic'.",
+    )
+    _expect_same(
+        f"the output of a new instance for the photo '{later}', after '{earlier}' of the same size",
+        subject.result(later),
+        _of_new_instance(subject, later),
         "Is a result, a camera or a buffer kept by the size of the photo, or from the call before?",
     )
 
 
-def _change_by_a_new_instance(subject: BackendUnderTest) -> str:
-    """Describe how a new instance's output for the second of two photos of one size differs; empty
-    if it does not.
-    """
-    earlier, later = subject.photos_of_one_size
-    subject.result(earlier)
-    return describe_difference(subject.result(later), _of_new_instance(subject))
+def _expect_same(wanted: str, first: Any, again: Any, hint: str) -> None:
+    changes = describe_difference(first, again)
+    expect(not changes, wanted, changes, hint)
 
 
-@lru_cache(maxsize=1)
-def _of_new_instance(subject: BackendUnderTest) -> Any:
-    """Return the output of a new instance for the second of two photos of one size."""
-    case = subject.case(subject.photos_of_one_size[1])
+def _of_new_instance(subject: BackendUnderTest, name: str) -> Any:
+    """Return the output of a new instance for a photo."""
+    case = subject.case(name)
     backend = subject.construct(case)
     try:
         backend.load(subject.device)
         return subject.infer(backend, case)
     finally:
-        with suppress(Exception):  # reported by 'load_and_close_may_be_repeated'
+        with suppress(Exception):  # reported by 'may_be_loaded_and_closed_again'
             backend.close()
-
-
-def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
-    """The output for a photo does not depend on earlier calls, and later calls do not modify it."""
-    first = subject.result(FIRST_PHOTO)
-    case = subject.case(FIRST_PHOTO)
-    for name in ("one person", "blank"):
-        subject.run_case(name)
-    for name, attempt in subject.case_runs.items():
-        changes = describe_difference(attempt.result, attempt.shared_result)
-        expect(
-            not changes,
-            f"the output for the photo '{name}' to stay unchanged",
-            f"a later call changed it: {changes}",
-            _BUFFER,
-        )
-    again = subject.call(
-        "output for the same photo in a second call", case, infer_arguments(subject.interface, case)
-    )
-    changes = describe_difference(first, again)
-    expect(
-        not changes,
-        "the same output for the same photo after calls on others",
-        changes,
-        "Does it keep a running average or a counter?",
-    )
 
 
 def check_works_without_hints(subject: BackendUnderTest) -> None:
     """Without hints, the output is valid or infer raises a PhysicError."""
-    from physic_core.types import Hints
-
     subject.result()
     case = subject.case("one person")
-    arguments = tuple(
-        Hints() if isinstance(a, Hints) else a for a in infer_arguments(subject.interface, case)
-    )
-    wanted = (
-        "valid output for Hints(), in which everything is None, or a PhysicError that names "
-        "the missing hint"
-    )
-    subject.call(wanted, case, arguments, may_refuse=True)
+    arguments = infer_arguments(subject.interface, case)
+    bare = tuple(Hints() if isinstance(value, Hints) else value for value in arguments)
+    wanted = "valid output for Hints(), or a PhysicError that names the missing hint"
+    subject.call(wanted, case, bare, may_refuse=True)
 
 
 def check_ignores_the_image(subject: BackendUnderTest) -> None:
     """The output for a grey photo is the same, as the capability "ignores_image" declares."""
-    first = subject.result()
     case = subject.case("one person")
     image, *rest = infer_arguments(subject.interface, case)
-    changes = describe_difference(
-        first, subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest))
-    )
-    expect(
-        not changes,
+    grey = subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest))
+    _expect_same(
         "the same output for an image all grey, as the capability 'ignores_image' declares",
-        changes,
+        subject.result(),
+        grey,
         "Remove 'ignores_image' from `capabilities`: the checks of bias then run.",
     )
+
+
+def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
+    """The output for the photo in RGB is not less accurate than for the same photo in BGR."""
+    case = subject.case("one person")
+    own = _error(subject.interface, subject.result(), case)
+    if not own >= _NEGLIGIBLE_ERROR:
+        return
+    image, *rest = infer_arguments(subject.interface, case)
+    exchanged = (np.ascontiguousarray(image[..., ::-1]), *rest)
+    try:
+        answer = subject.infer(subject.loaded(case), case, exchanged)
+    except PhysicError as error:
+        raise CheckSkipped("it refuses a photo with red and blue exchanged") from error
+    if case_violations(subject.interface, answer, case):
+        return
+    other = _error(subject.interface, answer, case)
+    expect(
+        not other <= MAX_RATIO * own,
+        "the smaller error for the photo in RGB order",
+        f"an error ({MAIN_ERROR[subject.interface]}) of {own:.3f}, but of {other:.3f} for the "
+        "photo with red and blue exchanged",
+        "Does it convert the image to BGR, as OpenCV reads files? Images are RGB.",
+    )
+
+
+def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
+    """Row i belongs to person i: the truth fits no other order better, and a person alone gets the
+    row that the person has among others.
+    """
+    answer = subject.result("several people")
+    case = subject.case("several people")
+    count = len(case.people)
+    own = _error(subject.interface, answer, case)
+    hint = "Do not sort people by size or score."
+    for order in (np.arange(count)[::-1], *(np.roll(range(count), k) for k in range(1, count))):
+        other = _error(subject.interface, rows_of(answer, order, count), case)
+        expect(
+            not other < MAX_RATIO * own,
+            "row i for person i",
+            f"an error of {own:.3g}, but of {other:.3g} with rows in the order {order.tolist()}",
+            hint,
+        )
+    turned = np.arange(count)[::-1]
+    arguments = infer_arguments(subject.interface, case)
+    reverse = tuple(rows_of(value, turned, count) for value in arguments)
+    again = subject.call("output for the same people in reverse order", case, reverse)
+    apart = row_differences(answer, again, count)
+    expect(
+        not apart.any() or np.trace(apart[::-1]) < MAX_RATIO * np.trace(apart),
+        "reversed rows for reversed people",
+        "rows in another order",
+        hint,
+    )
+
+
+def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
+    """A person alone gets the row that the person has among others."""
+    answer = subject.result("several people")
+    case = subject.case("several people")
+    count = len(case.people)
+    changes = {}
+    for i in range(count):
+        row = np.array([i])
+        alone = replace(rows_of(replace(case, world=None), row, count), world=case.world)
+        arguments = infer_arguments(subject.interface, alone)
+        own = subject.call("output for one of several people", alone, arguments)
+        if change := describe_difference(rows_of(answer, row, count), own):
+            changes[i] = change
+    report = expect if len(changes) == count else warn_unless
+    report(
+        not changes,
+        "the same row for a person alone as among others",
+        f"other rows for {len(changes)} of {count} people: {next(iter(changes.values()), '')}",
+        "Is a layer in training mode (call eval()), or are values normalised over people? Dynamic "
+        "ranges of quantised networks are for all rows of a batch: show it one person at a time.",
+    )
+
+
+def rows_of(thing: Any, order: IntArray, count: int) -> Any:
+    """Take rows of all arrays that have one row for each of ``count`` people."""
+    if isinstance(thing, np.ndarray):
+        return thing[order].copy() if thing.ndim and len(thing) == count else thing
+    if is_dataclass(thing) and not isinstance(thing, type):
+        taken = {f.name: rows_of(getattr(thing, f.name), order, count) for f in fields(thing)}
+        return replace(thing, **taken)
+    return thing
+
+
+def _error(interface: str, answer: Any, case: Case) -> float:
+    """Return the error of an output, lower is better; NaN where there is no truth for it."""
+    try:
+        return main_error(interface, answer, case)
+    except (BodyModelError, CheckSkipped):
+        return float("nan")
 
 
 def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -> None:
     """Raise CheckFailed unless the backend returned valid output for a photo."""
     attempt = _attempt(subject, name)
     case = subject.case(name)
-    if name != "nobody" and _lacks_rows(attempt) and _lacks_rows(subject.run_case("nobody")):
-        raise CheckSkipped("see 'accepts_a_photo_without_people'")
-    wanted = f"valid output for a photo of {case.size}, {CASES[name]}"
+    wanted = f"valid output for a photo of {case.size}, {CASES[name].what}"
     if isinstance(attempt.error, ConfigError):
         raise CheckSkipped(f"not ready: {attempt.error}")
     if attempt.error is not None:
@@ -251,33 +286,11 @@ def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 
-def _expect_valid_output_or_refusal(subject: BackendUnderTest, name: str, hint: str) -> None:
-    """Raise CheckFailed unless the backend returned valid output or raised a PhysicError."""
-    attempt = _attempt(subject, name)
-    if not attempt.refused:
-        _expect_valid_output(
-            subject,
-            name,
-            f"{hint} Raise a PhysicError for a photo that cannot be processed.".strip(),
-        )
-
-
 def _attempt(subject: BackendUnderTest, name: str) -> CaseRun:
-    """Call the backend on a photo; skip if it returned no valid output for the photo of one
-    person.
-    """
+    """Call the backend on a photo; skip if it returned no valid output for one person."""
     if name != "one person":
         subject.result("one person")
     return subject.run_case(name)
-
-
-def _lacks_rows(attempt: CaseRun) -> bool:
-    """Return whether an output is invalid only because its arrays for 0 people have another shape
-    than (0, ...).
-    """
-    return bool(attempt.violations) and all(
-        "must be (0, " in violation for violation in attempt.violations
-    )
 
 
 _TYPES = "physic_core.types"
@@ -285,28 +298,15 @@ _BACKEND = "physic_core.interfaces"
 _ALONE = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
     Check(check_returns_valid_output, _TYPES, after=("class_fits_its_interface",)),
-    Check(check_accepts_several_people, _TYPES),
-    Check(
-        check_accepts_or_refuses_each_photo_of_people,
-        _BACKEND,
-        after=("returns_valid_output", "accepts_several_people", "accepts_a_portrait"),
-    ),
-    Check(check_accepts_an_odd_size, _TYPES),
-    Check(check_accepts_a_portrait, _TYPES),
-    Check(check_accepts_or_refuses_a_blank_photo, _BACKEND),
-    Check(check_accepts_or_refuses_a_tiny_photo, _BACKEND),
-    Check(check_accepts_or_refuses_a_large_photo, _BACKEND),
+    Check(check_accepts_photos_of_people, _TYPES),
+    Check(check_accepts_or_refuses_any_photo, _BACKEND, after=("accepts_photos_of_people",)),
     Check(check_does_not_modify_its_input, _BACKEND),
-    Check(check_is_deterministic, _BACKEND, unless=_ALONE),
-    Check(check_does_not_repeat_itself, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
-    Check(
-        check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)
-    ),
+    Check(check_output_depends_on_the_photo_alone, _BACKEND, unless=_ALONE),
     Check(check_ignores_the_image, "physic_testing.conformance.CAPABILITIES", only_with=BLIND),
     Check(
         check_accepts_array_views,
         _BACKEND,
-        after=("keeps_no_state_between_photos", "does_not_modify_its_input"),
+        after=("output_depends_on_the_photo_alone", "does_not_modify_its_input"),
     ),
 )
 """Checks of every interface, in order of execution."""
@@ -316,3 +316,17 @@ HINT_CHECKS: tuple[Check, ...] = (Check(check_works_without_hints, "physic_core.
 
 PEOPLE_CHECKS: tuple[Check, ...] = (Check(check_accepts_a_photo_without_people, _TYPES),)
 """Checks of interfaces whose output has one row per person."""
+
+ROW_CHECKS: tuple[Check, ...] = (
+    Check(check_rows_follow_the_people, _BACKEND),
+    Check(
+        check_rows_do_not_depend_on_other_people,
+        _BACKEND,
+        after=("rows_follow_the_people",),
+        unless=_ALONE,
+    ),
+)
+"""Checks of interfaces that receive people."""
+
+COLOUR_CHECKS: tuple[Check, ...] = (Check(check_reads_images_as_rgb, _BACKEND),)
+"""Check of interfaces whose backends process the whole photo."""

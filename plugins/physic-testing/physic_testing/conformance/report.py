@@ -35,8 +35,6 @@ class Result:
         hint: for a failure, a likely cause.
         reason: why the check was skipped or is expected to fail.
         read: module or class that documents the requirement.
-        unseen: mistakes that the check could not judge, since errors of the network are as large,
-            such as "to the right, by less than 0.5 px".
         seconds: run time, including the first call of the backend on each photo.
         error: for a failure caused by an exception, the exception.
     """
@@ -48,7 +46,6 @@ class Result:
     hint: str = ""
     reason: str = ""
     read: str = ""
-    unseen: tuple[str, ...] = ()
     seconds: float = 0.0
     error: BaseException | None = field(default=None, compare=False, repr=False)
 
@@ -158,11 +155,6 @@ class Report:
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
-        for r in self.results:
-            if r.unseen:
-                mistakes = "; or ".join(r.unseen)
-                what = f"{r.check} could not judge whether the output is {mistakes}"
-                blocks.append(f"{what}: errors of the network are as large")
         return "\n".join([*blocks, self.summary, self.verdict])
 
     @property
@@ -172,20 +164,10 @@ class Report:
             return f"failed: {', '.join(r.check for r in self.failures)}"
         if self.not_run_reason:
             return f"BACKEND NEVER RUN: {self.not_run_reason}"
-        count = self.counts["passed"]
-        unseen = sum(len(r.unseen) for r in self.results)
-        words = [f"passed: {count} checks"]
+        words = [f"passed: {self.counts['passed']} checks"]
         if self.warnings:
-            words.append(
-                f"{len(self.warnings)} warned: {', '.join(r.check for r in self.warnings)}"
-            )
-        if unseen:
-            words.append(
-                f"{unseen} possible mistakes could not be judged, since errors of the network are "
-                f"as large: test the "
-                "wrapper with a network that returns the ground truth (docs/plugins.md, Perfect "
-                "networks)"
-            )
+            names = ", ".join(result.check for result in self.warnings)
+            words.append(f"{len(self.warnings)} warned: {names}")
         return "; ".join(words)
 
     def as_dict(self) -> dict[str, Any]:

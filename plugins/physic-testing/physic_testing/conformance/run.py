@@ -99,11 +99,11 @@ class CheckRun:
                 # Warnings are not part of the contract; the caller's warning filters must not
                 # affect a check.
                 warnings.simplefilter("ignore")
-                unseen = check.function(self.subject) or ()
+                check.function(self.subject)
         except CheckFailed as failure:
             return Result(
                 name,
-                "warned" if check.warns else "failed",
+                failure.outcome,
                 failure.expected,
                 failure.got,
                 failure.hint,
@@ -118,7 +118,7 @@ class CheckRun:
             return Result(
                 name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error
             )
-        return Result(name, "passed", unseen=unseen)
+        return Result(name, "passed")
 
     def _as_expected(self, result: Result) -> Result:
         """Mark a result as an expected failure or an unexpected success."""

@@ -21,8 +21,8 @@ description = "{summary}"
 requires-python = ">=3.11"
 dependencies = [
     "numpy>=2.0",
-    # Once released: until then, whoever registers this name with an index runs code here.
-    # "physic-core>={core}",
+    # Until then, whoever registers this name with an index runs code here:
+    # "physic-core>={core}",  # once released
     "pydantic>=2.9",
 ]
 
@@ -99,7 +99,7 @@ def plugin_files(names: PluginNames, core: str) -> dict[str, str]:
         "distribution": names.distribution,
         "module": names.module,
         "class_name": names.class_name,
-        "summary": source.partition('"""')[2].partition(".")[0],
+        "summary": " ".join(source.partition('"""')[2].partition(".")[0].split()),
         "core": core,
     }
     return {

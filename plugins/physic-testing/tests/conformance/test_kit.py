@@ -91,18 +91,18 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference():
     for words in (
         failure.expected,
         failure.got,
-        "Is it centimetres?",
+        "Is it centimetres",
         "physic_core.types.DepthMap",
     ):
         assert words in failure.message
     assert failure.expected == "metres"
-    assert "but of 0 if it is centimetres" in failure.got
+    assert "of the logarithm too large" in failure.got
 
 
 def test_the_summary_counts_passed_failed_and_skipped_checks():
     report = check_backend(CENTIMETRES, size=SIZE)
     total = len(checks_for("metric_depth"))
-    assert f"{total} checks: {total - 8} passed, 1 failed, 7 skipped" in report.summary
+    assert f"{total} checks: {total - 6} passed, 1 failed, 5 skipped" in report.summary
     assert sum(report.counts.values()) == total
 
 
@@ -110,15 +110,6 @@ def test_the_last_line_says_whether_the_backend_passed():
     assert check_backend(CENTIMETRES, size=SIZE).text.endswith("\nfailed: depth_is_in_metres")
     passed = check_backend(RightMetricDepth, size=SIZE)
     assert passed.text.rpartition("\n")[2] == f"passed: {passed.counts['passed']} checks"
-
-
-def test_mistakes_that_errors_of_the_network_hide_are_named_and_counted():
-    hidden = Result(
-        "depth_is_in_metres", "passed", unseen=("to the right, by less than 0.5 px", "inverted")
-    )
-    report = Report("metric_depth", "my-depth", "my-plugin", (hidden,))
-    assert all(mistake in report.text for mistake in hidden.unseen)
-    assert "2 possible mistakes" in report.verdict
 
 
 def test_an_expected_failure_is_no_failure():
@@ -165,11 +156,10 @@ def test_a_backend_may_bring_the_options_that_it_needs():
 
 def test_capabilities_choose_checks():
     report = check_backend(Stochastic, size=SIZE)
-    assert outcome(report, "is_deterministic").reason.count("stochastic")
-    assert outcome(report, "keeps_no_state_between_photos").reason.count("stochastic")
+    assert outcome(report, "output_depends_on_the_photo_alone").reason.count("stochastic")
     assert report.ok
     again = check_backend(Stochastic, size=SIZE, capabilities=())
-    assert outcome(again, "is_deterministic").outcome == "passed"
+    assert outcome(again, "output_depends_on_the_photo_alone").outcome == "passed"
 
 
 def test_a_backend_that_needs_a_gpu_is_not_called_without_one():

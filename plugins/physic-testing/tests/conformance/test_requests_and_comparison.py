@@ -35,7 +35,7 @@ def test_a_few_pixels_are_no_difference_but_more_are():
     other[0, :5] = True
     assert describe_difference(mask, other) == ""
     other[:10] = True
-    assert describe_difference(mask, other) == "image: 1000 of 10000 values differ"
+    assert describe_difference(mask, other) == "image: 1000 of 10000 numbers differ"
 
 
 def test_no_network_is_reached_by_name_or_by_number():

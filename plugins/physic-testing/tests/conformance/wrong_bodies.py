@@ -91,7 +91,7 @@ def against_the_forearm(correct, image, people, keypoints):
     return replace(correct, wrists=0.1 * np.ones_like(correct.wrists))
 
 
-altered(OtherBodies, "joints without hips", "joints_suffice_to_convert_bodies", hipless)
+altered(OtherBodies, "joints without hips", "bodies_can_be_posed", hipless)
 altered(
     OtherBodies,
     "joints about the pelvis",
@@ -101,13 +101,13 @@ altered(
 altered(
     SurfaceBodies,
     "a surface in millimetres",
-    "mesh_is_close_to_the_joints",
+    "bodies_can_be_posed",
     lambda a, *_: replace(a, mesh=replace(a.mesh, vertices=1000 * a.mesh.vertices)),
 )
 altered(
     OtherContact,
     "a T-pose in millimetres",
-    "rest_mesh_is_a_t_pose",
+    "mesh_is_known",
     lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
 )
 altered(
