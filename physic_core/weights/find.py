@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import mmap
 import os
+import re
 import sys
 from collections import ChainMap
 from collections.abc import Mapping
@@ -21,6 +23,10 @@ from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_
 
 FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 """Environment variable with folders of the user, separated as in ``PATH``."""
+
+# A tensor of an ONNX file that is kept in another file: the key "location", then the length of the
+# path of that file as a varint.
+_LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?[\x01-\x7f])", re.DOTALL)
 
 
 def locate(manifest: Path, value: str, file: str | None = None) -> Path:
@@ -94,16 +100,37 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
     """Return a message about the files that :func:`locate` does not find; empty if no file is
-    missing. Reads no file.
+    missing. Of the files, it reads only an ONNX file of the user's own, which may name others.
 
     Raises:
         BackendError: the manifest is invalid.
     """
     try:
-        find_weights(manifest, value, file)
+        found = find_weights(manifest, value, file)
     except WeightsMissingError as error:
         return (str(error).partition("\nsearched: ")[0],)
-    return ()
+    if value in read_manifest(manifest) or not found.is_file():
+        return ()
+    lacking = [part.name for part in _other_parts(found) if not part.is_file()]
+    if not lacking:
+        return ()
+    return (f"{found} keeps its tensors in {', '.join(lacking)}: put it into the same folder",)
+
+
+def _other_parts(graph: Path) -> list[Path]:
+    """Return the files that an ONNX file names for its tensors; none for a file of another kind.
+
+    torch's exporter writes such files since 2.13, even for small networks.
+    """
+    names = set[bytes]()
+    if graph.suffix == ".onnx" and graph.stat().st_size:
+        with graph.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+            for match in _LOCATION.finditer(text):
+                low, *high = match[1]
+                length = (low & 127) + (high[0] << 7 if high else 0)
+                names.add(text[match.end() : match.end() + length])
+    paths = [Path(os.fsdecode(name)) for name in sorted(names)]
+    return [graph.parent / path for path in paths if not path.is_absolute()]
 
 
 def fingerprint(manifest: Path, value: str) -> str:
@@ -124,7 +151,7 @@ def fingerprint(manifest: Path, value: str) -> str:
         inside = sorted(path for path in found.rglob("*") if path.is_file())
         parts = [f"{path.relative_to(found).as_posix()} {_identity(path)}" for path in inside]
     else:
-        parts = [_identity(found)]
+        parts = [_identity(part) for part in (found, *_other_parts(found)) if part.is_file()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

@@ -37,6 +37,37 @@ def in_hub(
     return write(repo / "snapshots" / commit / name, content)
 
 
+def graph_naming(path: Path, *names: str) -> Path:
+    """An ONNX file of tensors that lie in other files."""
+    from onnx import TensorProto, helper, save
+
+    tensors = []
+    for name in names:
+        tensor = TensorProto(name=f"t {name}", data_type=TensorProto.FLOAT, dims=[1])
+        tensor.data_location = TensorProto.EXTERNAL
+        tensor.external_data.add(key="location", value=name)
+        tensor.external_data.add(key="length", value="4")
+        tensors.append(tensor)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save(helper.make_model(helper.make_graph([], "g", [], [], tensors)), str(path))
+    return path
+
+
+def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net: Path, tmp_path: Path):
+    names = ("net.onnx.data", f"{'long' * 40}.bin")
+    own = str(graph_naming(tmp_path / "own" / "net.onnx", *names))
+    (message,) = missing(net, own)
+    assert all(name in message for name in names)
+    for name in names:
+        write(tmp_path / "own" / name, b"1234")
+    assert missing(net, own) == ()
+    digests = {fingerprint(net, own)}
+    for name in names:
+        write(tmp_path / "own" / name, b"5678")
+        digests.add(fingerprint(net, own))
+    assert len(digests) == 3
+
+
 def test_a_set_is_found_in_the_users_cache(net: Path, own_cache: Path):
     there = write(own_cache / "net" / "model.onnx")
     assert locate(net, "net") == locate(net, "net", "model.onnx") == there
