@@ -7,6 +7,8 @@ import pytest
 
 from physic_testing.conformance.readings import shares
 
+pytestmark = pytest.mark.quick
+
 RNG = np.random.default_rng(0)
 MISTAKE = [RNG.normal(size=400) for _ in range(12)]
 ERRORS = [RNG.normal(size=400) for _ in range(12)]

@@ -11,6 +11,8 @@ from physic_testing.conformance.depths import aligned_depth_error
 from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
+pytestmark = pytest.mark.quick
+
 DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
 
 

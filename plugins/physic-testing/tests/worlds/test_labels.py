@@ -12,6 +12,8 @@ from physic_core.errors import InputError
 from physic_testing import load_world, world_of
 from physic_testing.worlds.labels import SMALLEST_PX, embed_label, read_label
 
+pytestmark = pytest.mark.quick
+
 names = st.text(st.characters(min_codepoint=1, exclude_categories=["Cs"]), min_size=1, max_size=8)
 sizes = st.tuples(st.integers(SMALLEST_PX, 90), st.integers(SMALLEST_PX, 90))
 
