@@ -92,7 +92,6 @@ _COLOURS = (
     ),
     Reading("mirrored", changed(picture=lambda i: i[:, ::-1]), _FLIP),
     Reading("brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0),
-    Reading("of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, limit=0.85),
     Reading("blended with the photo", _blended, _RIM),
     Reading("the photo at the border of people", _with_rim, _RIM),
     Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75),
