@@ -176,7 +176,7 @@ def test_statures_are_given_from_left_to_right() -> None:
 
 
 def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> None:
-    found = run(load_world("hug", SIZE), KnownSizes(stature=(1.55, 1.9)))
+    found = run(load_world("hug", SIZE), KnownSizes(stature=(1.9, 1.55)))
     (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 0]
     assert check.ok
     (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
