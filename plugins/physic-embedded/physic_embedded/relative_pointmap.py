@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.types import Hints
+    from physic_core.types import Hints, SurfaceLabels
 
     FloatArray = NDArray[np.floating]
 
@@ -46,6 +46,11 @@ _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger t
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
 _DOUBTFUL_FACTOR = 3.0  # by which the background may be off; a fifth of the photos exceed it
+_OUTDOORS = ("sky", "vegetation", "ground", "water")
+_INDOORS = ("floor", "rug", "ceiling", "seat", "bed", "table", "cabinet")
+_FEW_LABELS = 0.1  # share of the photo; fewer labels say less
+_HORIZON_GAP = 0.03  # of the photo's height, between the labels of sky and ground
+_HORIZON_SHARE = 0.15  # of the photo's columns that show it
 _BLEEDS = 0.015  # of the long side: the depth of a person beyond the outline
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
 
@@ -234,17 +239,13 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         """Estimate the disparity at infinity from the photo's cues."""
         rows, columns = raw.shape
         focal = camera.fx * columns / camera.width
-        surfaces = None if hints.people is None else hints.people.surfaces
-        ground = (
-            None
-            if surfaces is None
-            else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
-        )
-        walls = (
-            None
-            if surfaces is None
-            else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
-        )
+        labels = None if hints.people is None else hints.people.surfaces
+
+        def labelled(*names: str) -> NDArray[np.bool_] | None:
+            return None if labels is None else _shrink_labels(labels.mask(*names), rows, columns)
+
+        ground = labelled("floor", "ground", "rug")
+        walls = labelled("wall", "cabinet")
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
         seen = np.ones(raw.shape, bool) if hole is None else ~hole
         gravity = None
@@ -262,6 +263,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
             frame=frame,
             surfaces=None if frame is None else wall_planes(raw, seen, focal),
+            open_air=0.0 if labels is None else _open_air(labels),
+            horizon=_horizon(labelled("sky"), labelled("water", "ground")),
         )
 
 
@@ -273,6 +276,25 @@ class _SceneMatch:
 
     infinity: float
     scale: float
+
+
+def _open_air(labels: SurfaceLabels) -> float:
+    """Return whether labels are of outdoors, 1, or of rooms, -1; 0 for neither or both."""
+    outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
+    return (outdoors - indoors) / (outdoors + indoors + _FEW_LABELS)
+
+
+def _horizon(sky: NDArray[np.bool_] | None, ground: NDArray[np.bool_] | None) -> FloatArray | None:
+    """Return the pixels (M, 2) between sky and the ground or water right below it."""
+    if sky is None or ground is None:
+        return None
+    rows = np.arange(len(sky))[:, None]
+    top = np.where(ground.any(0), ground.argmax(0), len(sky))
+    last = np.where(sky & (rows < top), rows, -len(sky)).max(0)
+    columns = np.flatnonzero((top < len(sky)) & (top - last <= _HORIZON_GAP * len(sky)))
+    if len(columns) < _HORIZON_SHARE * sky.shape[1]:
+        return None
+    return np.stack([columns, (top + last)[columns] / 2], 1)
 
 
 def _shrink_mask(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.types import Hints, Keypoints, People, Pointmap
+from physic_core.types import (
+    SURFACE_NAMES,
+    Hints,
+    Keypoints,
+    People,
+    Pointmap,
+    SurfaceLabels,
+)
 from physic_embedded.networks.depth_anything import network_input_size, predict_disparity
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
@@ -172,6 +179,34 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     assert "infinitely far" in found.rule
 
 
+def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby() -> None:
+    down = Rotation.from_euler("xz", [6, 2], degrees=True).as_matrix()[:, 1]
+    true = 8 * np.maximum(rays() @ down / 1.5, 0.0)
+    disparity = true + 1.5 * np.maximum(true - 0.35 * true.max(), 0.0)
+    floor = fit_disparity_floor(disparity)
+    columns = np.arange(WIDTH)
+    line = [-(down[0] * x + down[2]) / down[1] for x in (columns - (WIDTH - 1) / 2) / FOCAL]
+    horizon = np.stack([columns, np.array(line) * FOCAL + (HEIGHT - 1) / 2], 1)
+
+    def off(seen: NDArray[np.float64] | None) -> float:
+        found = disparity_at_infinity(disparity, floor, FOCAL, open_air=1.0, horizon=seen)
+        return float(np.degrees(np.arccos(floor.normal(found.disparity, FOCAL / WIDTH) @ down)))
+
+    assert off(None) > 2 * off(horizon) > 0
+    assert off(horizon) < 2.5
+    hills = horizon + np.stack([0 * columns, 20 * np.sin(columns / 9)], 1)
+    assert off(hills) > 0.8 * off(None)
+
+
+def test_labels_tell_whether_the_farthest_pixels_are_the_sky_or_a_wall() -> None:
+    disparity = 8 * np.linspace(0.009, 1, HEIGHT)[:, None] * np.ones(WIDTH)
+    room, unknown, meadow = (
+        disparity_at_infinity(disparity, None, FOCAL, open_air=label) for label in (-1, 0, 1)
+    )
+    assert room.outdoors < 0.1 < unknown.outdoors < 0.5 < meadow.outdoors
+    assert room.gap > unknown.gap > meadow.gap
+
+
 def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
     rows = np.linspace(0, 1, HEIGHT)[:, None] * np.ones(WIDTH)
     gaps = np.array(
@@ -226,6 +261,25 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
         r"the depth of the background may be off by a factor of [1-9][.\d]*", factor
     )
     assert rule.startswith("the farthest pixels are taken as a wall")
+
+
+def test_the_horizon_is_where_labels_of_sky_and_water_meet(
+    backend: EmbeddedPointmap, image: NDArray[np.uint8]
+) -> None:
+    labels = np.full((240, 320), SURFACE_NAMES.index("water"), np.uint8)
+    labels[:100] = SURFACE_NAMES.index("sky")
+    apart = labels.copy()
+    apart[80:100] = SURFACE_NAMES.index("vegetation")
+
+    def notes(surfaces: NDArray[np.uint8]) -> str:
+        nobody = People(np.zeros((0, 240, 320), bool), np.zeros((0, 4)), np.zeros(0))
+        people = replace(nobody, surfaces=SurfaceLabels(surfaces))
+        found = backend.infer(image, Hints(people=people))
+        return " ".join((*found.notes, *found.warnings))
+
+    assert "the horizon" in notes(labels)
+    assert "the horizon" not in notes(apart)
+    assert "the horizon" not in notes(labels[::-1])
 
 
 def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(

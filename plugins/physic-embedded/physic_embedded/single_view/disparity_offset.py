@@ -2,8 +2,8 @@
 
 A plane stays a plane for any disparity at infinity, so flatness cannot decide. Angles between
 planes and the horizon of the floor move with it, so the cues are the three directions of a room,
-upright walls, standing people, and gravity from upright edges. The prior is whether the farthest
-pixels are practically at infinity, as outdoors.
+upright walls, standing people, gravity from upright edges, and where the sky meets water or ground.
+The prior is whether the farthest pixels are practically at infinity, as outdoors.
 """
 
 from __future__ import annotations
@@ -30,6 +30,10 @@ _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.65, 0.85)
 _CANDIDATES = (0.003, 6.0, 120)
 _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
+_FLAT = 0.6  # share of grounds to the horizon that are no steeper in the map nearby
+_LABELS = 4.0  # log odds of outdoors where all labels are of outdoors
+_HORIZON_SIGMA = 0.015  # long sides, of the seen horizon: hills, waves, and a bent floor
+_STRAIGHT = 0.02  # long sides; a line that spreads more across the floor's horizon is none
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,8 @@ def disparity_at_infinity(
     bodies: FloatArray | None = None,
     frame: tuple[FloatArray, float] | None = None,
     surfaces: FloatArray | None = None,
+    open_air: float = 0.0,
+    horizon: FloatArray | None = None,
 ) -> InfinityEstimate:
     """Estimate the disparity at infinity of a disparity map: the mean of its logarithm below the
     farthest pixels.
@@ -84,14 +90,18 @@ def disparity_at_infinity(
         frame: directions of a room and their trust, see
             :func:`~physic_embedded.single_view.focal.manhattan_frame`, or None.
         surfaces: (M, 3) local planes of everything, like ``walls``; looked at with ``frame``.
+        open_air: -1 to 1, whether the labels of surfaces are of rooms or of outdoors.
+        horizon: (M, 2) where the sky meets water or ground, px of the map.
     """
     focal = focal_px / max(disparity.shape)
     farthest, span = _farthest(disparity)
     share = floor.inlier_share if floor is not None else 0.0
-    # Outdoors the network saturates at 0, and the ground fills the lower part; both were read off
-    # 20 photos.
+    # Outdoors the network saturates at 0, and the ground fills the lower part: read off 20 photos.
+    # With labels, the mean log score of 54 others is -.19 in place of -.42.
     outdoors = _logistic(
-        (0.014 - farthest / span) / 0.004 + float(np.clip((share - 0.3) / 0.1, -2, 2))
+        (0.014 - farthest / span) / 0.004
+        + float(np.clip((share - 0.3) / 0.1, -2, 2))
+        + _LABELS * open_air
     )
 
     gaps = np.geomspace(*_CANDIDATES)
@@ -100,11 +110,15 @@ def disparity_at_infinity(
     def prior(median: float, sigma: float) -> FloatArray:
         return np.asarray(np.exp(-0.5 * (np.log(gaps / median) / sigma) ** 2))
 
+    level: FloatArray = np.zeros(len(gaps))
+    trust = 0.0
+    if floor is not None and horizon is not None:
+        level, trust = _horizon_cost(floor, candidates, horizon, disparity.shape)
+    sky = outdoors * (1 - (1 - _FLAT) * trust)
     below_sky = _OUTDOORS[0] + max(farthest, 0.0) / span
-    cost = -2 * np.log(
-        outdoors * prior(below_sky, _OUTDOORS[1]) + (1 - outdoors) * prior(*_INDOORS) + 1e-6
-    )
-    cues = []
+    cost = -2 * np.log(sky * prior(below_sky, _OUTDOORS[1]) + (1 - sky) * prior(*_INDOORS) + 1e-6)
+    cost = cost + level
+    cues = ["the horizon"] if trust else []
     if floor is not None and share > _FLOOR_SHARE:
         more, names = _floor_cues(
             floor, candidates, focal, gravity=gravity, walls=walls, bodies=bodies
@@ -157,6 +171,21 @@ def _floor_cues(
         cost = cost + axes_cost(bodies, down)
         cues.append("people upright on the floor")
     return cost, cues
+
+
+def _horizon_cost(
+    floor: DisparityFloor, candidates: FloatArray, horizon: FloatArray, shape: tuple[int, ...]
+) -> tuple[FloatArray, float]:
+    """Return the cost (C,) of candidates, since at its horizon (M, 2), px, the floor is infinitely
+    far, and the trust in that line, 0 to 1.
+    """
+    rays = (horizon - (np.array(shape[1::-1]) - 1) / 2) / max(shape)
+    far = rays @ np.array([floor.du, floor.dv]) + floor.d0
+    middle = float(np.median(far))
+    spread = 1.48 * float(np.median(np.abs(far - middle)))
+    trust = float(np.exp(-0.5 * (spread / (_STRAIGHT * floor.dv)) ** 2))
+    cost = _robust((candidates - middle) / np.hypot(spread, _HORIZON_SIGMA * floor.dv))
+    return trust * cost, trust
 
 
 def _farthest(disparity: FloatArray) -> tuple[float, float]:
