@@ -104,6 +104,7 @@ class FloorEvidence:
         soles: of people whose soles are seen.
         found: the answer for the same photo, if it was found before; None searches.
         focal_sigma: standard deviation of the logarithm of the focal length.
+        shift_sigma: standard deviation of the shift of inverse depth, 1 / unit of the points.
     """
 
     mask: Tensor | None = None
@@ -115,6 +116,7 @@ class FloorEvidence:
     soles: tuple[GroundAtSoles, ...] = ()
     found: FloorSearch | None = None
     focal_sigma: float = 0.0
+    shift_sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -161,8 +163,25 @@ def chosen_floor(
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
     by_focal = math.radians(_FOCAL_PITCH_DEG) * evidence.focal_sigma
-    plane = replace(plane, pitch_sigma=math.hypot(PITCH_SIGMA, by_focal))
+    # A shift of inverse depth is added to the last component of normal over offset.
+    by_shift = evidence.shift_sigma * plane.offset * math.sqrt(1 - float(plane.normal[2]) ** 2)
+    other = _pitch_spread(candidates, plane)
+    plane = replace(plane, pitch_sigma=math.hypot(PITCH_SIGMA, by_focal, by_shift, other))
     return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
+
+
+def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> float:
+    """Return the rms difference of the camera's pitch over other planes by their scores,
+    radians.
+    """
+    found = [(c.plane.normal, c.log_score) for c in candidates if c.plane is not None]
+    best = max(score for _, score in found)
+    weights = [math.exp(score - best) for _, score in found]
+    pitches = [
+        math.asin(float(normal[2])) - math.asin(float(chosen.normal[2])) for normal, _ in found
+    ]
+    square = sum(w * p**2 for w, p in zip(weights, pitches, strict=True)) / sum(weights)
+    return math.sqrt(square)
 
 
 def floor_candidates(

@@ -164,6 +164,7 @@ def run_backends(
 
     with stages.time_engine("floor candidates"):
         evidence = floor_evidence(people, hole, keypoints, camera)
+        evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
         floors = candidates_in(scene, evidence, plan.engine.scene)
         floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
         aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene

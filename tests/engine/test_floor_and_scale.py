@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.floor import FloorCandidate
+from physic_core.engine.floor import FloorCandidate, FloorEvidence, chosen_floor
 from physic_core.engine.floor_and_scale import (
     FloorAndScale,
     PeopleInScene,
@@ -166,6 +167,33 @@ def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
     unsure, sure = (world.answer(camera=c).search.plane.pitch_sigma for c in (guess, known))
     assert math.degrees(sure) == pytest.approx(1.5)
     assert math.degrees(unsure) == pytest.approx(6, abs=0.5)
+
+
+def test_the_pitch_of_the_floor_is_less_certain_if_the_shift_of_the_scene_is(world):
+    found = world.answer().search.plane
+    down = -found.normal.double() / found.offset
+    sigma = 0.02 * float(torch.linalg.vector_norm(down))
+    evidence = FloorEvidence(shift_sigma=sigma)
+    unsure = chosen_floor((FloorCandidate(found, 0.0),), 0, evidence).plane.pitch_sigma
+    shifted = [down + torch.tensor([0.0, 0.0, s]) for s in (-sigma, sigma)]
+    pitches = [math.asin(float(plane[2] / torch.linalg.vector_norm(plane))) for plane in shifted]
+    moved = abs(pitches[1] - pitches[0]) / 2
+    assert unsure == pytest.approx(math.hypot(found.pitch_sigma, moved), rel=0.02)
+
+
+def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(world):
+    found = world.answer().search.plane
+    angle = math.radians(10)
+    turn = torch.from_numpy(Rotation.from_euler("x", angle).as_matrix()).to(found.normal)
+    other = replace(found, normal=turn @ found.normal)
+    sigmas = [
+        chosen_floor(
+            (FloorCandidate(found, 0.0), FloorCandidate(other, score)), 0, FloorEvidence()
+        ).plane.pitch_sigma
+        for score in (-20.0, -2.0, 0.0)
+    ]
+    assert sigmas[0] == pytest.approx(found.pitch_sigma, rel=0.01)
+    assert sigmas[0] < sigmas[1] < sigmas[2] < angle
 
 
 def test_torsos_give_the_scale_where_no_foot_is_seen_and_are_less_certain(world):
