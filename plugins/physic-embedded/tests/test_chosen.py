@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+pytestmark = pytest.mark.slow
+
 LEFT = (85.0, 200.0)
 RIGHT = (580.0, 250.0)
 """Pixels on the two people of the photo."""

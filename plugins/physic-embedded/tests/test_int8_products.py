@@ -16,6 +16,8 @@ from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_sess
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.segmenter import EmbeddedSegmenter
 
+pytestmark = pytest.mark.slow
+
 PHOTO = Path(__file__).parents[3] / "examples" / "couple.jpg"
 NETWORK = "depth_anything_v2_vits_int8"
 INT16 = np.iinfo(np.int16)

@@ -318,6 +318,7 @@ def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo()
     assert len(ground_points([pose_at((100, 100), confidence=0.3)], people)) == 0
 
 
+@pytest.mark.slow
 def test_people_are_found_all_along_a_panorama(
     segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
 ) -> None:

@@ -432,6 +432,7 @@ def test_files_of_segmenter_and_detector_are_loaded(real, constant_graph, tmp_pa
     assert set(people.scores.round(1).tolist()) <= {0.9, 0.8}
 
 
+@pytest.mark.slow
 def test_the_real_class_answers_boxes_the_same(real):
     """The picture, the prompt and the network: against the library's class, asked with boxes as its
     users ask.

@@ -15,6 +15,8 @@ from physic_testing.conformance.kit import accuracy_checks
 from physic_testing.conformance.report import Result
 from physic_testing.conformance.run import CheckRun
 
+pytestmark = pytest.mark.slow
+
 Fault = tuple[str, Callable[..., Any]]
 SEEDS = (1000, 1001)
 LOST = {
@@ -54,14 +56,12 @@ def failures(run: CheckRun) -> Iterator[Result]:
     return (found for name in names if (found := run.result(name)).outcome in ("failed", "warned"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("mock", "fault"), CLEAN, ids=name_of)
 def test_a_fault_is_found_in_a_perfect_network(mock: str, fault: Fault):
     found = [failure.check for failure in failures(run_checks(mock, fault[1]))]
     assert FOUND_BY.get((mock, fault[0]), found[0]) in found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("mock", "fault"), NOISY, ids=name_of)
 def test_a_fault_is_found_among_the_errors_of_a_network(mock: str, fault: Fault):
     assert any(failures(run_checks(mock, fault[1], noise=1, seed=1000)))
