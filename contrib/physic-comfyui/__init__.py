@@ -125,11 +125,13 @@ def _resized(picture: np.ndarray, height: int, width: int) -> torch.Tensor:
 
 
 def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
-    """Return grade, people and their contacts; lengths are metres."""
+    """Return grade and its probability, people and their contacts; lengths are metres."""
     titles = [partner_titles(one.partner for one in person.contacts) for person in result.people]
     people = [
         {
             "grade": person.grade,
+            "trust": person.trust,
+            "why": person.why,
             "distance_m": pelvis_distance_m(person),
             "contacts": [
                 {
@@ -145,6 +147,7 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
     ]
     return {
         "grade": result.grade,
+        "trust": result.trust,
         "nearest_depth_m": nearest,
         "people": people,
         "warnings": result.warnings,

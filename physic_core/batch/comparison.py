@@ -21,7 +21,7 @@ from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result
 from physic_core.metrics import BODY_JOINTS, match_by_masks, scene_error
-from physic_core.types import Grade
+from physic_core.types import Grade, grade_text
 from physic_core.types.contacts import part_words
 from physic_core.types.results import pelvis_distance_m
 from physic_core.visual.palette import contact_label
@@ -72,7 +72,7 @@ class PersonPair:
 
     Attributes:
         index: of the person in each result; None in the one that has no such person.
-        grade: of the person.
+        grade: of the person, with its probability.
         distance_m: of the pelvis from the camera.
         joints: how far the joints are apart; None without two bodies.
         pose: the same with both pelvises in one place.
@@ -95,7 +95,7 @@ class Comparison:
         photo: name of the photo, or of the folder of A if that is not known.
         changed: backends, settings and versions that differ, such as "inpainter: embedded ->
             telea", after a sentence about photos that differ.
-        grade: of each result.
+        grade: of each result, with its probability.
         focal_px: focal length of each camera.
         depth_m: median depth of each scene, over the pixels that both know; None without such
             pixels.
@@ -173,7 +173,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     return Comparison(
         photo=a.photo_name or b.photo_name or name,
         changed=_changed(a, b),
-        grade=(_text(a.grade), _text(b.grade)),
+        grade=(_text(a), _text(b)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
         depth_m=(_median(depths[0]), _median(depths[1])),
         depth_difference=error.depth_relative_median
@@ -312,8 +312,8 @@ def _pair(
     return PersonPair(
         index=(first, second),
         grade=(
-            None if one is None else _text(one.grade),
-            None if other is None else _text(other.grade),
+            None if one is None else _text(one),
+            None if other is None else _text(other),
         ),
         distance_m=(
             None if one is None else pelvis_distance_m(one),
@@ -426,8 +426,8 @@ def _median(depths: FloatArray) -> float | None:
     return float(np.median(depths)) if len(depths) else None
 
 
-def _text(grade: Grade | None) -> str | None:
-    return None if grade is None else str(grade)
+def _text(one: Person | Reconstruction) -> str | None:
+    return None if one.grade is None else grade_text(one.grade, one.trust)
 
 
 def _title(person: PersonPair) -> str:
@@ -451,7 +451,7 @@ def _step(grade: tuple[str | None, str | None]) -> str:
     """Return in words how the grade of B compares to that of A; "" where one has none."""
     if None in grade:
         return ""
-    before, after = (list(Grade).index(Grade(str(one))) for one in grade)
+    before, after = (list(Grade).index(Grade(str(one).partition(",")[0])) for one in grade)
     if after == before:
         return "the same"
     return "better" if after < before else "worse"

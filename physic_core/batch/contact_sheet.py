@@ -75,7 +75,8 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
 
     Args:
         cards: of photos: name (its id), title, link, lacks_page (whether its page can still be
-            written), thumbnail (base64 JPEG), state, error, message, grade, people, checks.
+            written), thumbnail (base64 JPEG), state, error, message,
+            grade, trust, people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
     from physic_core.pipeline.checks import CHECKS
@@ -165,6 +166,7 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),
         "grade": row.get("grade", ""),
+        "trust": row.get("trust"),
         "people": int(row.get("people") or 0) if done else None,
         "checks": str(row.get("checks_failed", "")).split(),
     }
@@ -178,7 +180,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
         "link": result_link(folder, result),
         "thumbnail": "",
     }
-    card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
+    card |= {"error": "", "message": "", "grade": "", "trust": None, "people": 0, "checks": []}
     try:
         record = read_record(result)
         thumbnail = _thumbnail(result)
@@ -191,6 +193,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     failed = list(dict.fromkeys(check.name for check in record.checks if check.failed))
     card |= {
         "grade": str(record.grade or ""),
+        "trust": record.trust,
         "checks": failed,
         "people": len(record.people),
         "thumbnail": thumbnail,

@@ -30,6 +30,7 @@ COLUMNS: Mapping[str, str] = {
     "path": "absolute path of the photo",
     "state": '"done" or "failed"',
     "grade": "of the result: good, doubtful or bad",
+    "trust": "probability that all main people are right; empty without people",
     "checks_failed": "names of the failed self-checks, separated by spaces",
     "error": "class of the error; empty if done",
     "message": "of the error",

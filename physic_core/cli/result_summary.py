@@ -16,7 +16,7 @@ from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
-from physic_core.types import CheckResult, summarize_checks
+from physic_core.types import grade_text, summarize_checks
 from physic_core.types.contacts import contacts_text
 from physic_core.types.results import distance_m, metres_text
 
@@ -97,7 +97,7 @@ def summary_text(
             f"{count} backends were not run, since the cache has their results; --no-cache runs all"
         )
     if people:
-        lines.append(_table([_row(person, record) for person in people], width))
+        lines.append(_table([_row(person) for person in people], width))
     lines += [
         f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
         f"{one.score:.2f}"
@@ -110,22 +110,23 @@ def summary_text(
         for check in checks:
             if not check.ok:
                 lines.append(f"{'' if check.person is None else f'person {check.person}: '}{check}")
-    lines.append(f"grade: {record.grade or 'none'}  (checks: {summarize_checks(checks)})")
+    graded = grade_text(record.grade, record.trust)
+    lines.append(f"grade: {graded}  (checks: {summarize_checks(checks)})")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
     if REPORT_FILE in record.files:
         lines.append(f"page: {folder / REPORT_FILE}")
     return "\n".join(lines)
 
 
-def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
+def _row(person: PersonRecord) -> tuple[str, ...]:
     distance = distance_m(person.pelvis)
     place = "-" if distance is None else metres_text(distance, person.distance_sigma, 1)
     return (
         str(person.index),
-        person.grade or "-",
+        grade_text(person.grade, person.trust),
         place,
         _contact(person),
-        _reason(person, record.checks),
+        person.why or "-",
     )
 
 
@@ -139,18 +140,6 @@ def _contact(person: PersonRecord) -> str:
         return f"{person.contact_count} of {person.vertex_count} vertices"
     texts = (contacts_text(person.contacts, assumed=assumed) for assumed in (False, True))
     return "; ".join(filter(None, texts)) or "none"
-
-
-def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:
-    """Return what decides a person's grade: failed checks, otherwise unmeasured checks, otherwise
-    the support.
-    """
-    own = [check for check in checks if check.person == person.index and not check.ok]
-    if failed := [str(check) for check in own if check.failed]:
-        return "; ".join(failed)
-    if own and person.grade != "good":
-        return f"not measured: {', '.join(check.title for check in own)}"
-    return "-" if person.support is None else str(person.support)
 
 
 def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:

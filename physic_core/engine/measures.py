@@ -13,11 +13,10 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from physic_core.engine.contact.probability import SEAT, kind_of_part
 from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import stature_sigmas
 from physic_core.geometry.camera import project
-from physic_core.geometry.mesh import vertex_areas, vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import dilate_square
@@ -29,13 +28,13 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import FloatArray, KnownSizes, Support
+    from physic_core.engine.state import Estimates, State
+    from physic_core.types import FloatArray, KnownSizes
 
 _FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
-_CLOTHES = 0.08  # of the square root of the mask's area: clothes and hair reach beyond the body
-_RIM = 0.03  # of the same: the body may leave the mask by this much
+# of the square root of the mask's area: the body may leave the mask by this much
+_RIM = 0.03
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
 _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat or knees of another
 _FEWEST_PIXELS = 10  # with a depth, for a median
@@ -50,7 +49,6 @@ def measure_people(state: State) -> list[dict[str, float | None]]:
     """
     model, scale, found, around = state.model, state.scene_scale, state.contact, state.surroundings
     assert found is not None
-    outward = vertex_normals(state.vertices, model.faces)
     silhouettes = compare_silhouettes(
         state.vertices,
         model.faces,
@@ -59,25 +57,18 @@ def measure_people(state: State) -> list[dict[str, float | None]]:
         None if around.depth is None else around.depth * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
-    ratios = depth_ratios(state)
-    measured: list[dict[str, float | None]] = [{} for _ in ratios]
+    measured: list[dict[str, float | None]] = [{} for _ in found.supports]
     for i, support in enumerate(found.supports):
         if support is None:
             continue
-        body, mask, heights, seen = state.vertices[i], state.masks[i], None, None
+        body, heights = state.vertices[i], None
         if around.floor_normal is not None:
             heights = height_over_plane(body, around.floor_normal, around.floor_offset * scale)
-        if bool(mask.any()):
-            seen = visible_share(body, outward[i], model.faces, model.outer, mask, state.K)
         measured[i] = {
             "assumed_support": float(bool(support.hidden)),
-            "sits": float(found.parts[SEAT][i]) if found.parts else None,
-            "seat_missing": _missing_seat(support, found, i),
             **silhouettes[i],
             "clearance_m": clearance(found.distance[i], heights),
             "sole_height_m": None if heights is None else float(heights[model.soles].min()),
-            "seen_share": seen,
-            "depth_ratio": ratios[i],
         }
     return measured
 
@@ -188,22 +179,6 @@ def compare_statures(
     return found
 
 
-def _missing_seat(support: Support, found: Contact, person: int) -> float | None:
-    """Return the probability that a person sits; 0 if a seat was found.
-
-    None if the method estimates none, or if no pixel shows buttocks and thighs: the probability is
-    a base rate then.
-    """
-    if not found.parts or bool(found.unseen[SEAT][person]):
-        return None
-    on = (
-        one
-        for one in support.contacts
-        if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden"
-    )
-    return 0.0 if any(on) else float(found.parts[SEAT][person])
-
-
 def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
     """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex
     touches.
@@ -218,29 +193,6 @@ def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
     if heights is not None:
         gap = min(gap, float(heights.min()))
     return max(0.0, gap) if gap != float("inf") else None
-
-
-def visible_share(
-    vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
-) -> float | None:
-    """Compute the share of the camera-facing surface inside the person's mask; None without such a
-    surface.
-
-    Parts outside the frame or occluded by people or objects are not visible.
-
-    Args:
-        vertices: (V, 3) metres.
-        normals: (V, 3) unit, out of the body.
-        faces: (F, 3) int64.
-        outer: (V,) bool, False in mouth and eyes.
-        mask: (H, W) bool, the person's visible pixels.
-        K: (3, 3) px.
-    """
-    area = vertex_areas(vertices, faces) * _camera_facing(vertices, normals, outer)
-    total = float(area.sum())
-    return (
-        float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
-    )
 
 
 def depth_ratios(state: State) -> list[float | None]:
@@ -309,8 +261,7 @@ def compare_silhouettes(
         photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown; or None.
 
     Returns:
-        Per person "mask_covered_share": share of the mask within the body's silhouette, dilated for
-        clothes; "body_in_mask_share": share of the silhouette within the mask, without pixels
+        Per person "body_in_mask_share": share of the silhouette within the mask, without pixels
         occluded by other people or nearer objects, or outside the photo; "low_depth_ratio": median
         ratio of the photo's depth to the body's over the lowest visible part of the silhouette.
         None where nothing can be measured.
@@ -340,9 +291,6 @@ def compare_silhouettes(
             seen = seen & ~(scene < depth - _IN_FRONT_M)
         found.append(
             {
-                "mask_covered_share": _share(
-                    mask & dilate_square(silhouette, max(1, round(_CLOTHES * side))), mask
-                ),
                 "body_in_mask_share": _share(
                     seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()
                 ),

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import Person
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 """Version of documents that are written and read."""
 
 SAVE = ("pictures", "numbers", "people")
@@ -453,6 +453,8 @@ class PersonRecord:
     vertex_count: int
     states_partners: bool
     grade: Grade | None
+    trust: float | None
+    why: str
     stature: float | None
     stature_sigma: float | None
     contacts: tuple[BodyContact, ...]
@@ -473,6 +475,7 @@ class ResultRecord:
 
     files: Mapping[str, str]
     grade: Grade | None
+    trust: float | None
     people: tuple[PersonRecord, ...]
     unposed: tuple[UnposedPerson, ...]
     intrinsics: Intrinsics

@@ -16,12 +16,13 @@ from physic_core.engine.floor_and_scale import scale_note
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import (
     failed_checks,
-    grade_person,
-    grade_photo,
+    no_trust,
+    person_trust,
+    photo_trust,
     unknown_checks,
     warning_messages,
 )
-from physic_core.types import Person, Reconstruction
+from physic_core.types import Grade, Person, Reconstruction
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
@@ -45,7 +46,13 @@ def build_reconstruction(
 ) -> Reconstruction:
     """Return the result of a photo; the messages of failed checks become warnings of the stages."""
     statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
-    grades = [grade_person(checks, i) for i in range(len(estimates.people))]
+    trust = [
+        person_trust(checks, i) if math.isfinite(stature) else no_trust(checks, i)
+        for i, stature in enumerate(statures)
+    ]
+    of_photo = photo_trust(
+        checks, [trust[i].probability for i in main_people(estimates.people.boxes)]
+    )
     people = []
     for i in range(len(estimates.people)):
         people.append(
@@ -69,7 +76,9 @@ def build_reconstruction(
                 world_contact=solution.world_contact[i],
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
-                grade=grades[i],
+                grade=Grade.of(trust[i].probability),
+                trust=trust[i].probability,
+                why=trust[i].why,
                 stature=statures[i] if math.isfinite(statures[i]) else None,
                 stature_sigma=solution.people[i]["size_sigma"]
                 if math.isfinite(statures[i])
@@ -102,7 +111,8 @@ def build_reconstruction(
         config=config.as_dict(),
         checks=checks,
         unposed=tuple(estimates.people.unposed),
-        grade=grade_photo(checks, [grades[i] for i in main_people(estimates.people.boxes)]),
+        grade=Grade.of(of_photo),
+        trust=of_photo,
         contact_partners=solution.partners,
     )
 

@@ -43,6 +43,7 @@ from physic_core.types.records import (
     Grade,
     Provenance,
     StageRecord,
+    grade_text,
     summarize_checks,
 )
 from physic_core.types.results import Person, Reconstruction, Scene
@@ -94,6 +95,7 @@ __all__ = [
     "SupportState",
     "SurfaceLabels",
     "UnposedPerson",
+    "grade_text",
     "skeleton_named",
     "summarize_checks",
 ]

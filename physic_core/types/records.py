@@ -77,18 +77,32 @@ class CheckState(StrEnum):
 
 
 class Grade(StrEnum):
-    """Reliability of a result by its self-checks; docs/checks.md states how often each grade is
-    right.
+    """Range of the probability that a person or a photo is right; docs/checks.md states how often
+    each is.
     """
 
     GOOD = "good"
-    """All checks that the grade needs were measured and are ok."""
+    """0.8 or more."""
 
     DOUBTFUL = "doubtful"
-    """A check failed, or one that the grade needs was not measured."""
+    """0.3 or more."""
 
     BAD = "bad"
-    """The checks contradict the result."""
+    """Less than 0.3."""
+
+    @classmethod
+    def of(cls, trust: float | None) -> Grade:
+        """Return the grade of a probability; without one, nothing confirms a result: doubtful."""
+        shown = _LEAST[cls.DOUBTFUL] if trust is None else round(trust, 2)
+        return next((grade for grade, least in _LEAST.items() if shown >= least), cls.BAD)
+
+
+_LEAST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
+
+
+def grade_text(grade: Grade | str | None, trust: float | None) -> str:
+    """Return a grade with its probability: "good, 0.91"; "none" without a grade."""
+    return f"{grade or 'none'}{'' if trust is None else f', {trust:.2f}'}"
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text
-from physic_core.types.records import Grade
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
     from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, Exported, StageRecord
+    from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
 
 
@@ -97,7 +96,10 @@ class Person(ShortRepr):
             and both thighs. None without a body, and if the preset estimates none.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
-        grade: how far the body can be trusted, or None without grades.
+        trust: probability in [0, 1] that pose, place, contact and size are right; None without
+            checks.
+        why: sentence that names what lowers ``trust`` most, and what to do.
+        grade: the range of ``trust``, or None without checks.
         age: years, as given; None where unknown.
         stature: standing height of the body from soles to crown, metres; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
@@ -119,6 +121,8 @@ class Person(ShortRepr):
     failed_checks: tuple[str, ...] = ()
     unknown_checks: tuple[str, ...] = ()
     grade: Grade | None = None
+    trust: float | None = None
+    why: str = ""
     faces: NDArray[np.int32] | None = field(default=None, metadata={"stored": False})
     contact_probability: NDArray[np.float16] | None = field(default=None, metadata=shape("V"))
     contact_partner: NDArray[np.int16] | None = field(default=None, metadata=shape("V"))
@@ -180,9 +184,9 @@ class Reconstruction(ShortRepr):
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
-        grade: how far the result can be trusted: the worst of the grades of its main people, who
-            are at least half as large in the photo as the largest one, and of the photo's own
-            checks. None without grades.
+        trust: the least of those of its main people, who are at least half as large in the photo as
+            the largest one, and at most 0.5 if a check of the photo fails. None without people.
+        grade: the range of ``trust``, at best doubtful without people; None without checks.
         photo: digest of the photo file, or of the pixels of a photo without a file.
         photo_name: name of the photo file, without its folder; empty for a photo without a file.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
@@ -209,6 +213,7 @@ class Reconstruction(ShortRepr):
     photo: str = ""
     photo_name: str = ""
     grade: Grade | None = None
+    trust: float | None = None
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     contact_partners: tuple[ContactPartner, ...] = ()
@@ -307,13 +312,13 @@ class Reconstruction(ShortRepr):
         """Return a flat dictionary, as one row of a table: the grade and numbers, None where not
         measured.
 
-        Keys: grade, people (bodies: those with a finite body), failed_checks, unknown_checks,
-        warnings, nearest_person_m and farthest_person_m (of the pelvis from the camera),
-        distance_sigma, scene_scale, scale_sigma, floor_found, scene_valid_share, contacts (likely
-        pairs of a body part and what it touches, of all people), ``contacts_with_KIND`` (of these,
-        those with floor, scene, person, self, hidden or object), vertices_in_contact, focal_px,
-        focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for each
-        self-check, the worst value of all people.
+        Keys: grade, trust, people (bodies: those with a finite body), failed_checks,
+        unknown_checks, warnings, nearest_person_m and farthest_person_m (of the pelvis from the
+        camera), distance_sigma, scene_scale, scale_sigma, floor_found, scene_valid_share, contacts
+        (likely pairs of a body part and what it touches, of all people), ``contacts_with_KIND`` (of
+        these, those with floor, scene, person, self, hidden or object), vertices_in_contact,
+        focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
+        each self-check, the worst value of all people.
         """
         values = {name: value(self) for name, value in _SUMMARY.items()}
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
@@ -434,6 +439,7 @@ def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> in
 
 _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "grade": lambda result: None if result.grade is None else str(result.grade),
+    "trust": lambda result: result.trust,
     "people": lambda result: len(result.people),
     "bodies": lambda result: len(_distances_m(result)),
     "failed_checks": lambda result: sum(check.failed for check in result.checks),
@@ -474,26 +480,17 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
 
     Keys: person (index into the people of the result), main (True if the grade of the photo counts
-    this person), grade, why (the checks that failed, with their values; if none, and the grade is
-    not good, those not measured), distance_m (of the pelvis from the camera), stature_m (standing
-    height), distance_sigma_m and stature_sigma_m (standard deviations), contacts (body parts that
-    are likely, one half or more, to touch something, each with what it touches and its probability)
-    and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance
-    and stature are None without a body.
+    this person), grade, trust (probability that the person is right), why (what lowers it most),
+    distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
+    stature_sigma_m (standard deviations), contacts (body parts that are likely, one half or more,
+    to touch something, each with what it touches and its probability) and assumed (likely contacts
+    of body parts that no pixel shows, not among the others). Distance and stature are None without
+    a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()}
         for index in range(len(result.people))
     ]
-
-
-def _why(result: Reconstruction, index: int) -> str:
-    checks = [check for check in result.checks if check.person == index]
-    failed = [f"{check.title}: {check.value_text}" for check in checks if check.failed]
-    if failed or result.people[index].grade is Grade.GOOD:
-        return "; ".join(failed)
-    unknown = "; ".join(check.title for check in checks if not check.ok)
-    return f"not measured: {unknown}" if unknown else ""
 
 
 def pelvis_distance_m(person: Person) -> float | None:
@@ -523,7 +520,8 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "person": lambda result, index: index,
     "main": lambda result, index: index in main_people([person.box for person in result.people]),
     "grade": lambda result, index: str(result.people[index].grade or ""),
-    "why": _why,
+    "trust": lambda result, index: result.people[index].trust,
+    "why": lambda result, index: result.people[index].why,
     "distance_m": lambda result, index: _millimetres(pelvis_distance_m(result.people[index])),
     "distance_sigma_m": lambda result, index: _millimetres(
         spread_m(pelvis_distance_m(result.people[index]), result.distance_sigmas[index])

@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.types import Grade
+from physic_core.types import Grade, grade_text
 from physic_core.types.contacts import contacts_text
 from physic_core.types.results import metres_text
 from physic_core.visual.palette import painted_contact, person_color
@@ -283,7 +283,7 @@ _HEAD = 26
 _PAD = 10
 # widths of columns, px
 _NUMBER = 40
-_GRADE = 96
+_GRADE = 124
 _DISTANCE = 128
 
 
@@ -359,21 +359,15 @@ def _cells(
     if not touches:
         count = f"{np.sum(person.contact)} of {len(person.contact)} vertices"
         touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
-    checks = [check for check in reconstruction.checks if check.person == index]
-    why = [(str(check), ALERT_RGB) for check in checks if check.failed]
-    unknown = "; ".join(check.title for check in checks if not check.failed and not check.ok)
-    if unknown:
-        why.append((f"not measured: {unknown}", SOFT_RGB))
+    grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
     return [
-        [(person.grade or "none", INK_RGB if person.grade is None else _GRADE_RGB[person.grade])],
+        _wrapped([(grade_text(person.grade, person.trust), grade_rgb)], _GRADE - 16),
         _wrapped(
             [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
             _DISTANCE - 16,
         ),
         _wrapped(touches, touch_px),
-        _wrapped(
-            why or [("all checks are ok" if checks else "no checks were run", SOFT_RGB)], why_px
-        ),
+        _wrapped([(person.why or "no checks were run", INK_RGB)], why_px),
     ]
 
 

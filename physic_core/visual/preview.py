@@ -17,7 +17,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
-from physic_core.types import summarize_checks
+from physic_core.types import grade_text, summarize_checks
 from physic_core.types.results import metres_text
 from physic_core.visual.numbers import draw_numbers, heads_in_photo
 from physic_core.visual.palette import (
@@ -217,7 +217,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
     camera = reconstruction.intrinsics
     scene = reconstruction.scene
     facts = [
-        f"grade: {reconstruction.grade or 'none'}",
+        f"grade: {grade_text(reconstruction.grade, reconstruction.trust)}",
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         _errors(reconstruction),

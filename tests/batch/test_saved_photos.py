@@ -73,7 +73,7 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
         journal.append(row)
     header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
     assert header == list(all_columns())
-    assert header[:7] == ["id", "path", "state", "grade", "checks_failed", "error", "message"]
+    assert header[:6] == ["id", "path", "state", "grade", "trust", "checks_failed"]
     places = [
         "people",
         "nearest_person_m",
@@ -81,10 +81,10 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
         "contacts",
         "seconds",
         "folder",
-        "check_bend",
+        "check_body_in_mask",
     ]
     assert sorted(places, key=header.index) == places
-    assert all(name.startswith("check_") for name in header[header.index("check_bend") :])
+    assert all(name.startswith("check_") for name in header[header.index("check_body_in_mask") :])
 
 
 def people_of(out: Path) -> list[tuple[str, str, str]]:

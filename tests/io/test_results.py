@@ -266,7 +266,7 @@ FX = '"fx": 128.0'
 @pytest.mark.parametrize(
     ("before", "after", "word"),
     [
-        ('"schema_version": 6', '"schema_version": 5', "version"),
+        ('"schema_version": 7', '"schema_version": 6', "version"),
         ('"score": 0.875', '"score": [1]', "people.0.score"),
         ('"grade": "bad"', '"grade": "fine"', "fine"),
         (FX, '"fx": NaN', "NaN"),

@@ -129,7 +129,7 @@ def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> N
     assert len(result.people) == 2
     whole, cut = whole_and_cut(result)
     assert not result.people[whole].failed_checks
-    assert "legs_seen" in result.people[cut].failed_checks
+    assert result.people[whole].trust > result.people[cut].trust
     assert result.people[whole].joints[0, 2] > result.people[cut].joints[0, 2] > 0
 
 

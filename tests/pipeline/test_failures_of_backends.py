@@ -117,7 +117,7 @@ def test_a_run_goes_on_without_an_optional_backend_that_fails(
         f"no valid values for this person from {interface}" in warning
         for warning in result.warnings
     )
-    assert result.people[0].failed_checks[0] == "missing_outputs"
+    assert result.people[0].failed_checks[0] == "placed"
     plain = reconstruct(
         world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"])
     )

@@ -124,11 +124,9 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert np.isnan(lost.parameters.transl).all()
     assert not lost.contact.any()
     assert np.isposinf(lost.distance).all()
-    assert {"missing_outputs", "placed"} <= set(lost.failed_checks)
-    reasons = ("no valid values for this person", "the body has non-finite vertices")
-    assert all(
-        reason in warning for reason, warning in zip(reasons, result.warnings[-2:], strict=True)
-    )
+    assert "placed" in lost.failed_checks
+    assert "no valid values for this person" in result.warnings[-1]
+    assert lost.trust == 0
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
     assert kept.contact.any()
@@ -139,18 +137,14 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert again.people[LOST].failed_checks == lost.failed_checks
     record = read_record(tmp_path / "out")
     (answered,) = [
-        c
-        for c in record.checks
-        if (c.name, c.person, c.state) == ("missing_outputs", LOST, "failed")
+        c for c in record.checks if (c.name, c.person, c.state) == ("placed", LOST, "failed")
     ]
-    assert (answered.value, answered.threshold, answered.unit) == (1, 0, "count")
+    assert (answered.value, answered.threshold) == (0, 1)
     meshes = set(trimesh.load(tmp_path / "out" / "combined.glb").geometry)
     assert meshes - {"backdrop"} == {"floor", "person_1", "scene"}
     row = summary_text(record, tmp_path).splitlines()[2]
-    assert row.split(None, 4)[:4] == ["0", "bad", "-", "-"]
-    assert {str(c) for c in result.checks if c.person == LOST and c.failed} == set(
-        row.split(None, 4)[4].split("; ")
-    )
+    assert row.split(None, 5)[:5] == ["0", "bad,", "0.00", "-", "-"]
+    assert row.split(None, 5)[5] == lost.why
 
 
 @pytest.mark.parametrize(
@@ -165,8 +159,8 @@ def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
 ) -> None:
     result = run(world, kind, interface)
-    failed = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
-    assert [(c.person, c.value) for c in failed] == [(LOST, 1)]
+    failed = [c for c in result.checks if c.name == "placed" and c.failed]
+    assert [(c.person, c.value) for c in failed] == [(LOST, 0)]
     assert f"person 0: no valid values for this person from {interface}" in "\n".join(
         result.warnings
     )

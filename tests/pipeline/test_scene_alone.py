@@ -43,7 +43,8 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(
         for note in result.notes
     )
     measured = {check.name: check.value for check in result.checks}
-    assert measured["photo_alignment"] is measured["depth_vs_bodies"] is None
+    assert measured["photo_alignment"] is None
+    assert result.trust is None
     # No inpainting and no second point map: nothing is removed from the photo.
     backend_stages = [stage.name for stage in result.stages if stage.provenance is not None]
     assert backend_stages == ["people", "scene point map", "metric depth"]

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.pipeline.checks import grade_photo
-from physic_core.types import CheckResult, CheckState, Grade
+from physic_core.pipeline.checks import CHECKS, photo_trust
 from physic_core.types.results import main_people
 
 
@@ -24,10 +23,9 @@ def test_main_people_are_half_as_large_in_the_photo_as_the_largest(
     assert main_people(np.array(boxes, float).reshape(-1, 4)) == main
 
 
-@pytest.mark.parametrize(("height", "grade"), [(49.0, Grade.DOUBTFUL), (50.0, Grade.BAD)])
-def test_the_grade_of_a_photo_is_that_of_its_main_people(height: float, grade: Grade) -> None:
+@pytest.mark.parametrize(("height", "trust"), [(49.0, 0.5), (50.0, 0.1)])
+def test_a_photo_is_trusted_as_its_main_people(height: float, trust: float) -> None:
     """A bad person counts if large enough; else the failed check of the photo decides."""
-    floor = CheckResult("floor", CheckState.FAILED, 0.0, 0.15, "at least", "share", "")
+    floor = CHECKS["floor"].compare(0.0)
     boxes = np.array([[10.0, 0.0, 30.0, 100.0], [50.0, 0.0, 70.0, height]])
-    grades = [[Grade.GOOD, Grade.BAD][i] for i in main_people(boxes)]
-    assert grade_photo([floor], grades) is grade
+    assert photo_trust([floor], [[0.9, 0.1][i] for i in main_people(boxes)]) == trust

@@ -9,18 +9,12 @@ import pytest
 
 from physic_core.types import (
     BodyContact,
-    CheckResult,
-    CheckState,
     ContactPartner,
     Grade,
     Reconstruction,
     Support,
 )
 from physic_core.types.results import PERSON_COLUMNS, person_rows
-
-
-def check(name: str, person: int, state: CheckState, label: str) -> CheckResult:
-    return CheckResult(name, state, 0.5, 0.1, "at most", "m", "", person, label=label)
 
 
 @pytest.fixture
@@ -34,6 +28,8 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
         near,
         box=np.array([10.0, 0.0, 30.0, 100.0]),
         grade=Grade.GOOD,
+        trust=0.91,
+        why="no check lowers it much",
         joints=np.broadcast_to([0.0, 1.8, 2.4], near.joints.shape),
         stature=1.7234,
         stature_sigma=0.05,
@@ -47,16 +43,13 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
         far,
         box=np.array([50.0, 0.0, 55.0, 20.0]),
         grade=Grade.BAD,
+        trust=0.0,
+        why="Leans: 50° (see the view from the side)",
         joints=np.full_like(far.joints, np.nan),
         contacts=(),
     )
-    failed = CheckState.FAILED
-    checks = (
-        check("lean", 1, failed, "Leans"),
-        check("support", 1, failed, "Distance to the nearest surface"),
-    )
     camera = replace(reconstruction.intrinsics, trust="known")
-    return replace(reconstruction, people=(near, far), checks=checks, intrinsics=camera)
+    return replace(reconstruction, people=(near, far), intrinsics=camera)
 
 
 def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstruction) -> None:
@@ -65,7 +58,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "person": 0,
             "main": True,
             "grade": "good",
-            "why": "",
+            "trust": 0.91,
+            "why": "no check lowers it much",
             "distance_m": 3.0,
             "distance_sigma_m": 0.21,
             "stature_m": 1.723,
@@ -77,7 +71,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "person": 1,
             "main": False,
             "grade": "bad",
-            "why": "Leans: 0.50 m; Distance to the nearest surface: 0.50 m",
+            "trust": 0.0,
+            "why": "Leans: 50° (see the view from the side)",
             "distance_m": None,
             "distance_sigma_m": None,
             "stature_m": None,
@@ -105,18 +100,6 @@ def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(
     )
     support = Support("balanced", contacts, None, (0.0, 0.0, 1.0))
     assert str(support) == "balanced: left foot on water 0, right foot on water 4, buttocks on seat"
-
-
-@pytest.mark.parametrize(
-    ("grade", "why"),
-    [(Grade.DOUBTFUL, "not measured: Distance to the nearest surface"), (Grade.GOOD, "")],
-)
-def test_what_was_not_measured_explains_a_grade_that_is_not_good(
-    two_people: Reconstruction, grade: Grade, why: str
-) -> None:
-    unknown = check("support", 0, CheckState.UNKNOWN, "Distance to the nearest surface")
-    people = (replace(two_people.people[0], grade=grade),)
-    assert person_rows(replace(two_people, people=people, checks=(unknown,)))[0]["why"] == why
 
 
 def test_a_frame_of_pandas_has_the_rows_of_people(two_people: Reconstruction) -> None:

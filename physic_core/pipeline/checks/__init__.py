@@ -14,11 +14,10 @@ from physic_core.pipeline.checks.spec import (
     CHECKS,
     CheckSpec,
     failed_checks,
-    grade_person,
-    grade_photo,
     unknown_checks,
     warning_messages,
 )
+from physic_core.pipeline.checks.trust import no_trust, person_trust, photo_trust
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -31,8 +30,9 @@ __all__ = [
     "CHECKS",
     "CheckSpec",
     "failed_checks",
-    "grade_person",
-    "grade_photo",
+    "no_trust",
+    "person_trust",
+    "photo_trust",
     "run_checks",
     "unknown_checks",
     "warning_messages",

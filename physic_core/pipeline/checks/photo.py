@@ -1,4 +1,4 @@
-"""Self-checks of the photo: alignments, floor, scale and camera.
+"""Self-checks of the photo: background, floor, scale and given camera.
 
 Each failure is a warning, and makes it doubtful.
 
@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.posture import trunk_tilt_deg
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types.results import main_people
 
@@ -31,26 +29,9 @@ _WHY_NO_FLOOR = {
 }
 _NO_PEOPLE = "there is no person in the result"
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
-_FEWEST_TRUNKS = 2  # a single person may bend
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
 
-_check = partial(check, "photo", weak=True, warns=True)
-
-
-@_check("Point map agrees with the depth", at_least=0.5, share_of="the pixels")
-def scene_alignment(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the share of the pixels where the aligned point map has the metric depth."""
-    share = solution.diagnostics["scene"]["alignment"]["inlier_share"]
-    if share == 0:
-        return (
-            share,
-            "point map and metric depth agree nowhere: the scene uses only the metric depth",
-        )
-    return share, (
-        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the "
-        f"pixels: try another "
-        "backend for metric depth or point map"
-    )
+_check = partial(check, "photo", warns=True)
 
 
 @_check(
@@ -79,7 +60,7 @@ def photo_alignment(estimates: Estimates, solution: Solution) -> Measured:
 
 # Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
 # 10 degrees.
-@_check("Floor where the segmenter sees it", at_least=1, unit=YES, needed=True)
+@_check("Floor where the segmenter sees it", at_least=1, unit=YES)
 def floor(estimates: Estimates, solution: Solution) -> Measured:
     """Return whether a floor was found, and is that of the segmenter."""
     report = solution.diagnostics["scene"]["floor"]
@@ -110,27 +91,6 @@ def floor(estimates: Estimates, solution: Solution) -> Measured:
     )
 
 
-# Right floors 4-13, several people; those that are off by 26 and 30 degrees 35 and 19; one of 12
-# degrees 7.
-@_check("Trunks tilted against the floor, median", at_most=15, unit="deg")
-def trunk_tilt(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the median angle between the trunks of several people, who do not all lean, and the
-    floor's normal.
-    """
-    plane = solution.scene.floor
-    joints = [j for j in solution.joints if np.isfinite(j).all()]
-    if plane is None:
-        return None, NO_FLOOR
-    if len(joints) < _FEWEST_TRUNKS:
-        return None, "fewer than two people have a body"
-    tilt = median(float(trunk_tilt_deg(j, plane.normal)) for j in joints)
-    return (
-        tilt,
-        f"half of the people lean by {tilt:.0f} degrees or more from the floor's normal: the "
-        f"floor is doubtful",
-    )
-
-
 # Soles on a floor give 0.08, sizes of people 0.20 and more.
 @_check(
     "Uncertainty of the scale",
@@ -147,34 +107,6 @@ def scale_sigma(estimates: Estimates, solution: Solution) -> Measured:
         f"all lengths may be off by {sigma:.0%} (one standard deviation): the photo gives no "
         f"better scale; use a "
         "metric depth network, or a photo with feet on the floor"
-    )
-
-
-# Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the
-# depth is wrong.
-@_check(
-    "Depth differs from the sizes of people",
-    at_most=0.5,
-    unmeasured="no person has enough visible vertices with depth",
-)
-def depth_vs_bodies(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the share by which metric depth and sizes differ on how far away people are, in the
-    median.
-    """
-    # Depth at people's pixels has the final scale; this check compares with the depth before
-    # scaling.
-    ratios = [
-        ratio / solution.scene.scale
-        for report in solution.people
-        if (ratio := report.get("depth_ratio"))
-    ]
-    if not ratios:
-        return None
-    ratio = median(ratios)
-    return relative_difference(ratio), (
-        f"the metric depth puts the people {ratio:.2f} times as far away as their sizes do: "
-        f"distances between people "
-        "and scene are doubtful; try another metric_depth, or give the focal length"
     )
 
 
@@ -201,32 +133,43 @@ def given_depth(estimates: Estimates, solution: Solution) -> Measured:
     )
 
 
-@_check("Camera axis off the photo's centre", at_most=0.15, share_of="the photo's size")
+@_check(
+    "Given camera's axis off the photo's centre",
+    at_most=0.15,
+    share_of="the photo's size",
+    unmeasured="no camera was given",
+    optional=True,
+)
 def principal_point(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the distance of the principal point from the centre, as a share of the photo's width
-    or height.
+    """Return the distance of a given principal point from the centre, as a share of the photo's
+    width or height.
     """
     camera = solution.intrinsics
+    if not camera.known:
+        return None
     off_x = camera.cx - (camera.width - 1) / 2
     off_y = camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
     return offset, (
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's "
-        f"size off its centre "
-        f"({camera.source}), which is normal only in a cropped photo: check --intrinsics"
+        f"size off its centre ({camera.source}), which is normal only in a cropped photo: check "
+        "--intrinsics"
     )
 
 
 # Straight edges are right to about a tenth; distances are off by the same share as the focal
 # length.
 @_check(
-    "Backends differ in the focal length",
+    "Given focal length differs from those of backends",
     at_most=0.2,
-    unmeasured="no backend estimates a focal length",
+    unmeasured="no focal length was given, or no backend estimates one",
+    optional=True,
 )
 def focal_agreement(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the largest difference of a backend's focal length from the one used, as a share."""
+    """Return the largest difference of a backend's focal length from the given one, as a share."""
     camera = solution.intrinsics
+    if not camera.known:
+        return None
     witnesses = [
         estimates.scene.intrinsics,
         estimates.original.intrinsics,

@@ -1,4 +1,4 @@
-"""Registration of self-checks, their results, and grades and warnings from the results."""
+"""Registration of self-checks, their results, and warnings from the results."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
-from physic_core.types import CheckResult, CheckState, Grade
+from physic_core.types import CheckResult, CheckState
 
 YES = "1: yes"
 """Unit of a check that holds or not."""
@@ -18,7 +18,6 @@ its reason.
 """
 
 _Check = TypeVar("_Check", bound=Callable[..., Measured])
-_WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,7 @@ class CheckSpec:
         advice: the message if the check fails.
         unmeasured: the reason if there is no value.
         of: "photo" or "person".
-        weak: whether a failure is a lack of evidence, not a contradiction.
-        needed: whether the grade is doubtful if nothing was measured.
+        contradicts: whether a failure contradicts the body, and caps the probability of its person.
         warns: whether a failed check is also a warning of the result.
         optional: whether the check is left out of a result for which nothing was measured.
         measure: of estimates and solution, for a check of a person also of the person's index.
@@ -51,8 +49,7 @@ class CheckSpec:
     advice: str = ""
     unmeasured: str = "there is nothing to measure"
     of: Literal["photo", "person"] = "photo"
-    weak: bool = False
-    needed: bool = False
+    contradicts: bool = False
     warns: bool = False
     optional: bool = False
     measure: Callable[..., Measured] = lambda *_: None
@@ -140,34 +137,3 @@ def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
         for check in checks
         if check.failed and CHECKS[check.name].warns
     )
-
-
-def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
-    """Grade one person by the checks of this person.
-
-    Bad if two checks contradict the body; doubtful if a check fails, or if one that the grade needs
-    was not measured; good otherwise.
-    """
-    return _grade([check for check in checks if check.person == person])
-
-
-def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade:
-    """Grade a photo: the worst of the grades of its main people and of its own checks.
-
-    Without people it is at best doubtful: nothing confirms the scale.
-    """
-    grades = {
-        *(people or [Grade.DOUBTFUL]),
-        _grade([check for check in checks if check.person is None]),
-    }
-    return next(grade for grade in _WORST_FIRST if grade in grades)
-
-
-def _grade(checks: Sequence[CheckResult]) -> Grade:
-    failed = [CHECKS[check.name] for check in checks if check.failed]
-    if sum(not spec.weak for spec in failed) > 1:
-        return Grade.BAD
-    unknown = any(
-        CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN
-    )
-    return Grade.DOUBTFUL if failed or unknown else Grade.GOOD

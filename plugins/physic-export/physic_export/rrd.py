@@ -11,6 +11,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
+from physic_core.types import grade_text
 from physic_core.visual.surface import is_near, mesh_backdrop, mesh_scene, scene_reach
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
@@ -99,5 +100,10 @@ def _log_photo(recording: rr.RecordingStream, request: ExportRequest) -> None:
 def _text(request: ExportRequest) -> str:
     result = request.result
     return "\n".join(
-        (f"grade: {result.grade or 'none'}", repr(result), *result.warnings, *result.notes)
+        (
+            f"grade: {grade_text(result.grade, result.trust)}",
+            repr(result),
+            *result.warnings,
+            *result.notes,
+        )
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from physic_core.pipeline.checks.people import limb_keypoint_error
 from physic_core.pipeline.checks.spec import CheckSpec
+from physic_core.pipeline.checks.trust import capped
 from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 
@@ -37,7 +38,6 @@ _CHECKS = {
             "at most",
             0.06,
             share_of="the box diagonal",
-            weak=True,
         ),
         # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of
         # two rigs one.
@@ -82,18 +82,17 @@ class SolvedView:
 def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
     """Return a result with checks of its photos, their warnings, and the grade that is left.
 
-    A check that fails in several photos counts once. One contradiction makes the grade doubtful,
-    two make it bad.
+    A failed check caps the probability as one of a single photo does. One that fails in several
+    photos counts once.
     """
     failed = {check.name for check in checks if check.failed}
-    contradictions = sum(not _CHECKS[name].weak for name in failed)
-    own = Grade.DOUBTFUL if failed else Grade.GOOD
-    grades = {result.grade, Grade.BAD if contradictions > 1 else own}
+    trust = None if result.trust is None else capped(result.trust, len(failed))
     return replace(
         result,
         checks=(*result.checks, *checks),
         warnings=(*result.warnings, *(check.message for check in checks if check.failed)),
-        grade=next(grade for grade in (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD) if grade in grades),
+        grade=Grade.of(trust),
+        trust=trust,
     )
 
 

@@ -256,7 +256,9 @@ def test_a_camera_that_is_wrong_is_named(solved):
     )
     assert (wrong.failed, right.failed) == (True, False)
     assert f"not where {first.name} shows them" in wrong.message
-    doubtful = with_checks(replace(solved.reconstruction, grade=Grade.GOOD), [wrong, right])
+    doubtful = with_checks(
+        replace(solved.reconstruction, trust=0.9, grade=Grade.GOOD), [wrong, right]
+    )
     assert doubtful.grade is Grade.DOUBTFUL
     assert wrong.message in doubtful.warnings
 

@@ -51,6 +51,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     contents = {
         "title": title,
         "grade": None if reconstruction.grade is None else str(reconstruction.grade),
+        "trust": reconstruction.trust,
         "summary": repr(reconstruction).removeprefix("Reconstruction(").removesuffix(")"),
         "checked": summarize_checks(reconstruction.checks),
         "width": camera.width,

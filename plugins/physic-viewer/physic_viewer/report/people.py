@@ -45,7 +45,8 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     Returns:
         For each person:
 
-        - ``grade``: of :class:`physic_core.types.Grade`, or None.
+        - ``grade``: of :class:`physic_core.types.Grade`, or None. ``trust``: its probability.
+        - ``why``: sentence on what lowers the probability.
         - ``box``: x0 y0 x1 y1 px, or None if the photo does not show the person.
         - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
         - ``posed``: whether there is a finite body; without one, the distances are None.
@@ -90,6 +91,8 @@ def _record(
     others = [(other, gap) for (first, other), gap in gaps.items() if first == index]
     return {
         "grade": None if person.grade is None else str(person.grade),
+        "trust": person.trust,
+        "why": person.why,
         "box": [float(edge) for edge in person.box] if person.mask.any() else None,
         "color": list(person_color(index)),
         "tint": list(person_tint(index)),

@@ -2,8 +2,13 @@
 
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
-function gradeBadge(grade) {
-  return element("span", { className: `grade ${grade ?? "soft"}`, textContent: grade ?? "no grade" });
+// "good, 0.91"
+function gradeText({ grade, trust }) {
+  return (grade ?? "no grade") + (trust === null ? "" : `, ${trust.toFixed(2)}`);
+}
+
+function gradeBadge(graded) {
+  return element("span", { className: `grade ${graded.grade ?? "soft"}`, textContent: gradeText(graded) });
 }
 
 function showPeople(section, data, selected, onSelect) {
@@ -27,8 +32,9 @@ function showPeople(section, data, selected, onSelect) {
 
 function personCard(data, index) {
   const person = data.people[index], card = element("div", {});
-  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person.grade));
-  card.append(heading, ...checkList(data.checks.filter(check => check.person === index)));
+  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person));
+  const why = element("p", { className: "why", textContent: person.why });
+  card.append(heading, why, ...checkList(data.checks.filter(check => check.person === index)));
   if (!person.posed) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {

@@ -1,0 +1,191 @@
+"""Probability that a person is right in pose, place, contact and size, from the values of checks.
+
+The model is logistic. Each of its terms falls with the load of a check: the value over the limit,
+so that a worse value never raises the probability. What was not measured has a number of its own.
+``benchmarks/trust_on_photos.py`` fits the model to verdicts of readers, and writes ``trust.json``.
+
+A failed check that contradicts the body caps the probability, whatever the others say.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from physic_core.pipeline.checks.spec import CHECKS
+
+if TYPE_CHECKING:
+    from physic_core.types import CheckResult
+
+MAX_LOAD = 3.0
+"""Load from which a value counts as no worse."""
+
+CAP = 0.5
+"""Largest probability with one contradiction; that of two is its square."""
+
+_REASONS = 2  # that are named
+_LEAST_LOSS = 0.25  # log odds that a named reason takes away
+_NOTHING = "no check lowers it much"
+
+
+@dataclass(frozen=True)
+class Term:
+    """Share of one check in the log odds.
+
+    Attributes:
+        slope: log odds of a load of 1, at most 0.
+        usual: load whose share is 0: the median of people who are right.
+        unmeasured: log odds without a value.
+    """
+
+    slope: float
+    usual: float
+    unmeasured: float
+
+
+@dataclass(frozen=True)
+class TrustModel:
+    """Fitted model.
+
+    Attributes:
+        constant: log odds of a person whose loads are usual.
+        terms: check -> its share.
+    """
+
+    constant: float
+    terms: Mapping[str, Term]
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far a person or a photo is to be trusted.
+
+    Attributes:
+        probability: that it is right.
+        why: sentence that names what lowers the probability most, and what to do.
+    """
+
+    probability: float
+    why: str
+
+
+@cache
+def trust_model() -> TrustModel:
+    """Return the fitted model."""
+    text = (files("physic_core.pipeline.checks") / "trust.json").read_text(encoding="utf-8")
+    return trust_model_of(json.loads(text))
+
+
+def trust_model_of(fitted: Mapping[str, Any]) -> TrustModel:
+    """Return the model of a fitted file."""
+    terms = {name: Term(**term) for name, term in fitted["terms"].items()}
+    return TrustModel(fitted["constant"], terms)
+
+
+def load_of(value: float | None, threshold: float, direction: str, unit: str) -> float | None:
+    """Return the load of a check: 1 at the limit, more beyond it, and 0 at best; None without a
+    value.
+
+    It is the value over a limit "at most", and the rest to 1 over that of a least share. Of counts
+    and of yes and no it is how many are missing, plus 1.
+    """
+    if value is None:
+        return None
+    if direction == "at most":
+        load = value / threshold if threshold else 1 + value
+    elif unit == "share":
+        load = (1 - value) / (1 - threshold)
+    else:
+        load = 1 + threshold - value
+    return min(max(load, 0.0), MAX_LOAD)
+
+
+def log_odds(values: Mapping[str, float | None], model: TrustModel) -> dict[str, float]:
+    """Return check -> its share in the log odds that a person is right.
+
+    Args:
+        values: check -> value, None where nothing was measured.
+        model: fitted.
+    """
+    shares = {}
+    for name, term in model.terms.items():
+        spec = CHECKS[name]
+        load = load_of(values.get(name), spec.threshold, spec.direction, spec.unit)
+        shares[name] = term.unmeasured if load is None else term.slope * (load - term.usual)
+    return shares
+
+
+def probability_of(values: Mapping[str, float | None], model: TrustModel) -> float:
+    """Return the probability that a person is right.
+
+    Args:
+        values: as of :func:`log_odds`.
+        model: fitted.
+    """
+    odds = model.constant + sum(log_odds(values, model).values())
+    return capped(1 / (1 + math.exp(-odds)), len(contradictions(values)))
+
+
+def contradictions(values: Mapping[str, float | None]) -> list[str]:
+    """Return the checks that contradict the body of a person."""
+    return [
+        spec.name
+        for spec in CHECKS.values()
+        if spec.contradicts and spec.compare(values.get(spec.name)).failed
+    ]
+
+
+def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
+    """Return how far a person is to be trusted.
+
+    Args:
+        checks: of the photo and of all people.
+        person: whose.
+    """
+    own = {check.name: check for check in checks if check.person in (None, person)}
+    values = {name: check.value for name, check in own.items()}
+    shares = log_odds(values, trust_model())
+    named = contradictions(values)
+    for name in sorted(shares, key=shares.__getitem__):
+        if name in own and name not in named and shares[name] <= -_LEAST_LOSS:
+            named.append(name)
+    sentence = _sentence([own[name] for name in named[:_REASONS]])
+    return Trust(probability_of(values, trust_model()), sentence)
+
+
+def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
+    """Return the trust in a person without a body, with the contradictions that say why."""
+    return replace(person_trust(checks, person), probability=0.0)
+
+
+def photo_trust(checks: Sequence[CheckResult], main: Collection[float]) -> float | None:
+    """Return how far a photo is to be trusted: the least of its main people, unless a check of the
+    photo caps it; None without people.
+
+    Args:
+        checks: of the photo and of all people.
+        main: probabilities of the main people.
+    """
+    if not main:
+        return None
+    return capped(min(main), int(any(check.failed for check in checks if check.person is None)))
+
+
+def capped(probability: float, contradictions: int) -> float:
+    """Return a probability, at most that which a number of contradictions leaves."""
+    return min(probability, CAP**contradictions) if contradictions else probability
+
+
+def _sentence(checks: Sequence[CheckResult]) -> str:
+    """Return what lowers a probability, with its value, and what to do."""
+    parts = []
+    for check in checks:
+        advice = CHECKS[check.name].advice
+        said = check.message if check.failed or check.value is None else advice
+        parts.append(f"{check.title}: {check.value_text}{f' ({said})' if said else ''}")
+    return "; ".join(parts) or _NOTHING

@@ -1,0 +1,137 @@
+"""Trust: one probability for each person, which no worse value of a check raises; its reasons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from physic_core.pipeline.checks import CHECKS, person_trust, photo_trust
+from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model
+from physic_core.types import CheckResult, Grade, grade_text
+
+MODEL = trust_model()
+TERMS = sorted(MODEL.terms)
+
+
+def value_at(name: str, load: float) -> float:
+    """The value of a check at a load."""
+    spec = CHECKS[name]
+    if spec.direction == "at most":
+        return load * spec.threshold
+    return 1 - load * (1 - spec.threshold) if spec.unit == "share" else 1 + spec.threshold - load
+
+
+def best() -> dict[str, float | None]:
+    """The best values of all checks of the model."""
+    return {name: value_at(name, 0.0) for name in MODEL.terms}
+
+
+def results(**values: float | None) -> tuple[CheckResult, ...]:
+    """Checks of the photo and of person 0, the best ones unless other values are given."""
+    given = best() | values
+    return tuple(
+        CHECKS[name].compare(value, None if CHECKS[name].of == "photo" else 0)
+        for name, value in given.items()
+    )
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_a_worse_value_never_raises_the_probability(name: str) -> None:
+    likely = [
+        probability_of(best() | {name: value_at(name, load)}, MODEL)
+        for load in (0.0, 0.4, 0.8, 1.0, 1.5, 3.0, 9.0)
+    ]
+    assert likely == sorted(likely, reverse=True)
+    assert likely[-1] == likely[-2]
+
+
+def test_some_value_of_a_check_lowers_the_probability() -> None:
+    worst = {name: value_at(name, 3.0) for name in MODEL.terms}
+    assert probability_of(best(), MODEL) >= 0.8
+    assert probability_of(worst, MODEL) < 0.1
+
+
+def test_what_was_not_measured_has_a_number_of_its_own() -> None:
+    for name, term in MODEL.terms.items():
+        usual = best() | {name: value_at(name, term.usual)}
+        if not CHECKS[name].contradicts:
+            order = probability_of(best() | {name: None}, MODEL) > probability_of(usual, MODEL)
+            assert order == (term.unmeasured > 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "name", "load"),
+    [
+        (None, "lean", None),
+        (7.5, "lean", 0.5),
+        (90.0, "lean", 3.0),
+        (0.85, "body_in_mask", 1.0),
+        (1.0, "body_in_mask", 0.0),
+        (1.0, "placed", 1.0),
+        (0.0, "placed", 2.0),
+        (1.0, "heads", 1.0),
+    ],
+)
+def test_a_load_is_one_at_the_limit(value: float | None, name: str, load: float | None) -> None:
+    spec = CHECKS[name]
+    assert load_of(value, spec.threshold, spec.direction, spec.unit) == pytest.approx(load)
+
+
+@pytest.mark.parametrize("name", [name for name, spec in CHECKS.items() if spec.contradicts])
+def test_a_contradiction_caps_the_probability_and_is_named_first(name: str) -> None:
+    wrong = CHECKS[name].compare(value_at(name, 1.5) if name != "heads" else 2.0, 0)
+    assert wrong.failed
+    others = [one for one in results() if one.name != name]
+    trust = person_trust([*others, wrong], 0)
+    assert trust.probability <= CAP
+    assert trust.why.startswith(wrong.title)
+
+
+def test_two_contradictions_make_a_person_bad() -> None:
+    trust = person_trust(results(limb_keypoints=0.2, sole_height=0.5), 0)
+    assert Grade.of(trust.probability) is Grade.BAD
+
+
+def test_the_two_checks_that_lower_the_probability_most_are_named() -> None:
+    assert ";" not in person_trust(results(), 0).why
+    lowest = sorted(MODEL.terms, key=lambda name: MODEL.terms[name].slope)
+    worst = [name for name in lowest if not CHECKS[name].contradicts][:3]
+    checks = results(**{name: value_at(name, 3.0) for name in worst})
+    why = person_trust(checks, 0).why
+    named = [one.title for one in checks if one.title in why]
+    assert len(named) == 2
+    assert all(CHECKS[one.name].advice in why for one in checks if one.title in named)
+
+
+def test_checks_of_other_people_do_not_count() -> None:
+    own = results()
+    other = [replace(one, person=1) for one in results(lean=80.0) if one.person == 0]
+    assert person_trust([*own, *other], 0) == person_trust(own, 0)
+    assert person_trust([*own, *other], 1).probability < person_trust(own, 0).probability
+
+
+def test_a_photo_is_as_good_as_its_worst_main_person() -> None:
+    assert photo_trust(results(), [0.9, 0.4]) == 0.4
+    assert photo_trust(results(), []) is None
+    failed = CHECKS["scale_sigma"].compare(0.4)
+    assert photo_trust([*results(), failed], [0.9]) == CAP
+    assert photo_trust([*results(), failed, CHECKS["unposed_people"].compare(1.0)], [0.9]) == CAP
+
+
+@pytest.mark.parametrize(
+    ("trust", "grade", "text"),
+    [
+        (0.91, Grade.GOOD, "good, 0.91"),
+        (0.796, Grade.GOOD, "good, 0.80"),
+        (0.794, Grade.DOUBTFUL, "doubtful, 0.79"),
+        (0.3, Grade.DOUBTFUL, "doubtful, 0.30"),
+        (0.29, Grade.BAD, "bad, 0.29"),
+        (None, Grade.DOUBTFUL, "doubtful"),
+    ],
+)
+def test_a_grade_is_a_range_of_the_probability(
+    trust: float | None, grade: Grade, text: str
+) -> None:
+    assert Grade.of(trust) is grade
+    assert grade_text(grade, trust) == text
