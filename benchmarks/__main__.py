@@ -9,6 +9,7 @@ BENCHMARKS = {
     "truth": "benchmarks.truth.command",
     "same_photo": "benchmarks.same_photo.command",
     "contact_on_photos": "benchmarks.contact_on_photos",
+    "trust_on_photos": "benchmarks.trust_on_photos",
     "run_cost": "benchmarks.run_cost",
 }
 """Name -> module, whose ``main`` reads the command line."""

@@ -123,7 +123,7 @@ class Case:
     @property
     def half(self) -> str:
         """The half of the picture; all films are in "development"."""
-        return HALVES[_digest(self.picture) % 2 if self.weight == 1 else 0]
+        return half_of(self.picture) if self.weight == 1 else HALVES[0]
 
 
 def main() -> int:
@@ -427,10 +427,18 @@ def picture_name(sample: Sample) -> str:
     """Return a name that a picture has in all sets: the number that its source gave it, else the
     end of its name.
     """
-    if sample.frame is not None:
-        return sample.group
-    numbers = re.findall(r"\d{6,}", sample.name)
-    return numbers[-1] if numbers else re.sub("^tfjs(-models_)?_", "", sample.name)
+    return sample.group if sample.frame is not None else name_in_sets(sample.name)
+
+
+def name_in_sets(photo: str) -> str:
+    """Return :func:`picture_name` of a photo of this name."""
+    numbers = re.findall(r"\d{6,}", photo)
+    return numbers[-1] if numbers else re.sub("^tfjs(-models_)?_", "", photo)
+
+
+def half_of(picture: str) -> str:
+    """Return the half of a photo with this :func:`picture_name`."""
+    return HALVES[_digest(picture) % 2]
 
 
 def _digest(text: str) -> int:

@@ -48,7 +48,7 @@ COLUMNS = (
         "parts",
         "unsure parts cross %",
     ),
-    *("support %", "grade %", "good <-> bad"),
+    *("support %", "grade %", "good <-> bad", "trust"),
 )
 """Of the table.
 
@@ -67,6 +67,7 @@ class PersonChange:
         parts: probabilities of each body part in both answers.
         supports: states in both answers.
         grades: in both answers.
+        trust: difference of the probabilities that the person is right; NaN without checks.
     """
 
     distance: float
@@ -75,6 +76,7 @@ class PersonChange:
     parts: tuple[tuple[float, float], ...]
     supports: tuple[str | None, str | None]
     grades: tuple[str | None, str | None]
+    trust: float
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,7 @@ def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> Pers
         ),
         supports=(photo.support, variant.support),
         grades=(photo.grade, variant.grade),
+        trust=(variant.trust or math.nan) - (photo.trust or math.nan),
     )
 
 
@@ -203,6 +206,7 @@ def _row(changes: Sequence[Change]) -> list[str]:
         _percent(sum(len(set(p.supports)) > 1 for p in people), len(people)),
         _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
         str(sum(set(p.grades) == {"good", "bad"} for p in people)),
+        _spread(p.trust for p in people),
     ]
 
 

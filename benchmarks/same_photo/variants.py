@@ -115,6 +115,7 @@ class SeenPerson:
         parts: body part -> probability that it touches the world.
         support: state of the support; None without a body.
         grade: of the person.
+        trust: probability that the person is right; None without checks.
     """
 
     mask: NDArray[np.bool_]
@@ -123,6 +124,7 @@ class SeenPerson:
     parts: Mapping[str, float]
     support: str | None
     grade: str | None
+    trust: float | None
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,7 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
                 parts=parts,
                 support=None if person.support is None else str(person.support.state),
                 grade=None if person.grade is None else str(person.grade),
+                trust=person.trust,
             )
         )
     scene = result.scene

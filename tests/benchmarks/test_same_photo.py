@@ -109,6 +109,7 @@ def test_what_is_changed_by_hand_is_measured() -> None:
         stature=1.05 * person.stature,
         parts=parts,
         grade="bad",
+        trust=0.2,
     )
     other = replace(
         one,
@@ -118,7 +119,7 @@ def test_what_is_changed_by_hand_is_measured() -> None:
         floor=one.floor * [1, 1, 1, 2],
         notes=(),
     )
-    found = change(replace(one, people=(replace(person, grade="good"),)), other)
+    found = change(replace(one, people=(replace(person, grade="good", trust=0.9),)), other)
     assert np.exp([found.scene, found.focal, found.floor_height]) == pytest.approx(
         [0.9, 1.2, 2], rel=1e-6
     )
@@ -130,6 +131,7 @@ def test_what_is_changed_by_hand_is_measured() -> None:
     assert row["parts"] == f"{(0.5 + 0.15) / 3:.3f}"
     assert row["unsure parts cross %"] == "33"  # the left foot, of three
     assert (row["grade %"], row["support %"], row["good <-> bad"]) == ("100", "0", "1")
+    assert row["trust"] == "0.7; 0.7"
 
 
 @pytest.mark.parametrize("name", ["crop8", "column", "scale"])

@@ -1,0 +1,281 @@
+"""Fit the probability that a person is right to verdicts of readers.
+
+    python -m benchmarks trust_on_photos gather RESULTS TABLE
+    python -m benchmarks trust_on_photos fit [TABLE] [--write]
+
+``gather`` writes the people of the results below RESULTS to TABLE, with the values of their checks,
+and keeps the verdicts of people who are in it. A verdict has 1 or 0 for each of pose, place,
+contact and size, which a reader judges from the photo, and from front, side and top of the body
+with its floor; a person is right if all four are. ``fit`` prints how the probability agrees with
+the verdicts, and with ``--write`` writes ``physic_core/pipeline/checks/trust.json``, fitted to all
+people. To fit other backends, gather their results, add verdicts, and fit.
+
+TABLE is by default ``benchmarks/truth/verdicts.json``, of the photos with labelled contact and the
+embedded preset. Half "development" of the photos chose the terms: each of its photos is scored by a
+fit to the others of the half. Half "held" is scored by a fit to half "development".
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.metrics import match_by_boxes, resampled_interval
+from physic_core.pipeline.checks.spec import CHECKS
+from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model_of
+
+from .contact_on_photos import HALVES, half_of, name_in_sets
+from .truth.measures import probability_scores
+
+Array = NDArray[np.float64]
+Row = Mapping[str, Any]
+
+TRUST = Path(__file__).parents[1] / "physic_core" / "pipeline" / "checks" / "trust.json"
+VERDICTS = Path(__file__).parent / "truth" / "verdicts.json"
+JUDGED = ("pose", "place", "contact", "size")
+RIDGE = 3.0
+"""Weight of half the squared coefficients of standardised columns."""
+
+GOOD = 0.8
+BAD = 0.3
+DRAWS = 1000
+FOLDS = 10
+SAME_PERSON = 0.9
+"""Least overlap of the boxes of one person in two runs."""
+
+TERMS = ("contact_sure", "detected", "lean", "body_in_mask", "low_depth")
+"""Checks whose values are in the model."""
+
+
+def main() -> int:
+    """Gather people, or fit."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks trust_on_photos",
+        description=(__doc__ or "").partition("\n")[0],
+    )
+    steps = parser.add_subparsers(dest="step", required=True)
+    gather = steps.add_parser("gather")
+    gather.add_argument("results", type=Path)
+    gather.add_argument("table", type=Path)
+    fit = steps.add_parser("fit")
+    fit.add_argument("table", type=Path, nargs="?", default=VERDICTS)
+    fit.add_argument("--write", action="store_true", help="write the fitted file")
+    given = parser.parse_args()
+    if given.step == "gather":
+        earlier = json.loads(given.table.read_text()) if given.table.exists() else []
+        lines = [json.dumps(row) for row in people_of(given.results, earlier)]
+        given.table.write_text("[\n" + ",\n".join(lines) + "\n]\n")
+        return 0
+    rows = [row for row in json.loads(given.table.read_text()) if row["verdicts"]]
+    record = fit_all(rows)
+    print(json.dumps(record, indent=2))
+    if given.write:
+        TRUST.write_text(json.dumps(record, indent=2) + "\n")
+    return 0
+
+
+def people_of(results: Path, earlier: Sequence[Row]) -> list[Row]:
+    """Return a row for each person of the results below a folder, with the verdicts of earlier
+    rows.
+    """
+    from physic_core import load_reconstruction
+    from physic_core.batch.contact_sheet import find_results
+
+    rows: list[Row] = []
+    for folder in find_results(results):
+        result = load_reconstruction(folder)
+        photo = Path(result.photo_name).stem
+        own = [row for row in earlier if row["photo"] == photo]
+        for index, person in enumerate(result.people):
+            box = result.file_pixels(person.box.reshape(2, 2)).ravel().round(1).tolist()
+            matched = match_by_boxes([box], [row["box"] for row in own], SAME_PERSON).predicted_of
+            kept = {name: own[i][name] for i in matched for name in ("verdicts", "child")}
+            checks = {
+                check.name: None if check.value is None else float(f"{check.value:.4g}")
+                for check in result.checks
+                if check.person in (None, index)
+            }
+            new = {"photo": photo, "box": box, "verdicts": {}, "child": False}
+            rows.append(new | kept | {"checks": checks})
+    return rows
+
+
+def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
+    """Score both halves of the photos, then fit to all people; return the fitted file."""
+    halves: dict[str, list[Row]] = {half: [] for half in HALVES}
+    for row in rows:
+        halves[half_of(name_in_sets(row["photo"]))].append(row)
+    chosen, held = halves.values()
+    scores = {
+        HALVES[0]: described(chosen, left_out(chosen)),
+        HALVES[1]: described(held, probabilities(held, fitted(chosen)), right_share(chosen)),
+    }
+    readers = sorted({reader for row in rows for reader in row["verdicts"]})
+    return {
+        "made by": "benchmarks/trust_on_photos.py",
+        "fitted on": f"{len(rows)} people in {len({row['photo'] for row in rows})} photos, judged "
+        f"by {len(readers)} reader{'' if len(readers) == 1 else 's'}",
+        "people who took no part": scores,
+        **fitted(rows),
+    }
+
+
+def right_share(rows: Sequence[Row]) -> float:
+    """Return the share of people who are right, mean of the readers."""
+    return float(np.mean([rightness(row) for row in rows]))
+
+
+def rightness(row: Row) -> float:
+    """Return the share of the readers who find all of a person right."""
+    return float(np.mean([all(one[name] for name in JUDGED) for one in row["verdicts"].values()]))
+
+
+def fitted(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return constant and terms of the log odds, by maximum likelihood with a ridge; slopes are at
+    most 0.
+    """
+    from scipy.optimize import minimize
+
+    loads, unknown = loads_of(rows)
+    right = np.array([rightness(row) for row in rows])
+    usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
+    spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
+    # What was not measured is compared with the usual load.
+    columns = np.c_[
+        np.ones(len(rows)),
+        np.where(unknown, 0.0, (loads - usual) / spread),
+        unknown.astype(np.float64),
+    ]
+    count = len(TERMS)
+
+    def loss(w: Array) -> tuple[float, Array]:
+        odds = columns @ w
+        chance = 1 / (1 + np.exp(-odds))
+        value = (np.logaddexp(0, odds) - right * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
+        return float(value), columns.T @ (chance - right) + RIDGE * np.r_[0.0, w[1:]]
+
+    bounds = [(None, None), *[(None, 0.0)] * count, *[(None, None)] * count]
+    found = minimize(loss, np.zeros(1 + 2 * count), jac=True, bounds=bounds, method="L-BFGS-B").x
+    slopes = found[1 : 1 + count] / spread
+    terms = {
+        name: {"slope": float(a), "usual": float(b), "unmeasured": float(c)}
+        for name, a, b, c in zip(TERMS, slopes, usual, found[1 + count :], strict=True)
+    }
+    rounded = {
+        name: {key: round(value, 3) + 0.0 for key, value in term.items()}
+        for name, term in terms.items()
+    }
+    return {"constant": round(float(found[0]), 3), "terms": rounded}
+
+
+def loads_of(rows: Sequence[Row]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the loads (n, T) of the terms, NaN where unknown, and where they are unknown."""
+    loads = np.array(
+        [[np.nan if load is None else load for load in loads_of_row(row).values()] for row in rows]
+    )
+    return loads, np.isnan(loads)
+
+
+def loads_of_row(row: Row) -> dict[str, float | None]:
+    """Return term -> load of a person."""
+    specs = [CHECKS[name] for name in TERMS]
+    return {
+        spec.name: load_of(row["checks"][spec.name], spec.threshold, spec.direction, spec.unit)
+        for spec in specs
+    }
+
+
+def probabilities(rows: Sequence[Row], model: Mapping[str, Any]) -> Array:
+    """Return the probability (n,) of each person by a fitted file, with its caps."""
+    return np.array([probability_of(row["checks"], trust_model_of(model)) for row in rows])
+
+
+def left_out(rows: Sequence[Row]) -> Array:
+    """Return the probability (n,) of each person by a fit without a tenth of the photos."""
+    fold = np.array([fold_of(row["photo"]) for row in rows])
+    found = np.zeros(len(rows))
+    for number in range(FOLDS):
+        others = [row for row, own in zip(rows, fold, strict=True) if own != number]
+        mine = [row for row, own in zip(rows, fold, strict=True) if own == number]
+        found[fold == number] = probabilities(mine, fitted(others)) if mine else 0.0
+    return found
+
+
+def fold_of(photo: str) -> int:
+    """Return the tenth of a photo."""
+    return hashlib.sha256(f"{name_in_sets(photo)}fold".encode()).digest()[0] % FOLDS
+
+
+def described(rows: Sequence[Row], likely: Array, constant: float | None = None) -> dict[str, Any]:
+    """Return scores, each with its interval by a bootstrap over photos.
+
+    Args:
+        rows: people.
+        likely: (n,) probabilities.
+        constant: the probability without any evidence; the share who are right if not given.
+    """
+    rate = right_share(rows) if constant is None else constant
+    photos: dict[str, list[tuple[float, float]]] = {}
+    for row, chance in zip(rows, likely, strict=True):
+        photos.setdefault(row["photo"], []).append((float(chance), rightness(row)))
+    groups = list(photos.values())
+    scores = {}
+    for name, statistic in STATISTICS.items():
+
+        def of_groups(drawn: Sequence[Any], statistic: Any = statistic) -> float:
+            pairs = np.array([pair for group in drawn[0] for pair in group])
+            return float(statistic(pairs[:, 0], pairs[:, 1], rate))
+
+        low, high = resampled_interval([groups], of_groups, DRAWS)
+        scores[name] = f"{of_groups([groups]):.3f} ({low:.3f} to {high:.3f})"
+    return {"people": len(rows), "photos": len(groups), **scores}
+
+
+def _log_score_gain(chance: Array, right: Array, rate: float) -> float:
+    def mean(p: Any) -> float:
+        return float((right * np.log(p) + (1 - right) * np.log(1 - p)).mean())
+
+    return mean(chance) - mean(rate)
+
+
+def _share_right(among: Callable[[Array], NDArray[np.bool_]]) -> Callable[..., float]:
+    def share(chance: Array, right: Array, rate: float) -> float:
+        chosen = among(chance)
+        return float(right[chosen].mean()) if chosen.any() else np.nan
+
+    return share
+
+
+def _probability_score(name: str) -> Callable[..., float]:
+    def score(chance: Array, right: Array, rate: float) -> float:
+        return probability_scores(chance.tolist(), (right >= CAP).tolist())[name]
+
+    return score
+
+
+STATISTICS: dict[str, Callable[..., float]] = {
+    "AUC": _probability_score("auc"),
+    "log score above the constant's": _log_score_gain,
+    "calibration error": _probability_score("calibration"),
+    "good people right": _share_right(lambda chance: chance.round(2) >= GOOD),
+    "doubtful people right": _share_right(
+        lambda chance: (chance.round(2) < GOOD) & (chance.round(2) >= BAD)
+    ),
+    "bad people right": _share_right(lambda chance: chance.round(2) < BAD),
+    "right above one half": _share_right(lambda chance: chance >= CAP),
+    "right below one half": _share_right(lambda chance: chance < CAP),
+    "share good": lambda chance, right, rate: float((chance.round(2) >= GOOD).mean()),
+}
+"""Name -> figure of probabilities (n,), shares of the readers (n,) and the constant."""
+
+
+if __name__ == "__main__":
+    sys.exit(main())
