@@ -7,7 +7,9 @@ fraction of a second.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -24,12 +26,10 @@ from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_ma
 from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from torch import Tensor
 
     from physic_core.engine.state import Estimates, State
-    from physic_core.types import FloatArray, KnownSizes
+    from physic_core.types import BoolArray, FloatArray, KnownSizes
 
 _FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
@@ -40,11 +40,46 @@ _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat
 _FEWEST_PIXELS = 10  # with a depth, for a median
 
 
-def measure_people(state: State) -> list[dict[str, float | None]]:
-    """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite
-    vertices.
+@dataclass(frozen=True)
+class Measures:
+    """Measures of one person; None where nothing could be measured.
+
+    Attributes:
+        placement_problem: why keypoints, depth and floor did not place the body.
+        assumed_support: whether an unseen support is assumed.
+        body_in_mask_share: share of the silhouette within the mask, without pixels occluded by
+            other people or nearer objects, or outside the photo.
+        low_depth_ratio: median ratio of the photo's depth to the body's over the lowest visible
+            part of the silhouette.
+        clearance_m: see :func:`clearance`.
+        sole_height_m: of the lowest sole over the floor.
+        size_sigma: of the logarithm of the body's size.
+        given_keypoints_px: distance of each keypoint that the user gave from that of the body.
+        stature_px: of the standing person at the same depth; only with given keypoints.
+        given_stature_m: given, or usual at the given age.
+        shown_stature_m: by the photo.
+        stature_sigmas: difference of the logarithms of both, in standard deviations.
+    """
+
+    placement_problem: str | None = None
+    assumed_support: bool | None = None
+    body_in_mask_share: float | None = None
+    low_depth_ratio: float | None = None
+    clearance_m: float | None = None
+    sole_height_m: float | None = None
+    size_sigma: float | None = None
+    given_keypoints_px: Mapping[str, float] = field(default_factory=dict)
+    stature_px: float | None = None
+    given_stature_m: float | None = None
+    shown_stature_m: float | None = None
+    stature_sigmas: float | None = None
+
+
+def measure_people(estimates: Estimates, state: State) -> list[Measures]:
+    """Measure how each person agrees with scene, floor, photo and the keypoints that the user gave.
 
     Args:
+        estimates: of the photo.
         state: with the contact of the people and the final scene.
     """
     model, scale, found, around = state.model, state.scene_scale, state.contact, state.surroundings
@@ -57,33 +92,30 @@ def measure_people(state: State) -> list[dict[str, float | None]]:
         None if around.depth is None else around.depth * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
-    measured: list[dict[str, float | None]] = [{} for _ in found.supports]
+    measured = [Measures(problem or None) for problem in state.unplaced]
     for i, support in enumerate(found.supports):
         if support is None:
             continue
         body, heights = state.vertices[i], None
         if around.floor_normal is not None:
             heights = height_over_plane(body, around.floor_normal, around.floor_offset * scale)
-        measured[i] = {
-            "assumed_support": float(bool(support.hidden)),
-            **silhouettes[i],
-            "clearance_m": clearance(found.distance[i], heights),
-            "sole_height_m": None if heights is None else float(heights[model.soles].min()),
-        }
-    return measured
-
-
-def measure_given_keypoints(estimates: Estimates, state: State) -> list[dict[str, Any]]:
-    """Measure how far the keypoints that the user gave lie from those of the bodies.
-
-    Returns:
-        Per person "given_keypoints_px": name of a given keypoint -> distance, px; and "stature_px",
-        that of the standing person at the same depth. An empty mapping for people of whom none is
-        given.
-    """
+        share, ratio = silhouettes[i]
+        measured[i] = replace(
+            measured[i],
+            assumed_support=bool(support.hidden),
+            body_in_mask_share=share,
+            low_depth_ratio=ratio,
+            clearance_m=clearance(found.distance[i], heights),
+            sole_height_m=None if heights is None else float(heights[model.soles].min()),
+        )
     given = estimates.given_keypoints
-    if given is None:
-        return [{} for _ in range(len(state))]
+    return measured if given is None else _with_keypoints(measured, given, estimates, state)
+
+
+def _with_keypoints(
+    measured: list[Measures], given: BoolArray, estimates: Estimates, state: State
+) -> list[Measures]:
+    """Measure how far the given keypoints (N, J) bool lie from those of the bodies."""
     given = given[:, estimates.keypoints.joint_set.fitted]
     names = state.skeleton.names
     regressor = state.model.regressor(state.skeleton)
@@ -91,13 +123,14 @@ def measure_given_keypoints(estimates: Estimates, state: State) -> list[dict[str
     off = torch.linalg.vector_norm(project(points, state.K) - state.keypoints, dim=-1)
     stature = state.K[1, 1] * state.model.stature(state.betas) / state.joints[:, 0, 2]
     return [
-        {
-            "given_keypoints_px": {names[j]: float(off[i, j]) for j in np.flatnonzero(own)},
-            "stature_px": float(stature[i]),
-        }
+        replace(
+            one,
+            given_keypoints_px={names[j]: float(off[i, j]) for j in np.flatnonzero(own)},
+            stature_px=float(stature[i]),
+        )
         if own.any()
-        else {}
-        for i, own in enumerate(given)
+        else one
+        for i, (one, own) in enumerate(zip(measured, given, strict=True))
     ]
 
 
@@ -136,23 +169,27 @@ def pixel_text(at: Sequence[float]) -> str:
 
 
 def compare_statures(
-    estimates: Estimates, placed: State, state: State, off_floor: FloatArray
-) -> list[dict[str, float | None]]:
+    measured: Sequence[Measures],
+    estimates: Estimates,
+    placed: State,
+    state: State,
+    off_floor: FloatArray,
+) -> list[Measures]:
     """Compare each person's stature of the given age or size with what the photo shows.
 
     The joint fit leaves some people above the floor: the photo shows these as large as bodies that
     stand on it.
 
     Args:
-        estimates: with ages and statures of N people.
+        measured: of N people.
+        estimates: with their ages and statures.
         placed: state before stage 3, whose bodies have the given statures, or the usual ones of the
             given ages.
         state: after stage 3.
         off_floor: (N,) log factor by which each body must grow to stand on the floor.
 
     Returns:
-        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference
-        of their logarithms in standard deviations; empty for people without a known age or stature.
+        The measures, with the statures of people of known age or stature.
     """
     before, after = (one.model.stature(one.betas).double().log().numpy() for one in (placed, state))
     after = after + off_floor
@@ -160,7 +197,7 @@ def compare_statures(
     stature, years = given.filled(len(before))
     is_sized = state.known is not None and state.known.unscaled is not None
     sigma = stature_sigmas(stature, years)
-    found: list[dict[str, float | None]] = [{} for _ in before]
+    found = list(measured)
     for i in np.flatnonzero(
         (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
     ).tolist():
@@ -171,11 +208,12 @@ def compare_statures(
             if is_sized
             else size_beside_others(before, after, sigma, i)
         )
-        found[i] = {
-            "given_stature_m": math.exp(before[i]),
-            "shown_stature_m": math.exp(shown),
-            "stature_sigmas": abs(shown - before[i]) / spread,
-        }
+        found[i] = replace(
+            found[i],
+            given_stature_m=math.exp(before[i]),
+            shown_stature_m=math.exp(shown),
+            stature_sigmas=abs(shown - before[i]) / spread,
+        )
     return found
 
 
@@ -248,7 +286,7 @@ def compare_silhouettes(
     K: Tensor,
     scene_depth: Tensor | None = None,
     photo_depth: Tensor | None = None,
-) -> list[dict[str, float | None]]:
+) -> list[tuple[float | None, float | None]]:
     """Measure how the silhouettes of N bodies agree with their masks, and the depth of their lower
     ends.
 
@@ -261,10 +299,7 @@ def compare_silhouettes(
         photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown; or None.
 
     Returns:
-        Per person "body_in_mask_share": share of the silhouette within the mask, without pixels
-        occluded by other people or nearer objects, or outside the photo; "low_depth_ratio": median
-        ratio of the photo's depth to the body's over the lowest visible part of the silhouette.
-        None where nothing can be measured.
+        Per person ``body_in_mask_share`` and ``low_depth_ratio`` of :class:`Measures`.
     """
     height, width = masks.shape[-2:]
     scale = min(1.0, _LONG_SIDE_PX / max(height, width))
@@ -290,12 +325,10 @@ def compare_silhouettes(
         if scene is not None:
             seen = seen & ~(scene < depth - _IN_FRONT_M)
         found.append(
-            {
-                "body_in_mask_share": _share(
-                    seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()
-                ),
-                "low_depth_ratio": None if photo is None else _low_depth_ratio(depth, mask, photo),
-            }
+            (
+                _share(seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()),
+                None if photo is None else _low_depth_ratio(depth, mask, photo),
+            )
         )
     return found
 

@@ -122,19 +122,19 @@ def compare_sizes(
     """
     warnings, measured = contradictions(estimates.known, state)
     growth = _growth_to_floor(solution)
-    sizes = compare_statures(estimates, placed, state, growth)
+    people = compare_statures(solution.people, estimates, placed, state, growth)
     limit = CHECKS["given_size"].threshold
-    for i, (size, own) in enumerate(zip(sizes, growth, strict=True)):
-        if own and size and (size["stature_sigmas"] or 0) <= limit:  # else the check warns
+    for i, (person, own) in enumerate(zip(people, growth, strict=True)):
+        sigmas = person.stature_sigmas
+        if own and sigmas is not None and sigmas <= limit:  # else the check warns
             warnings.append(
                 f"person {i} stands off the floor with the given size: the photo shows "
-                f"{size['shown_stature_m']:.2f} "
-                f"m, and {size['given_stature_m']:.2f} m was given or is usual; several sizes go "
+                f"{person.shown_stature_m:.2f} "
+                f"m, and {person.given_stature_m:.2f} m was given or is usual; several sizes go "
                 f"from left to right"
             )
-    people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
     return warnings, replace(
-        solution, people=people, diagnostics={**solution.diagnostics, **measured}
+        solution, people=tuple(people), diagnostics={**solution.diagnostics, **measured}
     )
 
 
@@ -144,8 +144,8 @@ def _growth_to_floor(solution: Solution) -> FloatArray:
     """
     found = np.zeros(len(solution.people))
     floor = solution.scene.floor
-    for i, report in enumerate(solution.people):
-        height = report.get("sole_height_m")
+    for i, person in enumerate(solution.people):
+        height = person.sole_height_m
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.

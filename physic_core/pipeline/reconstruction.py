@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -80,9 +81,7 @@ def build_reconstruction(
                 trust=trust[i].probability,
                 why=trust[i].why,
                 stature=statures[i] if math.isfinite(statures[i]) else None,
-                stature_sigma=solution.people[i]["size_sigma"]
-                if math.isfinite(statures[i])
-                else None,
+                stature_sigma=solution.people[i].size_sigma if math.isfinite(statures[i]) else None,
                 age=None
                 if estimates.ages is None or math.isnan(estimates.ages[i])
                 else float(estimates.ages[i]),
@@ -105,7 +104,7 @@ def build_reconstruction(
         body_model=model.name,
         skeleton=estimates.keypoints.skeleton,
         stages=tuple(stages.records),
-        diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
+        diagnostics={**solution.diagnostics, "people": [asdict(p) for p in solution.people]},
         warnings=tuple(stages.warnings),
         notes=tuple(stages.notes),
         config=config.as_dict(),

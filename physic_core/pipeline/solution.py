@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import torch
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.measures import measure_given_keypoints, measure_people
+from physic_core.engine.measures import Measures, measure_people
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.engine.sizes.stature import size_sigmas
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -49,7 +49,7 @@ class Solution(ShortRepr):
         supports: per person, their support; None without a finite body.
         world_contact: per person, body part -> probability that it touches floor, scene or a hidden
             support; None without a finite body, and if the preset estimates none.
-        people: per person, measured numbers by name.
+        people: measures of each person.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage; without people, only those of the scene.
     """
@@ -67,7 +67,7 @@ class Solution(ShortRepr):
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
     world_contact: tuple[Mapping[str, float] | None, ...]
-    people: tuple[Mapping[str, Any], ...]
+    people: tuple[Measures, ...]
     failures: tuple[str, ...]
     diagnostics: Mapping[str, Any]
 
@@ -84,12 +84,10 @@ def assemble_solution(estimates: Estimates, state: State) -> Solution:
         # lengths across a measured depth
         sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)
     people = tuple(
-        {"placement_problem": problem or None, **measures, "size_sigma": size, **given}
-        for problem, measures, size, given in zip(
-            state.unplaced,
-            measure_people(state),
+        replace(measures, size_sigma=size)
+        for measures, size in zip(
+            measure_people(estimates, state),
             size_sigmas(stature, years, sized).tolist(),
-            measure_given_keypoints(estimates, state),
             strict=True,
         )
     )

@@ -15,7 +15,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.measures import clearance, depth_ratio
+from physic_core.engine.measures import Measures, clearance, depth_ratio
 from physic_core.engine.stance import Stance
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
@@ -151,7 +151,7 @@ def case(**changes: Any) -> tuple[Any, Any]:
     )
     floor = FLOOR if known["floor"] == "found" else None
     solution = SimpleNamespace(
-        people=(known["report"],),
+        people=(Measures(**known["report"]),),
         failures=(known["failure"],),
         world_contact=(known["likely"] and FAR | known["likely"],),
         joints=joints[None],
@@ -232,7 +232,7 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -
         ({"heads": 2}, ("heads",)),
         ({"report": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
         ({"report": {"clearance_m": 0.28}}, ("support",)),
-        ({"report": {"clearance_m": 0.28, "assumed_support": 1.0}}, ()),
+        ({"report": {"clearance_m": 0.28, "assumed_support": True}}, ()),
         ({"report": {"sole_height_m": 0.25}}, ("sole_height",)),
         ({"report": {"sole_height_m": 0.25}, "legs": False}, ()),
         ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ("sole_height",)),
@@ -347,7 +347,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"mask": None}, ("floor",), "the segmenter returned no floor pixels"),
         ({}, ("support",), "there is no floor and no surface near the body"),
         (
-            {"report": {"clearance_m": 0.0, "assumed_support": 1.0}},
+            {"report": {"clearance_m": 0.0, "assumed_support": True}},
             ("support",),
             "a support not visible in the scene",
         ),

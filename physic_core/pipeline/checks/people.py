@@ -56,8 +56,8 @@ def placed(estimates: Estimates, solution: Solution, person: int) -> Measured:
             f"no valid values for this person from {', '.join(missing)}: results that need them "
             "are skipped; try another backend"
         )
-    if problem := solution.people[person].get("placement_problem"):
-        return 0.0, str(problem)
+    if problem := solution.people[person].placement_problem:
+        return 0.0, problem
     if failure := solution.failures[person]:
         return 0.0, f"pose and position are those before the joint fit: {failure}"
     if solution.scene.floor is None:
@@ -138,7 +138,7 @@ def limb_keypoints(estimates: Estimates, solution: Solution, person: int) -> Mea
 )
 def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the share of the visible silhouette within the mask."""
-    return _measure(solution, person, "body_in_mask_share")
+    return solution.people[person].body_in_mask_share
 
 
 # Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4.
@@ -154,9 +154,9 @@ def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the gap between the body and the nearest surface, metres; unknown if a support is
     assumed.
     """
-    if _measure(solution, person, "assumed_support"):
+    if solution.people[person].assumed_support:
         return None, _ASSUMED_SUPPORT
-    return _measure(solution, person, "clearance_m")
+    return solution.people[person].clearance_m
 
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.
@@ -183,7 +183,7 @@ def sole_height(estimates: Estimates, solution: Solution, person: int) -> Measur
     """Return the distance of the lower sole below the floor, or above it if the person stands,
     metres.
     """
-    height = _measure(solution, person, "sole_height_m")
+    height = solution.people[person].sole_height_m
     if solution.scene.floor is None:
         return None, NO_FLOOR
     if height is None:
@@ -228,7 +228,7 @@ def low_depth(estimates: Estimates, solution: Solution, person: int) -> Measured
     """Return the difference of the photo's depth from the body's at the lower end of the
     silhouette, as a share.
     """
-    ratio = _measure(solution, person, "low_depth_ratio")
+    ratio = solution.people[person].low_depth_ratio
     return None if ratio is None else relative_difference(ratio)
 
 
@@ -245,9 +245,13 @@ def given_size(estimates: Estimates, solution: Solution, person: int) -> Measure
     """Return by how many standard deviations the size in the photo differs from that of a given age
     or stature.
     """
-    report = solution.people[person]
-    given, shown = (report.get(f"{name}_stature_m") for name in ("given", "shown"))
-    if given is None or shown is None:
+    measured = solution.people[person]
+    given, shown, sigmas = (
+        measured.given_stature_m,
+        measured.shown_stature_m,
+        measured.stature_sigmas,
+    )
+    if given is None or shown is None or sigmas is None:
         return None
     stature = None if estimates.statures is None else estimates.statures[person]
     age = None if estimates.ages is None else estimates.ages[person]
@@ -256,7 +260,7 @@ def given_size(estimates: Estimates, solution: Solution, person: int) -> Measure
         if stature is not None and math.isfinite(stature)
         else f"is usual at {age:g} years"
     )
-    return report["stature_sigmas"], (
+    return sigmas, (
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures "
         f"that you gave"
     )
@@ -276,13 +280,12 @@ def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Me
     """Return by how many standard deviations the body misses the worst of the keypoints that the
     user gave.
     """
-    report = solution.people[person]
-    off = report.get("given_keypoints_px")
-    if not off:
+    off, stature_px = solution.people[person].given_keypoints_px, solution.people[person].stature_px
+    if not off or stature_px is None:
         return None
     worst = max(off, key=off.__getitem__)
     file_px = off[worst] * estimates.file_px
-    return off[worst] / (ReprojectionSettings.sigma * report["stature_px"]), (
+    return off[worst] / (ReprojectionSettings.sigma * stature_px), (
         f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the "
         f"photo puts it: "
         "check the keypoints that you gave"
@@ -358,17 +361,9 @@ def limb_keypoint_error(
     )
 
 
-def _measure(solution: Solution, person: int, name: str) -> float | None:
-    """Return a number of :func:`physic_core.pipeline.person_measures.measure_people`; None if it
-    was not measured.
-    """
-    value: float | None = solution.people[person].get(name)
-    return value
-
-
 def _unknown_support(estimates: Estimates, solution: Solution, person: int) -> str | None:
     """Return why it is unknown what carries a person, or None if it is known."""
-    if _measure(solution, person, "assumed_support"):
+    if solution.people[person].assumed_support:
         return _ASSUMED_SUPPORT
     if solution.scene.floor is None:
         return NO_FLOOR
