@@ -11,10 +11,12 @@ import pytest
 from physic_core.batch.contact_sheet import contact_sheet
 
 GRADES = ("good", "bad", "doubtful", "good", "")
+TRUST = {"good": 0.914, "bad": 0.1, "doubtful": None}
 
 
 def card(number: int, grade: str) -> dict[str, Any]:
     done = {"state": "done", "error": "", "message": "", "grade": grade, "people": 1, "checks": []}
+    done["trust"] = TRUST.get(grade)
     return {
         "name": f"id-{number}",
         "title": f"photo {number}.jpg",
@@ -78,7 +80,12 @@ def test_totals_and_notes_stand_above_the_photos(page: Any):
     )
 
 
-def test_the_order_is_that_of_grade_or_name(page: Any):
+def test_the_probability_stands_beside_the_grade(page: Any):
+    shown = page.evaluate("[...document.querySelectorAll('span.grade')].map(s => s.textContent)")
+    assert shown[:3] == ["good, 0.91", "bad, 0.10", "doubtful"]
+
+
+def test_the_order_is_that_of_trust_or_name(page: Any):
     for order, expected in (
         ("worst", "41203"),
         ("best", "03214"),
