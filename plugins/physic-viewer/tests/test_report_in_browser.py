@@ -40,10 +40,19 @@ def result(rooms):
     low = made.scene.floor.normal, made.scene.floor.offset
     touching = [p.vertices @ low[0] + low[1] < 0.6 for p in made.people]
     people = tuple(
-        replace(p, contact=own, contact_partner=None, contact_probability=None)
+        replace(
+            p,
+            contact=own,
+            contact_partner=None,
+            contact_probability=None,
+            trust=0.914,
+            why="Leans: 16° (see the side)",
+        )
         for p, own in zip(made.people, touching, strict=True)
     )
-    return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
+    return replace(
+        made, people=people, checks=checks, warnings=(ODD,), unposed=unposed, trust=0.046
+    )
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +229,8 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
         page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText")
         == "Person 1"
     )
-    assert "doubtful" in card
+    assert "doubtful, 0.91" in card
+    assert "Leans: 16° (see the side)" in card
     assert (
         metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1])
         in card
@@ -313,7 +323,7 @@ def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects
 
 
 def test_grade_warnings_checks_and_licences_are_on_the_page(page):
-    assert text(page, "#grade") == "grade: bad"
+    assert text(page, "#grade") == "grade: bad, 0.05"
     assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")
     checks = text(page, "#checks")
     assert "Floor mask: no (must be yes)" in checks
