@@ -20,7 +20,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -123,9 +122,29 @@ def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
         "made by": "benchmarks/trust_on_photos.py",
         "fitted on": f"{len(rows)} people in {len({row['photo'] for row in rows})} photos, judged "
         f"by {len(readers)} reader{'' if len(readers) == 1 else 's'}",
+        "agreement of readers": agreement(rows),
         "people who took no part": scores,
         **fitted(rows),
     }
+
+
+def agreement(rows: Sequence[Row]) -> dict[str, str]:
+    """Return how far the readers of a person agree, for each mark and for all of them: the share of
+    equal verdicts, and Cohen's kappa.
+    """
+    both = [list(row["verdicts"].values()) for row in rows if len(row["verdicts"]) > 1]
+    if not both:
+        return {}
+    marks = {name: np.array([[one[name] for one in pair[:2]] for pair in both]) for name in JUDGED}
+    marks["right"] = np.prod([marks[name] for name in JUDGED], axis=0)
+    found = {}
+    for name, pairs in marks.items():
+        equal = float((pairs[:, 0] == pairs[:, 1]).mean())
+        first, second = pairs.mean(0)
+        chance = first * second + (1 - first) * (1 - second)
+        kappa = (equal - chance) / (1 - chance)
+        found[name] = f"{equal:.2f} equal, kappa {kappa:.2f}, {len(pairs)} people"
+    return found
 
 
 def right_share(rows: Sequence[Row]) -> float:
@@ -135,7 +154,12 @@ def right_share(rows: Sequence[Row]) -> float:
 
 def rightness(row: Row) -> float:
     """Return the share of the readers who find all of a person right."""
-    return float(np.mean([all(one[name] for name in JUDGED) for one in row["verdicts"].values()]))
+    return float(np.mean(verdicts_of(row)))
+
+
+def verdicts_of(row: Row) -> list[bool]:
+    """Return whether each reader finds all of a person right."""
+    return [all(one[name] for name in JUDGED) for one in row["verdicts"].values()]
 
 
 def fitted(rows: Sequence[Row]) -> dict[str, Any]:
@@ -215,7 +239,8 @@ def fold_of(photo: str) -> int:
 
 
 def described(rows: Sequence[Row], likely: Array, constant: float | None = None) -> dict[str, Any]:
-    """Return scores, each with its interval by a bootstrap over photos.
+    """Return scores over the verdicts of all readers, each with its interval by a bootstrap over
+    photos.
 
     Args:
         rows: people.
@@ -225,7 +250,8 @@ def described(rows: Sequence[Row], likely: Array, constant: float | None = None)
     rate = right_share(rows) if constant is None else constant
     photos: dict[str, list[tuple[float, float]]] = {}
     for row, chance in zip(rows, likely, strict=True):
-        photos.setdefault(row["photo"], []).append((float(chance), rightness(row)))
+        own = [(float(chance), float(right)) for right in verdicts_of(row)]
+        photos.setdefault(row["photo"], []).extend(own)
     groups = list(photos.values())
     scores = {}
     for name, statistic in STATISTICS.items():
@@ -256,7 +282,7 @@ def _share_right(among: Callable[[Array], NDArray[np.bool_]]) -> Callable[..., f
 
 def _probability_score(name: str) -> Callable[..., float]:
     def score(chance: Array, right: Array, rate: float) -> float:
-        return probability_scores(chance.tolist(), (right >= CAP).tolist())[name]
+        return probability_scores(chance.tolist(), right.astype(bool).tolist())[name]
 
     return score
 
@@ -274,8 +300,4 @@ STATISTICS: dict[str, Callable[..., float]] = {
     "right below one half": _share_right(lambda chance: chance < CAP),
     "share good": lambda chance, right, rate: float((chance.round(2) >= GOOD).mean()),
 }
-"""Name -> figure of probabilities (n,), shares of the readers (n,) and the constant."""
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+"""Name -> figure of probabilities (n,), verdicts 0 or 1 (n,) and the constant."""

@@ -154,8 +154,8 @@ def test_a_photo_whose_people_fit_nowhere_is_left_out(solver, config, alone):
 
 
 def stepped_aside(result, metres):
-    """Return a result whose first person stands elsewhere, as far from the camera."""
-    person = result.people[0]
+    """Return a result whose last person stands elsewhere, as far from the camera."""
+    person = result.people[-1]
     K = result.intrinsics.matrix
     step = np.array([metres, 0, 0], np.float32)
     pixels = np.array([K[0, 0] * metres / person.joints[0, 2], 0])
@@ -166,7 +166,7 @@ def stepped_aside(result, metres):
         mask=np.roll(person.mask, round(pixels[0]), axis=1),
         keypoints=(person.keypoints + pixels).astype(person.keypoints.dtype),
     )
-    return replace(result, people=(moved, *result.people[1:]))
+    return replace(result, people=(*result.people[:-1], moved))
 
 
 def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, config):
