@@ -15,7 +15,10 @@ from physic_testing.worlds import load_world
 pytestmark = pytest.mark.slow
 
 QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
-MISSED = {**QUIET, "segmenter": {"options": {"noise": 0.25, "noise_seed": 101, "missed_people": 0.9}}}
+MISSED = {
+    **QUIET,
+    "segmenter": {"options": {"noise": 0.25, "noise_seed": 101, "missed_people": 0.9}},
+}
 """The segmenter misses some of the four people of the world in each photo."""
 NAMES = ["a.png", "b.png", "c.png"]
 
