@@ -135,3 +135,10 @@ def test_a_grade_is_a_range_of_the_probability(
 ) -> None:
     assert Grade.of(trust) is grade
     assert grade_text(grade, trust) == text
+
+
+def test_a_person_who_is_not_good_has_a_reason() -> None:
+    usual = {name: value_at(name, term.usual) for name, term in MODEL.terms.items()}
+    trust = person_trust(results(**usual), 0)
+    assert Grade.of(trust.probability) is not Grade.GOOD
+    assert any(CHECKS[name].compare(usual[name], 0).title in trust.why for name in MODEL.terms)

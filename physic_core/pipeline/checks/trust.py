@@ -18,6 +18,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from physic_core.pipeline.checks.spec import CHECKS
+from physic_core.types import Grade
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult
@@ -141,7 +142,7 @@ def contradictions(values: Mapping[str, float | None]) -> list[str]:
 
 
 def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
-    """Return how far a person is to be trusted.
+    """Return how far a person is to be trusted, with a reason unless the person is good.
 
     Args:
         checks: of the photo and of all people.
@@ -154,8 +155,10 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     for name in sorted(shares, key=shares.__getitem__):
         if name in own and name not in named and shares[name] <= -_LEAST_LOSS:
             named.append(name)
-    sentence = _sentence([own[name] for name in named[:_REASONS]])
-    return Trust(probability_of(values, trust_model()), sentence)
+    probability = probability_of(values, trust_model())
+    if not named and Grade.of(probability) is not Grade.GOOD:
+        named.append(min((name for name in shares if name in own), key=shares.__getitem__))
+    return Trust(probability, _sentence([own[name] for name in named[:_REASONS]]))
 
 
 def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
