@@ -56,7 +56,10 @@ def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.M
     assert second["intrinsics"] == first["intrinsics"]
     asked = [[s["provenance"] for s in document["stages"]] for document in (first, second)]
     assert asked[0] == asked[1]
-    arrays = [np.load(f"{name}/reconstruction.npz") for name in ("first", "second")]
-    assert arrays[0].files == arrays[1].files
-    for name in set(arrays[0].files) - {"run"}:
-        np.testing.assert_array_equal(arrays[0][name], arrays[1][name], err_msg=name)
+    with (
+        np.load("first/reconstruction.npz") as one,
+        np.load("second/reconstruction.npz") as other,
+    ):
+        assert one.files == other.files
+        for name in set(one.files) - {"run"}:
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
