@@ -4,15 +4,14 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache, partial, partialmethod
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from hypothesis import settings
 
 # Two threads of torch beside another busy process are far slower than one; it reads this when it is
@@ -37,29 +36,29 @@ settings.register_profile("physic", deadline=None, derandomize=True, max_example
 settings.load_profile("physic")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     """Files with slow tests come first: whatever two processes start last has to be short."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(autouse=True)
-def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_network(monkeypatch):
     """Fail a test that connects to another machine, or looks up its name, in this process."""
 
-    def refuse_others(host: Any) -> None:
+    def refuse_others(host):
         if not (
             host in (None, "", b"", "localhost", b"localhost", "::", "::1", "0.0.0.0")
             or str(host)[:4] == "127."
         ):
             pytest.fail(f"the test uses the network: {host!r}")
 
-    def connect(own: socket.socket, address: Any, original: Callable[..., Any]) -> Any:
+    def connect(own, address, original):
         if own.family in (socket.AF_INET, socket.AF_INET6):
             refuse_others(address[0])
         return original(own, address)
 
-    def look_up(host: Any, *arguments: Any, original: Callable[..., Any], **options: Any) -> Any:
+    def look_up(host, *arguments, original, **options):
         refuse_others(host)
         return original(host, *arguments, **options)
 
@@ -72,7 +71,7 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def few_steps() -> Iterator[None]:
+def few_steps():
     """Two steps of the optimiser in each run of a pipeline, for tests of what is around the
     engine.
     """
@@ -82,7 +81,7 @@ def few_steps() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def saved_pair(tmp_path_factory):
     """The folder of a result of a mock world with two people who sit side by side."""
     from physic_core import load_config, reconstruct
     from physic_testing.worlds import load_world
@@ -97,10 +96,10 @@ def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def physic() -> Callable[..., Result]:
+def physic():
     """A function that runs the command ``physic`` with these arguments in this process."""
 
-    def run(*arguments: object) -> Result:
+    def run(*arguments):
         from physic_core.cli import main
 
         return CliRunner().invoke(main, [str(argument) for argument in arguments])
@@ -109,18 +108,18 @@ def physic() -> Callable[..., Result]:
 
 
 @pytest.fixture
-def repository() -> Path:
+def repository():
     return Path(__file__).parent
 
 
 @pytest.fixture(scope="session")
-def module_at() -> Callable[[str], ModuleType]:
+def module_at():
     """A function that imports a file of the repository, such as "tools/sbom.py", under a name of
     its own.
     """
 
     @cache
-    def load(path: str) -> ModuleType:
+    def load(path):
         name = f"file_{path.removesuffix('.py').replace('/', '_').replace('-', '_')}"
         spec = spec_from_file_location(name, Path(__file__).parent / path)
         assert spec is not None
@@ -225,7 +224,7 @@ class Site:
 
 
 @pytest.fixture
-def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def site(tmp_path, monkeypatch):
     """An empty ``Site`` that this Python can import from; its modules are forgotten afterwards."""
     folder = tmp_path / "site"
     folder.mkdir()

@@ -45,7 +45,7 @@ os.execv(sys.argv[3], sys.argv[3:])
 _SECONDS = 120  # for one answer; drawing without a GPU on a loaded machine is slow
 
 
-def find_chromium() -> str | None:
+def find_chromium():
     return next(filter(None, map(shutil.which, _NAMES)), None)
 
 

@@ -4,8 +4,6 @@ any network.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import trimesh
@@ -42,11 +40,11 @@ WALL_Z = 5.0
 WALL_X = -2.5
 
 
-def to_camera(world: np.ndarray) -> np.ndarray:
+def to_camera(world):
     return (np.asarray(world) - [0.0, CAMERA_HEIGHT, 0.0]) @ CAMERA_FROM_WORLD.T
 
 
-def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
+def make_room(width, height):
     camera = Intrinsics.from_focal(0.8 * width, width, height, "given")
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     rays = np.stack(
@@ -97,9 +95,7 @@ def make_room(width: int, height: int) -> tuple[Intrinsics, Scene]:
     )
 
 
-def mannequin(
-    x: float, z: float, turn_deg: float = 180.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mannequin(x, z, turn_deg=180.0):
     """Vertices and 55 joints in the camera's frame, and faces, of a figure 1.7 m tall that stands
     on the floor.
     """
@@ -144,9 +140,7 @@ def mannequin(
     return to_camera(vertices), to_camera(joints @ turn.T + place), np.asarray(body.faces)[:, ::-1]
 
 
-def make_person(
-    x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0
-) -> tuple[Person, np.ndarray]:
+def make_person(x, z, camera, turn_deg=180.0):
     vertices, joints, faces = mannequin(x, z, turn_deg)
     up = CAMERA_FROM_WORLD @ [0.0, 1.0, 0.0]
     heights = vertices @ up + CAMERA_HEIGHT
@@ -194,7 +188,7 @@ def make_person(
     return person, faces
 
 
-def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) -> Reconstruction:
+def make_reconstruction(width=160, height=120, people=2):
     camera, scene = make_room(width, height)
     made = [
         make_person(x, z, camera, turn)
@@ -232,11 +226,11 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
 
 
 @pytest.fixture
-def reconstruction() -> Reconstruction:
+def reconstruction():
     return make_reconstruction()
 
 
 @pytest.fixture(scope="session")
-def make() -> Callable[..., Reconstruction]:
+def make():
     """Make a room with mannequins: ``make(width, height, people)``."""
     return make_reconstruction

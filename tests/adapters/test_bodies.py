@@ -21,14 +21,14 @@ from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 from physic_testing.worlds import load_world
 
 
-def test_matrices_and_vectors_are_the_same_rotations() -> None:
+def test_matrices_and_vectors_are_the_same_rotations():
     vectors = np.random.default_rng(0).normal(0, 0.6, (3, 5, 3))
     matrices = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(3, 5, 3, 3)
     for given in (vectors, vectors.reshape(3, 15), matrices, matrices.astype(np.float32)):
         np.testing.assert_allclose(to_rotvecs(given, 5), vectors, atol=1e-5)
 
 
-def test_a_matrix_that_is_no_rotation_becomes_nan() -> None:
+def test_a_matrix_that_is_no_rotation_becomes_nan():
     matrices = np.stack(
         [np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)]
     )[None]
@@ -42,7 +42,7 @@ BETAS = RNG.normal(0, 1, (2, 10))
 PLACE = RNG.normal((0, 0, 4), 1, (2, 3))
 
 
-def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None:
+def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped():
     bodies = bodies_from_smpl(POSE, BETAS, PLACE)
     p = bodies.parameters
     np.testing.assert_allclose(p.global_orient, POSE[:, 0], atol=1e-6)
@@ -55,7 +55,7 @@ def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None
     assert violations(BodyEstimator, bodies, people=2) == []
 
 
-def test_smpl_rotations_may_be_matrices_flat_vectors_or_22_joints() -> None:
+def test_smpl_rotations_may_be_matrices_flat_vectors_or_22_joints():
     matrices = Rotation.from_rotvec(POSE.reshape(-1, 3)).as_matrix().reshape(2, 24, 3, 3)
     wanted = bodies_from_smpl(POSE, BETAS, PLACE).parameters
     for given in (matrices, POSE.reshape(2, 72), POSE[:, :22], matrices[:, :22]):
@@ -63,7 +63,7 @@ def test_smpl_rotations_may_be_matrices_flat_vectors_or_22_joints() -> None:
         np.testing.assert_allclose(found.body_pose, wanted.body_pose, atol=1e-5)
 
 
-def test_joints_that_smpl_has_not_are_not_numbers() -> None:
+def test_joints_that_smpl_has_not_are_not_numbers():
     joints = RNG.normal(0, 1, (2, 24, 3))
     bodies = bodies_from_smpl(POSE, BETAS, PLACE, joints=joints)
     assert bodies.joints is not None
@@ -71,7 +71,7 @@ def test_joints_that_smpl_has_not_are_not_numbers() -> None:
     assert np.isnan(bodies.joints[:, 22:]).all()
 
 
-def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
+def test_parameters_of_all_55_joints_land_in_their_fields():
     full = RNG.normal(0, 0.3, (1, 55, 3))
     p = parameters_from_rotvecs(full, BETAS[:1], PLACE[:1], expression=np.ones((1, 10)))
     rows = [
@@ -88,7 +88,7 @@ def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
 
 
 @pytest.mark.parametrize(("name", "most_mm"), [("sit_on_chair", 12), ("kneel", 35)])
-def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
+def test_feet_are_turned_towards_their_toes(name, most_mm):
     """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent
     them.
     """
@@ -102,9 +102,7 @@ def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
     assert 1000 * np.linalg.norm(found - feet, axis=2).mean() < most_mm
 
 
-def seen(
-    skeleton: str, *hidden: str, places: dict[str, tuple[float, float]] | None = None
-) -> set[str]:
+def seen(skeleton, *hidden, places=None):
     """Names of the joints that are not observed, where these keypoints are hidden, or elsewhere."""
     names = SKELETONS[skeleton].names
     points = np.full((1, len(names), 2), 50.0)
@@ -120,7 +118,7 @@ def seen(
 @pytest.mark.parametrize(
     "skeleton", ["blazepose33", "coco17", "coco23", "coco_wholebody133", "halpe26", "wholebody69"]
 )
-def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton: str) -> None:
+def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton):
     assert seen(skeleton) == set()
     assert seen(skeleton, "left_knee") == {"left_knee"}
     assert seen(skeleton, "right_elbow") == {"right_elbow"}
@@ -128,7 +126,7 @@ def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton: str) -> N
     assert seen(skeleton, "left_wrist") == {"left_wrist", *fingers}
 
 
-def test_neighbouring_joints_are_observed_together() -> None:
+def test_neighbouring_joints_are_observed_together():
     assert seen("coco17", "left_ankle") == {"left_ankle", "left_foot"}
     assert seen("coco23", "left_ankle") == {"left_ankle"}
     assert seen("coco17", "left_hip", "right_hip") == {
@@ -145,12 +143,12 @@ def test_neighbouring_joints_are_observed_together() -> None:
     assert seen("coco17", *face[1:]) == set()
 
 
-def test_points_outside_of_the_image_are_not_seen() -> None:
+def test_points_outside_of_the_image_are_not_seen():
     assert seen("coco17", places={"left_knee": (50.0, 99.6)}) == {"left_knee"}
     assert seen("coco17", places={"left_knee": (-0.4, 99.4)}) == set()
 
 
-def test_fingers_need_half_of_their_points() -> None:
+def test_fingers_need_half_of_their_points():
     hand = list(SKELETONS["coco_wholebody133"].names[112:133])
     assert "right_index1" in seen("coco_wholebody133", *hand[:11])
     assert "right_wrist" not in seen("coco_wholebody133", *hand)

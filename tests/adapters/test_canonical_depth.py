@@ -16,28 +16,28 @@ from physic_core.adapters.canonical_depth import (
 from physic_core.types import Hints, Intrinsics
 
 
-def test_a_right_angle_has_half_the_width_as_its_focal_length() -> None:
+def test_a_right_angle_has_half_the_width_as_its_focal_length():
     assert focal_from_fov(90.0, 640) == pytest.approx(320.0)
 
 
-def test_the_angle_is_in_degrees_and_spans_the_whole_width() -> None:
+def test_the_angle_is_in_degrees_and_spans_the_whole_width():
     assert focal_from_fov(60.0, 1000) == pytest.approx(500 / math.tan(math.pi / 6))
 
 
 @pytest.mark.parametrize("fov", [0.0, -10.0, 180.0, float("nan")])
-def test_an_impossible_angle_is_refused(fov: float) -> None:
+def test_an_impossible_angle_is_refused(fov):
     with pytest.raises(ValueError, match="a field of view lies between 0 and 180 degrees, got"):
         focal_from_fov(fov, 100)
 
 
-def test_inverse_depth_of_the_canonical_camera_becomes_metres() -> None:
+def test_inverse_depth_of_the_canonical_camera_becomes_metres():
     # A camera whose focal length is its width needs no factor.
     assert depth_from_canonical_inverse(np.array([[0.5]]), 640.0, 640).tolist() == [[2.0]]
     # Twice the focal length sees the same picture from twice as far.
     assert depth_from_canonical_inverse(np.array([[0.5]]), 1280.0, 640).tolist() == [[4.0]]
 
 
-def test_inverse_depth_is_clipped_after_the_factor_not_before() -> None:
+def test_inverse_depth_is_clipped_after_the_factor_not_before():
     metres = depth_from_canonical_inverse(
         np.array([[0.0, -1.0, 5e-5, 1e9]], np.float32), 320.0, 640
     )
@@ -45,7 +45,7 @@ def test_inverse_depth_is_clipped_after_the_factor_not_before() -> None:
     assert metres.dtype == np.float32
 
 
-def test_canonical_depth_grows_with_the_focal_length() -> None:
+def test_canonical_depth_grows_with_the_focal_length():
     raw = np.array([[2.0, 4.0]], np.float32)
     np.testing.assert_allclose(depth_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])
     np.testing.assert_allclose(depth_from_canonical(raw, 600.0, 400.0), [[3.0, 6.0]])

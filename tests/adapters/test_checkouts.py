@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -12,19 +11,17 @@ from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError, WeightsMissingError
 
 
-def checkout(
-    folder: Path, files: dict[str, str], package: str = "core.net", **settings: object
-) -> Checkout:
+def checkout(folder, files, package="core.net", **settings):
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     return Checkout(
         str(folder), name="Thing", package=package, homepage="https://example.org/thing", **settings
-    )  # type: ignore[arg-type]
+    )
 
 
-def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> None:
+def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path):
     lazy = "def late():\n    from utils.deep import WORD\n    return WORD\n"
     one, two = (
         checkout(
@@ -44,7 +41,7 @@ def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> 
             assert net.late() == net.WORD
 
 
-def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path: Path) -> None:
+def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path):
     path = list(sys.path)
     modules = set(sys.modules)
     side = checkout(tmp_path, {"core/net.py": "import json, utils", "utils.py": "A = 1"})
@@ -53,7 +50,7 @@ def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path: Path) -> None:
     assert not {name.partition(".")[0] for name in set(sys.modules) - modules} & {"core", "utils"}
 
 
-def test_modules_of_the_same_name_come_back_as_they_were(tmp_path: Path) -> None:
+def test_modules_of_the_same_name_come_back_as_they_were(tmp_path):
     own = type(sys)("utils")
     sys.modules["utils"] = own
     try:
@@ -64,7 +61,7 @@ def test_modules_of_the_same_name_come_back_as_they_were(tmp_path: Path) -> None
         del sys.modules["utils"]
 
 
-def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_path: Path) -> None:
+def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_path):
     installed = tmp_path / "site" / "core"
     installed.mkdir(parents=True)
     (installed / "__init__.py").write_text("")
@@ -79,7 +76,7 @@ def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_p
         sys.path.remove(str(tmp_path / "site"))
 
 
-def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
+def test_code_inside_may_import_more_of_it(tmp_path):
     side = checkout(
         tmp_path,
         {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"},
@@ -92,7 +89,7 @@ def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
     assert "core" not in sys.modules
 
 
-def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path: Path) -> None:
+def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path):
     path = list(sys.path)
     side = checkout(tmp_path, {"core/net.py": "raise RuntimeError('no such GPU')"})
     said = (
@@ -105,7 +102,7 @@ def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path: Path) 
     assert "core" not in sys.modules
 
 
-def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
+def test_a_missing_package_is_named_with_its_pip_name(tmp_path):
     side = checkout(tmp_path, {"core/net.py": "import yacs_that_is_not_there.config"})
     with pytest.raises(WeightsMissingError, match="pip install yacs_that_is_not_there"):
         side.load()
@@ -116,7 +113,7 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
     )
 
 
-def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path: Path) -> None:
+def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path):
     page = "https://example.org/thing"
     absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage=page)
     other = checkout(tmp_path, {"setup.py": ""})
@@ -134,7 +131,7 @@ def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path: Path) 
             side.load()
 
 
-def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path: Path) -> None:
+def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path):
     side = checkout(tmp_path, {"core/net.py": ""})
     with pytest.raises(
         BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"
@@ -142,13 +139,13 @@ def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path: 
         side.attribute("Net")
 
 
-def test_an_installed_package_needs_no_checkout() -> None:
+def test_an_installed_package_needs_no_checkout():
     side = Checkout("", name="json", package="json.decoder", homepage="https://python.org")
     assert side.missing() == ()
     assert side.attribute("JSONDecoder").__name__ == "JSONDecoder"
 
 
-def test_the_fingerprint_does_not_depend_on_the_place(tmp_path: Path) -> None:
+def test_the_fingerprint_does_not_depend_on_the_place(tmp_path):
     one, two = (checkout(tmp_path / name, {"core/net.py": "A = 1"}) for name in "ab")
     assert one.fingerprint() == two.fingerprint() != ""
     assert (
@@ -169,7 +166,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_one_number_changes_the_fingerprint(tmp_path: Path, name: str) -> None:
+def test_one_number_changes_the_fingerprint(tmp_path, name):
     side = checkout(tmp_path, FILES)
     before = side.fingerprint()
     time = (tmp_path / name).stat().st_mtime_ns
@@ -179,7 +176,7 @@ def test_one_number_changes_the_fingerprint(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("place", ["core", "core/deep"])
-def test_packages_that_are_links_are_in_the_fingerprint(tmp_path: Path, place: str) -> None:
+def test_packages_that_are_links_are_in_the_fingerprint(tmp_path, place):
     checkout(tmp_path / "real", {"net.py": "A = 1"})
     (tmp_path / "real" / "again").symlink_to(tmp_path / "real")
     (tmp_path / "side" / place).parent.mkdir(parents=True)
@@ -190,7 +187,7 @@ def test_packages_that_are_links_are_in_the_fingerprint(tmp_path: Path, place: s
     assert side.fingerprint() != before
 
 
-def test_data_and_environments_are_not_in_the_fingerprint(tmp_path: Path) -> None:
+def test_data_and_environments_are_not_in_the_fingerprint(tmp_path):
     side = checkout(tmp_path, FILES)
     before = side.fingerprint()
     others = {"data/labels.json": "0" * 1_000_000, "weights.bin": "0", ".git/hook.py": "0"}
@@ -204,7 +201,7 @@ def test_data_and_environments_are_not_in_the_fingerprint(tmp_path: Path) -> Non
     assert side.fingerprint() == before
 
 
-def test_loaded_code_keeps_its_fingerprint_until_it_is_closed(tmp_path: Path) -> None:
+def test_loaded_code_keeps_its_fingerprint_until_it_is_closed(tmp_path):
     side = checkout(tmp_path, FILES)
     before = side.fingerprint()
     side.load()

@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_info
 from physic_core.adapters.devices import limited_threads
 
 
-def blas_threads() -> list[int]:
+def blas_threads():
     return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_threads_are_limited_inside_and_restored_after(count: int) -> None:
+def test_threads_are_limited_inside_and_restored_after(count):
     np.linalg.inv(np.eye(3))
     torch_before = torch.get_num_threads()
     blas_before = blas_threads()
@@ -29,7 +29,7 @@ def test_threads_are_limited_inside_and_restored_after(count: int) -> None:
     assert (torch.get_num_threads(), blas_threads()) == (torch_before, blas_before)
 
 
-def test_torch_is_imported_beside_the_block_and_limited() -> None:
+def test_torch_is_imported_beside_the_block_and_limited():
     code = """
 import sys, threading
 from physic_core.adapters.devices import limited_threads

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
@@ -48,7 +47,7 @@ class Own(NetworkBackend, MetricDepth):
 
 
 @pytest.fixture
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Own]:
+def own(tmp_path, monkeypatch):
     """The class in a package with a folder of manifests; a file of its set is in the user's
     folder.
     """
@@ -66,12 +65,12 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Own]:
     return type("Own", (Own,), {"__module__": "own_plugin.depth"})
 
 
-def put(tmp_path: Path, text: str) -> None:
+def put(tmp_path, text):
     (tmp_path / "mine" / "net").mkdir(parents=True, exist_ok=True)
     (tmp_path / "mine" / "net" / "net.txt").write_text(text)
 
 
-def test_weights_are_found_by_the_manifest_of_the_package(own: type[Own], tmp_path: Path) -> None:
+def test_weights_are_found_by_the_manifest_of_the_package(own, tmp_path):
     backend = own()
     assert "physic weights fetch net" in backend.missing()[0]
     assert backend.fingerprint() == ""
@@ -82,7 +81,7 @@ def test_weights_are_found_by_the_manifest_of_the_package(own: type[Own], tmp_pa
     assert backend.fingerprint() != ""
 
 
-def test_a_backend_is_preprocess_network_and_postprocess(own: type[Own], tmp_path: Path) -> None:
+def test_a_backend_is_preprocess_network_and_postprocess(own, tmp_path):
     put(tmp_path, "2")
     backend = own()
     with pytest.raises(BackendError, match="call load"):
@@ -94,14 +93,14 @@ def test_a_backend_is_preprocess_network_and_postprocess(own: type[Own], tmp_pat
         backend.infer(PHOTO, Hints())
 
 
-def test_a_path_of_the_user_replaces_the_set(own: type[Own], tmp_path: Path) -> None:
+def test_a_path_of_the_user_replaces_the_set(own, tmp_path):
     (tmp_path / "mine.txt").write_text("3")
     backend = own(weights=str(tmp_path / "mine.txt"))
     backend.load()
     np.testing.assert_allclose(backend(PHOTO).depth, 3 * PHOTO.mean(axis=-1) + 1, rtol=1e-6)
 
 
-def test_torch_backends_refuse_a_device_that_is_not_there() -> None:
+def test_torch_backends_refuse_a_device_that_is_not_there():
     class Net(TorchBackend, MetricDepth):
         def build(self, device: str) -> Any:
             raise AssertionError("opened on a device that is not there")
@@ -133,18 +132,16 @@ class Half(TorchBackend, MetricDepth):
         ({"weights": "larger-net"}, []),
     ],
 )
-def test_memory_of_a_gpu_is_stated_for_what_was_measured(
-    options: dict[str, str], gigabytes: list[float]
-) -> None:
+def test_memory_of_a_gpu_is_stated_for_what_was_measured(options, gigabytes):
     stated = Half(**options).requirements()
     assert [one.gigabytes for one in stated if isinstance(one, GpuMemory)] == gigabytes
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_batches_are_joined_in_order(full: bool) -> None:
+def test_batches_are_joined_in_order(full):
     sizes = []
 
-    def call(part: dict[str, Any]) -> list[Any]:
+    def call(part):
         sizes.append(len(part["x"]))
         return [2 * part["x"], torch.from_numpy(part["x"][:, 0])]
 
@@ -155,12 +152,12 @@ def test_batches_are_joined_in_order(full: bool) -> None:
     assert sizes == ([2, 2, 2] if full else [2, 2, 1])
 
 
-def test_a_network_that_does_not_keep_its_batch_is_an_error() -> None:
+def test_a_network_that_does_not_keep_its_batch_is_an_error():
     with pytest.raises(BackendError, match="batch"):
         run_in_batches(lambda part: [part["x"][:1]], {"x": np.zeros((3, 2))}, 3)
 
 
-def test_pictures_are_normalised_as_on_numpy() -> None:
+def test_pictures_are_normalised_as_on_numpy():
     found = picture_tensor(np.stack([PHOTO, PHOTO[::-1]]), IMAGENET_MEAN, IMAGENET_STD)
     np.testing.assert_allclose(
         found[:1], normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD), atol=1e-6
@@ -171,7 +168,7 @@ def test_pictures_are_normalised_as_on_numpy() -> None:
 
 
 @pytest.mark.parametrize("align_corners", [False, True])
-def test_pictures_are_resized_as_by_torch(align_corners: bool) -> None:
+def test_pictures_are_resized_as_by_torch(align_corners):
     plain = torch.from_numpy(normalized_nchw(PHOTO))
     theirs = torch.nn.functional.interpolate(
         plain, (24, 32), mode="bilinear", align_corners=align_corners

@@ -275,7 +275,7 @@ class TestLetterbox:
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
 
 
-def middle() -> np.ndarray:
+def middle():
     mask = np.zeros((60, 80), bool)
     mask[20:30, 30:50] = True
     return mask

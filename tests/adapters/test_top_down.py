@@ -21,17 +21,17 @@ from physic_core.adapters.top_down import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 GRIDS: tuple[PixelAlignment, ...] = ("corners", "halves", "areas")
 BOX = np.array([40.0, 30.0, 100.0, 190.0])
 
 
-def slow_cut(image: NDArray[np.uint8], crop: Crop, fill: float = 0.0) -> NDArray[np.float64]:
+def slow_cut(image, crop, fill=0.0):
     """Bilinear, one pixel at a time."""
     h, w = image.shape[:2]
 
-    def at(x: int, y: int) -> NDArray[np.float64]:
+    def at(x, y):
         return image[y, x].astype(float) if 0 <= x < w and 0 <= y < h else np.full(3, fill)
 
     found = np.zeros((crop.height, crop.width, 3))
@@ -49,19 +49,19 @@ def slow_cut(image: NDArray[np.uint8], crop: Crop, fill: float = 0.0) -> NDArray
     return found
 
 
-def test_a_tall_box_is_widened_and_a_wide_box_heightened() -> None:
+def test_a_tall_box_is_widened_and_a_wide_box_heightened():
     middle, size = padded_region(np.array([10.0, 20.0, 30.0, 120.0]), 0.75, 1.0)
     assert middle.tolist() == [19.5, 69.5]
     assert size.tolist() == [75.0, 100.0]
     assert padded_region(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
 
 
-def test_an_unknown_grid_is_refused() -> None:
+def test_an_unknown_grid_is_refused():
     with pytest.raises(ValueError, match="'centers'"):
-        crop_around_box(BOX, 192, 256, grid="centers")  # type: ignore[arg-type]
+        crop_around_box(BOX, 192, 256, grid="centers")
 
 
-def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
+def test_each_grid_puts_the_box_where_its_networks_learned_it():
     middle, size = padded_region(BOX, 0.75, 1.25)
     corners, halves, areas = (crop_around_box(BOX, 192, 256, grid=grid) for grid in GRIDS)
     assert np.allclose(
@@ -80,9 +80,7 @@ def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
     points=st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=5),
     mirrored=st.booleans(),
 )
-def test_points_of_the_crop_map_back_to_the_photo(
-    grid: PixelAlignment, box: tuple[float, ...], points: list[tuple[float, float]], mirrored: bool
-) -> None:
+def test_points_of_the_crop_map_back_to_the_photo(grid, box, points, mirrored):
     corners = np.array([box[0], box[1], box[0] + box[2], box[1] + box[3]])
     crop = crop_around_box(corners, 192, 256, grid=grid, mirrored=mirrored)
     assert np.allclose(crop.to_photo(crop.to_crop(np.array(points))), points, atol=1e-6)
@@ -90,7 +88,7 @@ def test_points_of_the_crop_map_back_to_the_photo(
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_cutting_equals_its_slow_reference(grid: PixelAlignment, mirrored: bool) -> None:
+def test_cutting_equals_its_slow_reference(grid, mirrored):
     image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), np.uint8)
     crop = crop_around_box(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
     ours = resample_crop(image, crop, fill=7).astype(float)
@@ -99,7 +97,7 @@ def test_cutting_equals_its_slow_reference(grid: PixelAlignment, mirrored: bool)
     assert np.abs(ours - slow_cut(image, crop, 7.0)).mean() < 2
 
 
-def test_a_blur_keeps_grey_grey_and_takes_stripes_away() -> None:
+def test_a_blur_keeps_grey_grey_and_takes_stripes_away():
     grey = np.full((40, 40, 3), 90, np.uint8)
     crop = crop_around_box(np.array([5.0, 5.0, 35.0, 35.0]), 10, 10, padding=1.0, grid="areas")
     assert (resample_crop(grey, crop, sigma=2.0) == 90).all()
@@ -117,7 +115,7 @@ def test_the_blur_before_a_reduction_is_that_of_hmr_2():
         assert antialias_sigma(Crop((0.0, 0.0), (step, abs(step)), 8, 8)) == pytest.approx(sigma)
 
 
-def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
+def test_the_grid_of_corners_is_vitposes_in_transformers():
     pytest.importorskip("transformers")
     from transformers.models.vitpose.image_processing_pil_vitpose import (
         box_to_center_and_scale,
@@ -140,9 +138,7 @@ def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
     )
 
 
-def gaussians(
-    points: NDArray[np.float64], height: int, width: int, sigma: float, high: float = 0.9
-) -> NDArray:
+def gaussians(points, height, width, sigma, high=0.9):
     """(N, J, h, w): a Gaussian at each of the points (N, J, 2)."""
     y, x = np.mgrid[:height, :width]
     apart = (x - points[..., 0, None, None]) ** 2 + (y - points[..., 1, None, None]) ** 2
@@ -150,7 +146,7 @@ def gaussians(
 
 
 @pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
-def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma: float) -> None:
+def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma):
     true = np.random.default_rng(0).uniform([6, 6], [41, 57], (3, 40, 2))
     found, value = subpixel_peaks(gaussians(true, 64, 48, sigma))
     apart = np.linalg.norm(found - true, axis=-1)
@@ -160,7 +156,7 @@ def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma: float) -> None:
     assert (value <= 0.9).all()
 
 
-def test_peaks_within_noise_stay_within_half_a_cell() -> None:
+def test_peaks_within_noise_stay_within_half_a_cell():
     rng = np.random.default_rng(1)
     true = rng.uniform([6, 6], [41, 57], (1, 60, 2))
     maps = gaussians(true, 64, 48, 2.0) + rng.normal(0, 0.02, (1, 60, 64, 48))
@@ -168,7 +164,7 @@ def test_peaks_within_noise_stay_within_half_a_cell() -> None:
     assert np.linalg.norm(found - true, axis=-1).max() < 0.5
 
 
-def test_refined_peaks_are_those_of_transformers() -> None:
+def test_refined_peaks_are_those_of_transformers():
     pytest.importorskip("transformers")
     from transformers.models.vitpose.image_processing_pil_vitpose import (
         get_keypoint_predictions,

@@ -5,24 +5,23 @@ from __future__ import annotations
 import ctypes
 import os
 import time
-from collections.abc import Callable
 
 from physic_mock.backends import MockMetricDepth
 
 
-def hang_in_python() -> None:
+def hang_in_python():
     while True:
         time.sleep(0.1)
 
 
-def hang_with_the_interpreter_lock() -> None:
+def hang_with_the_interpreter_lock():
     ctypes.PyDLL(None).sleep(1000)
 
 
 HANGS = (hang_in_python, hang_with_the_interpreter_lock)
 
 
-def open_worker() -> Callable[[Callable[[], None]], None]:
+def open_worker():
     return lambda hang: hang()
 
 

@@ -6,7 +6,7 @@ import builtins
 import errno
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -73,12 +73,12 @@ class Steps:
             real_open = io.open
             real_os_open = os.open
 
-            def os_open(path: Any, *args: Any, **options: Any) -> int:
+            def os_open(path, *args, **options):
                 file = real_os_open(path, *args, **options)
                 opened[file] = str(path)
                 return file
 
-            def open_(path: Any, mode: str = "r", *args: Any, **options: Any) -> Any:
+            def open_(path, mode="r", *args, **options):
                 is_ours = isinstance(path, str | os.PathLike) and str(path).startswith(self.folder)
                 if not is_ours or not set(mode) & set("wax+"):
                     return real_open(path, mode, *args, **options)
@@ -87,19 +87,19 @@ class Steps:
                 opened[file.fileno()] = str(path)
                 return _File(file, str(path), self)
 
-            def fsync(file: int) -> None:
+            def fsync(file):
                 path = opened[file]
                 self.step(path)
 
-            def moving(real: Callable[..., None]) -> Callable[..., None]:
-                def move(source: Any, target: Any) -> None:
+            def moving(real):
+                def move(source, target):
                     self.step(source)
                     real(source, target)
 
                 return move
 
-            def deleting(real: Callable[..., None]) -> Callable[..., None]:
-                def unlink(path: Any, *args: Any, **options: Any) -> None:
+            def deleting(real):
+                def unlink(path, *args, **options):
                     self.step(path)
                     real(path, *args, **options)
 

@@ -7,7 +7,6 @@ import struct
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 from physic_core.io.photo import read_photo
@@ -29,7 +28,7 @@ KINDS: dict[str, tuple[str, dict]] = {
 
 
 @cache
-def encoded(kind: str) -> bytes:
+def encoded(kind):
     file = io.BytesIO()
     image = Image.open(PHOTO).convert("L" if kind == "grey" else "RGB")
     image.save(file, KINDS[kind][0], **KINDS[kind][1])
@@ -37,17 +36,17 @@ def encoded(kind: str) -> bytes:
 
 
 @cache
-def pixels(kind: str) -> np.ndarray:
+def pixels(kind):
     """What the undamaged file is read as, (H, W, 3) uint8."""
     return read_photo(encoded(kind)).image
 
 
-def zeros(data: bytes, at: int) -> bytes:
+def zeros(data, at):
     """A block that a disk has lost, or that a download has not filled."""
     return data[:at] + bytes(BLOCK) + data[at + BLOCK :]
 
 
-def cut(data: bytes, at: int) -> bytes:
+def cut(data, at):
     """The end is missing, and something has put the end marker back and corrected the sizes."""
     match data[:4]:
         case b"\x89PNG":
@@ -65,6 +64,6 @@ def cut(data: bytes, at: int) -> bytes:
             return data[:at] + b"\xff\xd9"
 
 
-def picture_start(data: bytes) -> int:
+def picture_start(data):
     """Where the codes of the picture begin, about."""
     return data.rindex(b"\xff\xda", 0, 2000) + 20 if data.startswith(b"\xff\xd8") else 200

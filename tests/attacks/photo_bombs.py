@@ -17,13 +17,13 @@ SIDE = 12_000
 DAMAGED = "its data are damaged or truncated"
 
 
-def encoded(kind: str, mode: str = "RGB", **options: object) -> bytearray:
+def encoded(kind, mode="RGB", **options):
     file = io.BytesIO()
     Image.new(mode, (64, 64)).save(file, kind, **options)
     return bytearray(file.getvalue())
 
 
-def webp() -> bytes:
+def webp():
     """34 bytes."""
     picture = b"\x2f" + struct.pack("<I", (SIDE - 1) | (SIDE - 1) << 14) + bytes(9)
     return (
@@ -35,7 +35,7 @@ def webp() -> bytes:
     )
 
 
-def jpeg2000() -> bytes:
+def jpeg2000():
     """One tile of 144 megapixels."""
     data = encoded("JPEG2000")
     sizes = data.index(b"\xff\x4f\xff\x51") + 8
@@ -46,7 +46,7 @@ def jpeg2000() -> bytes:
     return bytes(data)
 
 
-def jpeg() -> bytes:
+def jpeg():
     """144 megapixels, of which the file has the first 64 x 64."""
     data = encoded("JPEG")
     at = data.index(b"\xff\xc0") + 5
@@ -54,16 +54,16 @@ def jpeg() -> bytes:
     return bytes(data[:-2])
 
 
-def jpeg_with(segment: bytes, count: int) -> bytes:
+def jpeg_with(segment, count):
     data = encoded("JPEG")
     return bytes(data[:2]) + segment * count + bytes(data[2:])
 
 
-def chunk(kind: bytes, data: bytes) -> bytes:
+def chunk(kind, data):
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def palette_png() -> bytes:
+def palette_png():
     """144 megapixels of one transparent colour. The same block of compressed zeros is repeated."""
     compressor = zlib.compressobj(9)
     begin, block = (
@@ -75,14 +75,12 @@ def palette_png() -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + colours + picture + chunk(b"IEND", b"")
 
 
-def png_with(*chunks: bytes) -> bytes:
+def png_with(*chunks):
     data = bytes(encoded("PNG"))
     return data[:33] + b"".join(chunks) + data[33:]
 
 
-def tiff(
-    side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", following: int = 0
-) -> bytes:
+def tiff(side, tags, after=b"", following=0):
     """A grey image whose further tags are (tag, type, count, value)."""
     rows = [
         (256, 4, 1, side),
@@ -98,7 +96,7 @@ def tiff(
     )
 
 
-def huge_tile() -> bytes:
+def huge_tile():
     """A tile of 2.1 gigapixels for an image of 64 x 64 px."""
     place = 8 + 2 + 12 * 10 + 4
     data = zlib.compress(bytes(1000))
@@ -112,7 +110,7 @@ def huge_tile() -> bytes:
     return tiff(64, tile, data)
 
 
-def many_frames() -> bytes:
+def many_frames():
     """A hundred thousand images, of which one is used."""
     count = 100_000
     size = 2 + 12 * 8 + 4
@@ -123,7 +121,7 @@ def many_frames() -> bytes:
     return first + more
 
 
-def many_gif_frames() -> bytes:
+def many_gif_frames():
     data = bytes(encoded("GIF"))
     at = data.index(b"\x2c\x00\x00\x00\x00")
     return data[:at] + data[at:-1] * 100_000 + data[-1:]

@@ -7,10 +7,8 @@ import pickle
 import random
 import re
 import tomllib
-from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +58,7 @@ TOKENS = (
 """Tokens of TOML and JSON that parsers and checks of values have failed on."""
 
 
-def damaged_bytes(data: bytes, rng: random.Random) -> bytes:
+def damaged_bytes(data, rng):
     """Return the data with one to three changes, every second in the first 256 bytes."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 3))):
@@ -80,7 +78,7 @@ def damaged_bytes(data: bytes, rng: random.Random) -> bytes:
     return bytes(out)
 
 
-def damaged_text(data: bytes, rng: random.Random) -> bytes:
+def damaged_text(data, rng):
     """Return the text with another token in place of one, without it, or with it many times."""
     text = data.decode()
     spans = [
@@ -93,7 +91,7 @@ def damaged_text(data: bytes, rng: random.Random) -> bytes:
 
 
 @cache
-def photos() -> tuple[bytes, ...]:
+def photos():
     """Return one picture in the formats that Pillow can write and that are read."""
     x, y = np.meshgrid(np.arange(72), np.arange(65))
     rgb = Image.fromarray(np.stack([3 * x, 3 * y, (x * y) % 256], -1).astype(np.uint8))
@@ -126,7 +124,7 @@ def photos() -> tuple[bytes, ...]:
     return tuple(files)
 
 
-def opened(read: Callable[[], Any], path: Path, error: type[Exception]) -> Any:
+def opened(read, path, error):
     """Return what a reader returns; None if its refusal is printable and names the file."""
     try:
         return read()
@@ -138,7 +136,7 @@ def opened(read: Callable[[], Any], path: Path, error: type[Exception]) -> Any:
     return None
 
 
-def open_photo(data: bytes, folder: Path) -> None:
+def open_photo(data, folder):
     path = folder / "photo"
     path.write_bytes(data)
     photo = opened(lambda: read_photo(path), path, InputError)
@@ -149,7 +147,7 @@ def open_photo(data: bytes, folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+def saved(tmp_path_factory):
     """Files of a saved result, by what is saved."""
     files = {}
     for save in ("numbers", "people"):
@@ -161,9 +159,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes
     return files
 
 
-def open_result(
-    files: dict[str, bytes], folder: Path, load: Callable[[Path], object] = load_reconstruction
-) -> None:
+def open_result(files, folder, load=load_reconstruction):
     for name, content in files.items():
         (folder / f"reconstruction.{name}").write_bytes(content)
     opened(lambda: load(folder), folder, InputError)
@@ -177,7 +173,7 @@ VALUE = DepthMap(
 )
 
 
-def open_cached(data: bytes, folder: Path) -> None:
+def open_cached(data, folder):
     (folder / "a.npz").write_bytes(data)
     try:
         found = read_value(folder / "a.npz", [DepthMap])
@@ -188,7 +184,7 @@ def open_cached(data: bytes, folder: Path) -> None:
 
 
 @cache
-def hands() -> tuple[bytes, bytes, bytes]:
+def hands():
     """Return a made-up model of MANO as pickles of two protocols and as an archive."""
     rng = np.random.default_rng(0)
     parents = [2**32 - 1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]
@@ -208,7 +204,7 @@ def hands() -> tuple[bytes, bytes, bytes]:
     return pickle.dumps(arrays, 2), pickle.dumps(arrays, 5), file.getvalue()
 
 
-def open_hand(data: bytes, folder: Path) -> None:
+def open_hand(data, folder):
     path = folder / "MANO_RIGHT.pkl"
     path.write_bytes(data)
     arrays = opened(lambda: read_model_file(path, MANO), path, BodyModelError)
@@ -245,7 +241,7 @@ advice = "copy it"
 """
 
 
-def open_manifest(data: bytes, folder: Path) -> None:
+def open_manifest(data, folder):
     path = folder / "weights.toml"
     path.write_bytes(data)
     try:
@@ -266,9 +262,7 @@ def open_manifest(data: bytes, folder: Path) -> None:
         assert all(is_inside(file.path) for file in weights.files)
 
 
-def damaged(
-    whole: bytes, damage: Callable[[bytes, random.Random], bytes], folder: Path
-) -> Iterator[tuple[bytes, Path]]:
+def damaged(whole, damage, folder):
     """Yield the whole file and damaged ones, each with an empty folder."""
     for case in range(CASES + 1):
         (folder / str(case)).mkdir(parents=True)
@@ -276,14 +270,12 @@ def damaged(
 
 
 @pytest.mark.parametrize("number", range(len(photos())))
-def test_a_damaged_photo_is_read_or_refused(number: int, tmp_path: Path) -> None:
+def test_a_damaged_photo_is_read_or_refused(number, tmp_path):
     for data, folder in damaged(photos()[number], damaged_bytes, tmp_path):
         open_photo(data, folder)
 
 
-def test_a_damaged_result_is_read_or_refused(
-    saved: dict[str, dict[str, bytes]], tmp_path: Path
-) -> None:
+def test_a_damaged_result_is_read_or_refused(saved, tmp_path):
     numbers, people = saved["numbers"], saved["people"]
     for data, folder in damaged(numbers["npz"], damaged_bytes, tmp_path / "arrays"):
         open_result(numbers | {"npz": data}, folder)
@@ -296,26 +288,24 @@ def test_a_damaged_result_is_read_or_refused(
         open_result(people | {"npz": data}, folder, load_people)
 
 
-def test_a_damaged_value_of_the_cache_is_never_another_value(tmp_path: Path) -> None:
+def test_a_damaged_value_of_the_cache_is_never_another_value(tmp_path):
     write_value(tmp_path / "value.npz", VALUE)
     for data, folder in damaged((tmp_path / "value.npz").read_bytes(), damaged_bytes, tmp_path):
         open_cached(data, folder)
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_a_damaged_body_model_is_read_or_refused(number: int, tmp_path: Path) -> None:
+def test_a_damaged_body_model_is_read_or_refused(number, tmp_path):
     for data, folder in damaged(hands()[number], damaged_bytes, tmp_path):
         open_hand(data, folder)
 
 
-def test_a_damaged_list_of_weights_is_read_or_refused(tmp_path: Path) -> None:
+def test_a_damaged_list_of_weights_is_read_or_refused(tmp_path):
     for data, folder in damaged(MANIFEST, damaged_text, tmp_path):
         open_manifest(data, folder)
 
 
-def test_files_that_once_broke_a_reader_are_refused(
-    saved: dict[str, dict[str, bytes]], tmp_path: Path
-) -> None:
+def test_files_that_once_broke_a_reader_are_refused(saved, tmp_path):
     open_result(saved["numbers"] | {"npz": (CORPUS / "long-header.npz").read_bytes()}, tmp_path)
     open_hand((CORPUS / "MANO_RIGHT.pkl").read_bytes(), tmp_path)
     for name in ("MANO_RIGHT.pkl", "SMPLX_NEUTRAL.npz"):

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ MOCKS = {
 }
 
 
-def filled(**numbers: Any) -> Callable[[Any], Any]:
+def filled(**numbers):
     """Return a change that fills fields with one number."""
     return lambda result: replace(
         result,
@@ -40,30 +39,30 @@ def filled(**numbers: Any) -> Callable[[Any], Any]:
     )
 
 
-def posed(**numbers: Any) -> Callable[[Any], Any]:
+def posed(**numbers):
     """Return a change that fills parameters of the bodies with one number."""
     return lambda result: replace(result, parameters=filled(**numbers)(result.parameters))
 
 
-def behind_the_camera(result: Any) -> Any:
+def behind_the_camera(result):
     transl = result.parameters.transl * np.array([1, 1, -1], np.float32)
     return replace(result, parameters=replace(result.parameters, transl=transl))
 
 
-def first_pixel(known: Any) -> Any:
+def first_pixel(known):
     """Return a mask of the first of the known pixels alone."""
     only = np.zeros_like(known)
     only[np.unravel_index(np.argmax(known), known.shape)] = True
     return only
 
 
-def with_one(values: Any, value: float) -> Any:
+def with_one(values, value):
     changed = values.copy()
     changed[len(values) // 2, values.shape[1] // 2] = value
     return changed
 
 
-def holes_in(depth: Any) -> Any:
+def holes_in(depth):
     changed = depth.copy()
     changed[::2, ::2] = np.nan
     changed[1::2, 1::2] = np.inf
@@ -110,11 +109,11 @@ WRITTEN = ("keypoints in one place", "shape of 100")
 
 
 @pytest.mark.parametrize("name", DEVIATIONS)
-def test_numbers_of_the_result_are_finite_or_unknown(name: str, tmp_path: Path) -> None:
+def test_numbers_of_the_result_are_finite_or_unknown(name, tmp_path):
     interface, change = DEVIATIONS[name]
     mock = MOCKS[interface]
 
-    def infer(self: Any, *arguments: Any) -> Any:
+    def infer(self, *arguments):
         return change(mock.infer(self, *arguments))
 
     image = load_world("stand", size=(96, 72)).image
@@ -135,7 +134,7 @@ def test_numbers_of_the_result_are_finite_or_unknown(name: str, tmp_path: Path) 
         write_everything(result, tmp_path)
 
 
-def write_everything(result: Reconstruction, folder: Path) -> None:
+def write_everything(result, folder):
     result.save(str(folder))
     result.report(str(folder / "report.html"))
     json.loads((folder / "reconstruction.json").read_text(), parse_constant=pytest.fail)

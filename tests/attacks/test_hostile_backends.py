@@ -35,17 +35,17 @@ class Own(MetricDepth):
         return DepthMap(self.depth)
 
 
-def call(deed: Callable[[Any], Any], image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
+def call(deed, image=None):
     return run(Own(deed), image)
 
 
-def give(depth: Any) -> tuple[DepthMap, Own]:
+def give(depth):
     backend = Own(lambda image: None)
     backend.depth = depth
     return run(backend)
 
 
-def run(backend: Own, image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
+def run(backend, image=None):
     resolved = ResolvedBackend(
         backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, "")
     )
@@ -53,7 +53,7 @@ def run(backend: Own, image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
     return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
 
 
-def test_input_and_output_are_copies() -> None:
+def test_input_and_output_are_copies():
     image = np.zeros((6, 8, 3), np.uint8)
     result, backend = call(lambda given: given.fill(255), image)
     assert not image.any()
@@ -64,7 +64,7 @@ def test_input_and_output_are_copies() -> None:
 ONES = np.ones((6, 8))
 
 
-def unaligned(values: np.ndarray) -> np.ndarray:
+def unaligned(values):
     place = np.zeros(values.nbytes + 1, np.uint8)[1:].view(values.dtype).reshape(values.shape)
     place[:] = values
     return place
@@ -84,7 +84,7 @@ def unaligned(values: np.ndarray) -> np.ndarray:
     ],
     ids=lambda depth: f"{depth.dtype.str} {depth.strides}",
 )
-def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth: np.ndarray) -> None:
+def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth):
     found, _ = give(depth)
     assert (found.depth == 1).all()
     torch.from_numpy(found.depth)
@@ -118,14 +118,14 @@ def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth: np.ndarray
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_is_no_array_of_floats_is_refused_by_name(depth: Any, name: str) -> None:
+def test_what_is_no_array_of_floats_is_refused_by_name(depth, name):
     with pytest.raises(BackendOutputError) as error:
         give(depth)
     assert name in str(error.value)
     assert "metric_depth 'own' (my-dist 1.0)" in str(error.value)
 
 
-def test_plugin_exit_has_the_message_of_its_cause() -> None:
+def test_plugin_exit_has_the_message_of_its_cause():
     with pytest.raises(PluginExit, match=r"^SystemExit: weights are missing$"), plugin_code():
         sys.exit("weights are missing")
 
@@ -134,7 +134,7 @@ def test_plugin_exit_has_the_message_of_its_cause() -> None:
 # -------------------------------------------------------------------------------------------------
 
 
-def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
+def test_a_worker_that_hangs_is_ended_and_the_others_go_on():
     outcomes = list(
         run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2, timeout=1.0))
     )
@@ -149,7 +149,7 @@ def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
     ("name", "state", "message"),
     [("Printing", "ok", ""), ("Forging", "broken", "it ended Python with code 0: physic-doctor: ")],
 )
-def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str, physic) -> None:
+def test_doctor_prints_what_it_found_itself(name, state, message, physic):
     done = physic("plugins", "doctor", f"hostile:{name}", "--json")
     [found] = json.loads(done.stdout)
     assert found["state"] == state

@@ -20,13 +20,13 @@ from physic_core.io.photo import read_photo
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 
-def message_of(photo: bytes | Image.Image) -> str:
+def message_of(photo):
     with pytest.raises(InputError) as caught:
         read_photo(photo)
     return str(caught.value)
 
 
-def damaged(name: str) -> str:
+def damaged(name):
     return (
         f"cannot read the photo {name}: its data are damaged or truncated; copy it again from "
         f"where it came, or save "
@@ -34,12 +34,12 @@ def damaged(name: str) -> str:
     )
 
 
-def of_bytes(data: bytes) -> str:
+def of_bytes(data):
     return damaged(f"of {len(data):,} bytes")
 
 
 @pytest.mark.parametrize("kind", [*JPEGS, "png"])
-def test_a_block_of_zeros_is_found(kind: str):
+def test_a_block_of_zeros_is_found(kind):
     whole = encoded(kind)
     begin = picture_start(whole)
     for share in (0.1, 0.5, 0.9):
@@ -48,7 +48,7 @@ def test_a_block_of_zeros_is_found(kind: str):
 
 
 @pytest.mark.parametrize("kind", ["baseline", "fine", "optimised", "restarts", "grey"])
-def test_a_short_block_of_zeros_is_found(kind: str):
+def test_a_short_block_of_zeros_is_found(kind):
     """The decoder alone misses a fifth of those in the fine one: the zeros stand for as many blocks
     as were there.
     """
@@ -60,13 +60,13 @@ def test_a_short_block_of_zeros_is_found(kind: str):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
-def test_a_cut_with_the_end_put_back_is_found(kind: str, share: float):
+def test_a_cut_with_the_end_put_back_is_found(kind, share):
     data = cut(encoded(kind), int(share * len(encoded(kind))))
     assert message_of(data) == of_bytes(data)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_of_a_photo_that_lacks_a_block_few_pixels_are_wrong(kind: str):
+def test_of_a_photo_that_lacks_a_block_few_pixels_are_wrong(kind):
     """The finest details of a progressive JPEG may be missing."""
     whole = encoded(kind)
     begin = picture_start(whole)
@@ -81,7 +81,7 @@ def test_of_a_photo_that_lacks_a_block_few_pixels_are_wrong(kind: str):
 
 
 @pytest.mark.parametrize("kind", ["avif", "heic"])
-def test_an_avif_or_heic_that_is_cut_is_found(kind: str):
+def test_an_avif_or_heic_that_is_cut_is_found(kind):
     if kind == "heic":
         pytest.importorskip("pi_heif")
         whole = (Path(__file__).parent / "corpus" / "photo.heic").read_bytes()
@@ -113,7 +113,7 @@ HARMLESS = {
 
 @pytest.mark.parametrize("change", HARMLESS)
 @pytest.mark.parametrize("kind", JPEGS)
-def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
+def test_oddities_of_cameras_are_no_damage(kind, change):
     data = HARMLESS[change](encoded(kind))
     assert data != encoded(kind)
     np.testing.assert_array_equal(read_photo(data).image, pixels(kind))
@@ -123,14 +123,14 @@ def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
 @pytest.mark.parametrize(
     "options", [{"optimize": True}, {"progressive": True, "quality": 5}], ids=str
 )
-def test_one_colour_is_no_damage(mode: str, options: dict):
+def test_one_colour_is_no_damage(mode, options):
     """Large plain areas give long runs of zeros."""
     file = io.BytesIO()
     Image.new("RGB", (1600, 1200), "white").convert(mode).save(file, "JPEG", **options)
     assert np.ptp(read_photo(file.getvalue()).image) == 0
 
 
-def scans(count: int) -> bytes:
+def scans(count):
     """A JPEG of three equal components, one in each scan, in ``count`` scans.
 
     It is the grey JPEG of one component.
@@ -163,9 +163,7 @@ SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXEL
 
 @pytest.mark.parametrize(("module", "name", "value"), SWITCHES, ids=lambda part: str(part)[:40])
 @pytest.mark.parametrize("kind", ["baseline", "png"])
-def test_switches_of_pillow_change_nothing(
-    kind: str, module, name: str, value, monkeypatch: pytest.MonkeyPatch
-):
+def test_switches_of_pillow_change_nothing(kind, module, name, value, monkeypatch):
     expected = pixels(kind)
     data = cut(encoded(kind), len(encoded(kind)) // 2)
     monkeypatch.setattr(module, name, value)
@@ -176,10 +174,10 @@ def test_switches_of_pillow_change_nothing(
     assert getattr(module, name) == value
 
 
-def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch: pytest.MonkeyPatch):
+def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch):
     shown: list[bytes] = []
 
-    def accept(prefix: bytes) -> bool:
+    def accept(prefix):
         shown.append(prefix)
         return False
 
@@ -192,12 +190,12 @@ def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch: p
     assert len(shown) == 1
 
 
-def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch: pytest.MonkeyPatch):
+def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch):
     monkeypatch.setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True)
     data = cut(encoded("png"), len(encoded("png")) // 2)
     found: list[str] = []
 
-    def read() -> None:
+    def read():
         for _ in range(10):
             found.append(message_of(data))
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ def peak():
 """
 
 
-def lines_of(code: str, *arguments: object) -> list[str]:
+def lines_of(code, *arguments):
     """What a new process prints, which writes nothing to stderr."""
     command = [sys.executable, "-c", PEAK + code, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
@@ -36,7 +35,7 @@ def lines_of(code: str, *arguments: object) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_no_image_takes_more_than_one_and_a_half_gigabytes(tmp_path: Path):
+def test_no_image_takes_more_than_one_and_a_half_gigabytes(tmp_path):
     for i, (make, _) in enumerate(BOMBS.values()):
         (tmp_path / str(i)).write_bytes(make())
     code = """
@@ -56,7 +55,7 @@ print(peak())
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are limited on Linux")
-def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
+def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path):
     """A decoder may take more than the header of the image tells, such as a tile of 2 GB for an
     image of 64 px.
     """
@@ -103,7 +102,7 @@ KINDS = {
 }
 
 
-def test_decoding_the_largest_image_of_each_format_takes_less_than_1_5_gb(tmp_path: Path):
+def test_decoding_the_largest_image_of_each_format_takes_less_than_1_5_gb(tmp_path):
     x = np.linspace(0, 255, SIDE).astype(np.uint8)[None].repeat(SIDE, 0)
     picture = Image.fromarray(np.stack([x, x[:, ::-1], x // 2], -1))
     for name, (mode, options) in KINDS.items():

@@ -5,11 +5,8 @@ refused.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +22,6 @@ from physic_core.files.plain import write_value
 from physic_core.io.report_file import add_report, save_report
 from physic_core.io.result_folder import is_result
 from physic_core.io.results import load_reconstruction, save_reconstruction
-from physic_core.types import Reconstruction
 from physic_scene import output
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
 from tiny_result import tiny_result
@@ -35,12 +31,12 @@ NEW = tiny_result(1)
 NEW = replace(NEW, people=NEW.people[:1], photo=OLD.photo, checks=())
 
 
-def mark(result: Reconstruction) -> str:
+def mark(result):
     return str(result.diagnostics["joint"]["seed"])
 
 
 @pytest.fixture(autouse=True)
-def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_pictures(monkeypatch):
     """Pictures and pages that name their result, in place of rendered ones."""
 
     monkeypatch.setattr(glb, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
@@ -54,40 +50,40 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report_page, "report_html", lambda result, title: page + mark(result))
 
 
-def save(folder: Path, result: Reconstruction) -> None:
+def save(folder, result):
     save_reconstruction(result, folder)
 
 
-def save_compact(folder: Path, result: Reconstruction) -> None:
+def save_compact(folder, result):
     save_reconstruction(result, folder, "numbers", overwrite=True)
 
 
-def save_people(folder: Path, result: Reconstruction) -> None:
+def save_people(folder, result):
     save_reconstruction(result, folder, "people", overwrite=True)
 
 
-def save_moment(folder: Path, result: Reconstruction) -> None:
+def save_moment(folder, result):
     camera = SceneCamera(np.eye(3), np.zeros(3), result.intrinsics, 0.0, 0.0)
     photo = SolvedPhoto(0, f"photo {mark(result)}.jpg", camera, {}, 0.0, 1.0, result)
     moment = SceneResult(result, 0, (photo,), ())
     output.save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
 
 
-def add_page(folder: Path, result: Reconstruction) -> None:
+def add_page(folder, result):
     if not (folder / "reconstruction.json").exists():
         save_reconstruction(OLD, folder)
     add_report(folder, result)
 
 
-def write_page(folder: Path, result: Reconstruction) -> None:
+def write_page(folder, result):
     save_report(result, folder / "a.html")
 
 
-def write_cache(folder: Path, result: Reconstruction) -> None:
+def write_cache(folder, result):
     write_value(folder / "a.result.npz", (result.image, mark(result)))
 
 
-def export(folder: Path, result: Reconstruction) -> None:
+def export(folder, result):
     result.export(str(folder / "a.obj"), overwrite=True)
 
 
@@ -96,16 +92,14 @@ RESULTS = (save, save_compact, save_people, save_moment)
 REFUSED = "there is no such file; name the folder of a finished run"
 
 
-def files(folder: Path) -> dict[str, bytes]:
+def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def interruptions(
-    operation: Callable[[Path, Reconstruction], None], before: Path | None, tmp_path: Path, how: str
-) -> Iterator[Path]:
+def interruptions(operation, before, tmp_path, how):
     """Interrupt the operation at its steps, in a copy of the folder, and yield that."""
 
-    def run(number: int | None) -> Steps:
+    def run(number):
         shutil.copytree(before, folder) if before else folder.mkdir()
         steps = Steps(folder, number, how)
         with steps.applied(), suppress(OutputError, KeyboardInterrupt):
@@ -123,9 +117,7 @@ def interruptions(
         shutil.rmtree(folder)
 
 
-def made(
-    operation: Callable[[Path, Reconstruction], None], folder: Path, *of: Reconstruction
-) -> dict[str, bytes]:
+def made(operation, folder, *of):
     folder.mkdir()
     for result in of:
         operation(folder, result)
@@ -140,7 +132,7 @@ def made(
         for how in ("killed", "full")
     ],
 )
-def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_path: Path):
+def test_a_write_happens_completely_or_not_at_all(operation, how, tmp_path):
     old = made(operation, tmp_path / "old", OLD)
     new = made(operation, tmp_path / "new", OLD, NEW)
     assert old != new
@@ -171,9 +163,7 @@ def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_
 
 @pytest.mark.parametrize("how", ["interrupted", "failing"])
 @pytest.mark.parametrize("operation", [save, save_compact, save_moment])
-def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(
-    operation: Any, how: str, tmp_path: Path
-):
+def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(operation, how, tmp_path):
     made(operation, tmp_path / "old", OLD)
     marks = set()
     for folder in interruptions(operation, tmp_path / "old", tmp_path, how):
@@ -183,7 +173,7 @@ def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(
 
 @pytest.mark.parametrize("operation", [save, save_compact, save_moment])
 def test_the_next_reader_completes_the_result_of_a_killed_process_and_says_so(
-    operation: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    operation, tmp_path, caplog
 ):
     made(operation, tmp_path / "old", OLD)
     new = made(operation, tmp_path / "new", OLD, NEW)
@@ -200,7 +190,7 @@ def test_the_next_reader_completes_the_result_of_a_killed_process_and_says_so(
 
 
 def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_was_killed(
-    tmp_path: Path,
+    tmp_path,
 ):
     save(tmp_path / "old", OLD)
     (tmp_path / "old" / "preview.png").write_text("mine")
@@ -213,9 +203,7 @@ def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_wa
 
 @pytest.mark.parametrize("how", ["killed", "interrupted", "full"])
 @pytest.mark.parametrize("before", [save, add_page])
-def test_a_page_that_is_interrupted_at_any_step_costs_no_result(
-    before: Any, how: str, tmp_path: Path
-):
+def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before, how, tmp_path):
     before(tmp_path / "old", OLD)
     old = files(tmp_path / "old").get("report.html")
     pages = set()
@@ -230,7 +218,7 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(
     assert pages == ({old} if how == "full" else {old, new})
 
 
-def test_a_page_whose_write_was_killed_is_replaced_by_the_next_run(tmp_path: Path):
+def test_a_page_whose_write_was_killed_is_replaced_by_the_next_run(tmp_path):
     add_page(tmp_path / "old", OLD)
     for folder in interruptions(add_page, tmp_path / "old", tmp_path, "killed"):
         save(folder, NEW)
@@ -238,7 +226,7 @@ def test_a_page_whose_write_was_killed_is_replaced_by_the_next_run(tmp_path: Pat
         shutil.rmtree(tmp_path / "new")
 
 
-def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_path: Path):
+def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_path):
     save(tmp_path / "old", OLD)
     refused = 0
     for folder in interruptions(save, tmp_path / "old", tmp_path, "killed"):
@@ -258,7 +246,7 @@ def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_
 
 
 @pytest.mark.parametrize("how", ["killed", "full"])
-def test_a_first_result_is_complete_or_not_there(how: str, tmp_path: Path):
+def test_a_first_result_is_complete_or_not_there(how, tmp_path):
     found = set()
     for folder in interruptions(save, None, tmp_path, how):
         try:
@@ -272,10 +260,10 @@ def test_a_first_result_is_complete_or_not_there(how: str, tmp_path: Path):
 
 
 @pytest.mark.parametrize("how", ["killed", "full"])
-def test_a_row_of_the_journal_is_there_or_not(how: str, tmp_path: Path):
+def test_a_row_of_the_journal_is_there_or_not(how, tmp_path):
     rows = [{"id": name, "state": "done", "config": "1", "finished": name} for name in "abc"]
 
-    def append(folder: Path, _: Reconstruction) -> None:
+    def append(folder, _):
         with Journal(folder / "journal.jsonl") as journal:
             journal.append(rows[1])
 
@@ -290,7 +278,7 @@ def test_a_row_of_the_journal_is_there_or_not(how: str, tmp_path: Path):
         assert read_journals(folder, rows[0]).last == {**found, "c": rows[2]}
 
 
-def test_old_temporary_files_of_a_user_stay(tmp_path: Path):
+def test_old_temporary_files_of_a_user_stay(tmp_path):
     own = {".mine.part", ".x.deadbeef.part", ".mine.physic-part", "a.0123abcd.physic-part"}
     for name in own:
         (tmp_path / name).write_text("mine")

@@ -4,8 +4,6 @@ stages.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from physic_core.types import (
@@ -32,7 +30,7 @@ WIDTH = 8
 PARTNERS = (ContactPartner("floor", "rug"), ContactPartner("person", person=1, part="left_hand"))
 
 
-def tiny_result(seed: int = 0) -> Reconstruction:
+def tiny_result(seed=0):
     """Return a result; another seed gives other numbers in every array, and other shapes."""
     rng = np.random.default_rng(seed)
     camera = Intrinsics.from_focal(10.0 + seed, WIDTH, HEIGHT, "EXIF: 50 mm")
@@ -80,7 +78,7 @@ def tiny_result(seed: int = 0) -> Reconstruction:
     )
 
 
-def _person(rng: np.random.Generator) -> Person:
+def _person(rng):
     sizes = {
         "global_orient": 3,
         "body_pose": 63,
@@ -90,7 +88,7 @@ def _person(rng: np.random.Generator) -> Person:
     }
     sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 4, "expression": 0, "transl": 3}
 
-    def numbers(*shape: int) -> Any:
+    def numbers(*shape):
         return rng.normal(size=shape).astype(np.float32)
 
     return Person(

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -12,9 +11,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "attacks"))
 
 
 @pytest.fixture
-def standin(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def standin(monkeypatch):
     """The module with workers that need no network; worker processes find it on the same path."""
     monkeypatch.syspath_prepend(STANDIN)
-    import batch_standin  # type: ignore[import-not-found]
+    import batch_standin
 
     return batch_standin

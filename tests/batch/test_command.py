@@ -6,23 +6,18 @@ from __future__ import annotations
 
 import csv
 import signal
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 from PIL import Image
 
-from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob, failed_row
+from physic_core.batch.process import failed_row
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
-def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, monkeypatch, physic):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     Image.fromarray(load_world("stand", (160, 120)).image).save("photos/stand.png")
@@ -74,9 +69,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(
     assert "2 to do, 1 done before; 1 failed before" in rest.stderr
 
 
-def test_a_dry_run_lists_the_photos_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, physic):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
     for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
@@ -109,11 +102,11 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(
     ids=["photos", "shard", "save", "backend", "device"],
 )
 def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    code: int,
-    message: str,
+    tmp_path,
+    monkeypatch,
+    arguments,
+    code,
+    message,
     physic,
 ):
     monkeypatch.chdir(tmp_path)
@@ -125,7 +118,7 @@ def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with 45 files in ``photos``, which is the current one."""
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
@@ -134,23 +127,21 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def rows_of_table() -> int:
+def rows_of_table():
     try:
         return len(Path("out/summary.csv").read_text().splitlines()) - 1
     except FileNotFoundError:
         return 0
 
 
-def use_executor(monkeypatch: pytest.MonkeyPatch, rows: Any) -> None:
+def use_executor(monkeypatch, rows):
     monkeypatch.setattr("physic_core.batch.run.open_executor", lambda name, settings: rows)
 
 
-def test_the_tables_are_written_every_20_photos(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_the_tables_are_written_every_20_photos(folder, monkeypatch, physic):
     seen = []
 
-    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+    def rows(items, job):
         for item in items:
             yield failed_row(job, item, "InputError", "no photo", 0.0)
             seen.append(rows_of_table())
@@ -164,14 +155,12 @@ def test_the_tables_are_written_every_20_photos(
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_batch_that_is_stopped_has_its_tables(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, physic
-):
+def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physic):
     number = getattr(signal, name, None)
     if number is None:
         pytest.skip("no such signal")
 
-    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+    def rows(items, job):
         for item in items[:3]:
             yield failed_row(job, item, "Timeout", "no result", 0.0)
         signal.raise_signal(number)
@@ -190,10 +179,8 @@ def test_a_batch_that_is_stopped_has_its_tables(
     )
 
 
-def test_a_changed_configuration_says_how_many_results_it_replaces(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, physic
-):
-    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+def test_a_changed_configuration_says_how_many_results_it_replaces(folder, monkeypatch, physic):
+    def rows(items, job):
         for item in items[:5]:
             yield failed_row(job, item, "InputError", "no photo", 0.0)
         for item in items[5:]:

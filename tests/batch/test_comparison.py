@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, save_reconstruction
+from physic_core import save_reconstruction
 from physic_core.batch.comparison import changed_lines, compare_results, pair_results
 from physic_core.body import JOINT_NAMES
 from physic_core.configuration.model import load_config
@@ -23,12 +20,12 @@ HAND = BodyContact("left_hand", ContactPartner("scene", "table", 3), 0.9, 40)
 
 
 @pytest.fixture
-def result(make: Callable[..., Reconstruction]) -> Reconstruction:
+def result(make):
     return make()
 
 
 @pytest.fixture
-def other(result: Reconstruction) -> Reconstruction:
+def other(result):
     """The second person is farther by 0.3 m and touches a table, comes first, and the scene is
     larger by a tenth.
     """
@@ -43,7 +40,7 @@ def other(result: Reconstruction) -> Reconstruction:
     return replace(result, people=(moved, first), scene=scene)
 
 
-def test_people_are_matched_by_their_masks(result: Reconstruction, other: Reconstruction):
+def test_people_are_matched_by_their_masks(result, other):
     found = compare_results(result, other)
     assert [person.index for person in found.people] == [(0, 1), (1, 0)]
     same, moved = found.people
@@ -62,7 +59,7 @@ def test_people_are_matched_by_their_masks(result: Reconstruction, other: Recons
     assert found.depth_difference == pytest.approx(0.1, rel=1e-3)
 
 
-def test_the_joint_that_is_farthest_apart_is_named(result: Reconstruction):
+def test_the_joint_that_is_farthest_apart_is_named(result):
     joints = result.people[0].joints.copy()
     joints[JOINT_NAMES.index("left_wrist")] += np.float32([0, 0.22, 0])
     other = replace(result, people=(replace(result.people[0], joints=joints), *result.people[1:]))
@@ -75,8 +72,8 @@ def test_the_joint_that_is_farthest_apart_is_named(result: Reconstruction):
     )
 
 
-def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
-    def with_config(*overrides: str) -> Reconstruction:
+def test_backends_and_settings_that_differ_are_listed(result):
+    def with_config(*overrides):
         return replace(result, config=load_config(preset="mock", overrides=overrides).as_dict())
 
     before = with_config()
@@ -96,7 +93,7 @@ def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
 
 
 def test_results_of_different_photos_are_compared_and_the_first_line_says_so(
-    result: Reconstruction,
+    result,
 ):
     a, b = (replace(result, photo=f"sha256:{name}", photo_name=name) for name in ("a.jpg", "b.jpg"))
     (line,) = compare_results(a, b).changed
@@ -105,26 +102,26 @@ def test_results_of_different_photos_are_compared_and_the_first_line_says_so(
     assert compare_results(a, a).changed == compare_results(a, pixels).changed == ()
 
 
-def test_a_person_of_one_result_alone_is_listed(result: Reconstruction):
+def test_a_person_of_one_result_alone_is_listed(result):
     fewer = replace(result, people=result.people[1:])
     assert [person.index for person in compare_results(result, fewer).people] == [(0, None), (1, 0)]
     assert [person.index for person in compare_results(fewer, result).people] == [(0, 1), (None, 0)]
 
 
-def test_a_person_without_a_body_has_no_joints_to_compare(result: Reconstruction):
+def test_a_person_without_a_body_has_no_joints_to_compare(result):
     first = result.people[0]
     lost = replace(first, joints=np.full_like(first.joints, np.nan))
     person = compare_results(result, replace(result, people=(lost, *result.people[1:]))).people[0]
     assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
 
 
-def test_pictures_of_different_sizes_are_refused(result: Reconstruction):
+def test_pictures_of_different_sizes_are_refused(result):
     narrow = replace(result, intrinsics=replace(result.intrinsics, width=7))
     with pytest.raises(InputError, match="7 x"):
         compare_results(result, narrow)
 
 
-def test_photos_of_folders_are_paired_by_their_digests(result: Reconstruction, tmp_path: Path):
+def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):
     for place, photo in {"a/1": "x", "a/2": "y", "b/one": "y", "b/two": "z"}.items():
         save_reconstruction(replace(result, photo=f"sha256:{photo}"), tmp_path / place, "numbers")
     paired = pair_results(tmp_path / "a", tmp_path / "b")
@@ -133,7 +130,7 @@ def test_photos_of_folders_are_paired_by_their_digests(result: Reconstruction, t
 
 
 @pytest.fixture
-def saved(result: Reconstruction, other: Reconstruction, tmp_path: Path) -> list[str]:
+def saved(result, other, tmp_path):
     """The folders of both results; the second one has a page."""
     for name, one in {"a": result, "b": other}.items():
         save_reconstruction(replace(one, photo_name="beach.jpg"), tmp_path / name, "numbers")
@@ -141,7 +138,7 @@ def saved(result: Reconstruction, other: Reconstruction, tmp_path: Path) -> list
     return [str(tmp_path / name) for name in "ab"]
 
 
-def test_photos_of_a_batch_are_sorted_by_name(result: Reconstruction, tmp_path: Path):
+def test_photos_of_a_batch_are_sorted_by_name(result, tmp_path):
     for place in ("a/1f/zoo", "a/2e/beach", "b/1f/zoo", "b/2e/beach"):
         save_reconstruction(
             replace(result, photo=f"sha256:{place[2:]}"), tmp_path / place, "numbers"
@@ -152,7 +149,7 @@ def test_photos_of_a_batch_are_sorted_by_name(result: Reconstruction, tmp_path: 
     ]
 
 
-def test_the_command_prints_a_table_or_json(saved: list[str], physic):
+def test_the_command_prints_a_table_or_json(saved, physic):
     done = physic("compare", *saved)
     assert done.exit_code == 0, done.output
     row = next(line for line in done.output.splitlines() if "only B: left hand: table" in line)
@@ -165,7 +162,7 @@ def test_the_command_prints_a_table_or_json(saved: list[str], physic):
 
 
 def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
-    saved: list[str], tmp_path: Path, chromium: Any, physic
+    saved, tmp_path, chromium, physic
 ):
     path = tmp_path / "page.html"
     done = physic("compare", *saved, "--html", str(path))
@@ -183,7 +180,7 @@ def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
     page.close()
 
 
-def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Path, physic):
+def test_a_damaged_result_leaves_the_others(result, tmp_path, physic):
     for place in ("a/1", "a/2", "b/1", "b/2"):
         save_reconstruction(
             replace(result, photo=f"sha256:{place[-1]}"), tmp_path / place, "numbers"
@@ -195,9 +192,7 @@ def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Pa
     assert "people in both: 2" in done.output
 
 
-def test_a_file_of_the_user_is_not_replaced_by_the_page(
-    result: Reconstruction, tmp_path: Path, physic
-):
+def test_a_file_of_the_user_is_not_replaced_by_the_page(result, tmp_path, physic):
     save_reconstruction(result, tmp_path / "a", "numbers")
     page = tmp_path / "page.html"
     page.write_text("mine")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,7 +13,7 @@ GRADES = ("good", "bad", "doubtful", "good", "")
 TRUST = {"good": 0.914, "bad": 0.1, "doubtful": None}
 
 
-def card(number: int, grade: str) -> dict[str, Any]:
+def card(number, grade):
     done = {"state": "done", "error": "", "message": "", "grade": grade, "people": 1, "checks": []}
     done["trust"] = TRUST.get(grade)
     return {
@@ -32,7 +31,7 @@ def card(number: int, grade: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def page(chromium, tmp_path_factory):
     path: Path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
     cards = [card(number, grade) for number, grade in enumerate(GRADES)]
     cards[1]["checks"] = ["limb_keypoints"]
@@ -44,14 +43,14 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     page.close()
 
 
-def select(page: Any, field: str, value: str) -> None:
+def select(page, field, value):
     element = f"document.getElementById({json.dumps(field)})"
     page.evaluate(
         f"{element}.value = {json.dumps(value)}; {element}.dispatchEvent(new Event('input')); 1"
     )
 
 
-def titles(page: Any) -> list[str]:
+def titles(page):
     shown = "[...document.querySelectorAll('article')].filter(a => !a.hidden)"
     found: list[str] = page.evaluate(
         f"{shown}.map(a => a.querySelector('.line span').textContent.slice(6, 7))"
@@ -59,19 +58,19 @@ def titles(page: Any) -> list[str]:
     return found
 
 
-def text(page: Any, selector: str) -> str:
+def text(page, selector):
     found: str = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
     return found
 
 
-def test_a_photo_without_people_says_why_it_is_doubtful(page: Any):
+def test_a_photo_without_people_says_why_it_is_doubtful(page):
     lines = page.evaluate(
         "[...document.querySelectorAll('article.doubtful p.soft')].map(p => p.textContent).join()"
     )
     assert lines.startswith("no person was found")
 
 
-def test_totals_and_notes_stand_above_the_photos(page: Any):
+def test_totals_and_notes_stand_above_the_photos(page):
     assert text(page, "#totals").split("\n") == ["2 good", "1 doubtful", "1 bad", "1 failed"]
     assert text(page, "#count") == "5 photos"
     assert "3 more photos are in the summary table only." in text(page, "header")
@@ -80,12 +79,12 @@ def test_totals_and_notes_stand_above_the_photos(page: Any):
     )
 
 
-def test_the_probability_stands_beside_the_grade(page: Any):
+def test_the_probability_stands_beside_the_grade(page):
     shown = page.evaluate("[...document.querySelectorAll('span.grade')].map(s => s.textContent)")
     assert shown[:3] == ["good, 0.91", "bad, 0.10", "doubtful"]
 
 
-def test_the_order_is_that_of_trust_or_name(page: Any):
+def test_the_order_is_that_of_trust_or_name(page):
     for order, expected in (
         ("worst", "41203"),
         ("best", "03214"),
@@ -96,7 +95,7 @@ def test_the_order_is_that_of_trust_or_name(page: Any):
         assert titles(page) == list(expected)
 
 
-def test_filters_show_matching_photos_or_a_note(page: Any):
+def test_filters_show_matching_photos_or_a_note(page):
     select(page, "grade", "good")
     assert (titles(page), text(page, "#count")) == (["0", "3"], "2 of 5 photos")
     select(page, "check", "+")
@@ -110,7 +109,7 @@ def test_filters_show_matching_photos_or_a_note(page: Any):
     assert page.evaluate("document.getElementById('none').hidden")
 
 
-def test_thumbnail_and_title_link_to_the_page_of_the_result(page: Any):
+def test_thumbnail_and_title_link_to_the_page_of_the_result(page):
     links = page.evaluate(
         "[...document.querySelectorAll('article a')].slice(0, 2).map(a => a.getAttribute('href'))"
     )

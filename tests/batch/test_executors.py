@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from physic_core.batch.run import ExecutorSettings, open_executor
 from physic_core.cli import main
@@ -41,14 +40,14 @@ def physic_executors():
 """  # noqa: E501
 
 
-def physic(*arguments: str) -> Result:
+def physic(*arguments):
     return CliRunner().invoke(
         main, ["batch", "photos", "-o", "out", "--preset", "mock", *arguments]
     )
 
 
 @pytest.fixture
-def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def photos(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").write_text("a")
@@ -56,12 +55,12 @@ def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def plugin(site: Any) -> Any:
+def plugin(site):
     site.install("physic-queue", EXECUTOR)
     return site
 
 
-def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
+def test_a_plugin_adds_an_executor(plugin, photos):
     options = (
         "--executor",
         "queue",
@@ -85,9 +84,7 @@ def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
         (("--executor-set", "cpus=2"), "--executor-set is for clusters"),
     ],
 )
-def test_settings_that_an_executor_does_not_have(
-    plugin: Any, photos: Path, options: tuple[str, ...], words: str
-):
+def test_settings_that_an_executor_does_not_have(plugin, photos, options, words):
     done = physic(*options)
     assert (done.exit_code, words in done.stderr) == (2, True)
     assert not Path("out").exists()
@@ -96,9 +93,7 @@ def test_settings_that_an_executor_does_not_have(
 @pytest.mark.parametrize(
     ("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")]
 )
-def test_a_name_that_is_not_installed_is_explained(
-    monkeypatch: pytest.MonkeyPatch, photos: Path, name: str, words: str
-):
+def test_a_name_that_is_not_installed_is_explained(monkeypatch, photos, name, words):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("--executor", name)
     assert (done.exit_code, words in done.stderr) == (2, True)
@@ -111,12 +106,12 @@ def test_a_name_that_is_not_installed_is_explained(
         ("number", "'number' .*got int"),
     ],
 )
-def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, words: str):
+def test_a_broken_executor_names_its_plugin(plugin, name, words):
     with pytest.raises(PluginError, match=words):
         open_executor(name, ExecutorSettings())
 
 
-def test_a_name_that_two_plugins_offer_is_refused(plugin: Any):
+def test_a_name_that_two_plugins_offer_is_refused(plugin):
     plugin.install("physic-other", EXECUTOR)
     with pytest.raises(ConfigError, match="physic-other and physic-queue"):
         open_executor("queue", ExecutorSettings())

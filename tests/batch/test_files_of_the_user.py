@@ -6,11 +6,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_thumbnail
@@ -28,13 +26,13 @@ NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "lo
 MINE = '{"id": "mine", "stature": 1.71}\n'
 
 
-def batch(photos: str, out: Path, *options: str) -> Result:
+def batch(photos, out, *options):
     arguments = ("batch", photos, "-o", str(out), "--preset", "mock", "--workers", "1", *options)
     return CliRunner().invoke(main, arguments)
 
 
 @pytest.fixture
-def photos(tmp_path: Path) -> Path:
+def photos(tmp_path):
     """A folder with a file that no worker can read."""
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "broken.jpg").write_text("no photo")
@@ -43,9 +41,7 @@ def photos(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("place", [shutil.copy, os.symlink], ids=["copied", "linked"])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(
-    name: str, place: Callable[[Path, Path], object], photos: Path, tmp_path: Path
-):
+def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(name, place, photos, tmp_path):
     path = tmp_path / "out" / name
     victim = tmp_path / "victim"
     path.parent.mkdir(parents=True)
@@ -57,7 +53,7 @@ def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(
     assert "[1/1]" not in done.stderr
 
 
-def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: Path):
+def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos):
     table = photos / "summary.csv"
     table.write_text("path,stature\nbroken.jpg,1.71\n")
     done = batch(str(table), photos)
@@ -65,11 +61,11 @@ def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: P
     assert table.read_text() == "path,stature\nbroken.jpg,1.71\n"
 
 
-def painted(path: Path) -> None:
+def painted(path):
     path.write_text("mine")
 
 
-def replaced_by_a_link(path: Path) -> None:
+def replaced_by_a_link(path):
     path.unlink()
     path.symlink_to(path.with_name("mine"))
 
@@ -80,12 +76,12 @@ def replaced_by_a_link(path: Path) -> None:
 )
 @pytest.mark.parametrize("name", ["preview.png", "combined.glb"])
 def test_an_edited_file_of_a_result_is_kept(
-    name: str,
-    why: str,
-    change: Callable[[Path], None],
-    photos: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    name,
+    why,
+    change,
+    photos,
+    tmp_path,
+    monkeypatch,
 ):
     """A batch does not do a photo again for it, and keeps it beside the new one where it does for
     another reason.
@@ -99,7 +95,7 @@ def test_an_edited_file_of_a_result_is_kept(
         for side in (640, 320)
     ]
 
-    def run(job: BatchJob) -> int:
+    def run(job):
         todo = plan_batch([item], job).todo
         process = PhotoProcessor(job, lambda path, settings: tiny_result())
         run_batch(
@@ -120,7 +116,7 @@ def test_an_edited_file_of_a_result_is_kept(
     load_reconstruction(folder)
 
 
-def test_a_table_is_known_by_its_first_line(tmp_path: Path):
+def test_a_table_is_known_by_its_first_line(tmp_path):
     write_tables(tmp_path)
     check_tables(tmp_path)
     (tmp_path / "summary.csv").write_text("path,note\n")
@@ -130,7 +126,7 @@ def test_a_table_is_known_by_its_first_line(tmp_path: Path):
         write_tables(tmp_path)
 
 
-def test_a_thumbnail_of_the_user_stays(tmp_path: Path):
+def test_a_thumbnail_of_the_user_stays(tmp_path):
     for _ in range(2):
         write_thumbnail(tiny_result(), tmp_path, "photos/3f/a")
     thumbnail = tmp_path / "thumbnails" / "3f" / "a.jpg"

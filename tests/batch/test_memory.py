@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -20,7 +18,7 @@ pytestmark = [
 ]
 
 
-def growth_mb(process: Callable[[int], Any], first: int, last: int) -> float:
+def growth_mb(process, first, last):
     before = 0.0
     for i in range(last):
         process(i)

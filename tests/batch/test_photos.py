@@ -19,7 +19,7 @@ from physic_core.errors import ConfigError, InputError
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     for name in ("b.jpg", "a.PNG", "deep/er/c.webp", "deep/.hidden.jpg", "notes.txt"):
         path = tmp_path / "photos" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -28,15 +28,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "photos"
 
 
-def names(items: list[PhotoItem]) -> list[str]:
+def names(items):
     return [Path(item.path).name for item in items]
 
 
-def test_a_folder_gives_its_photos_recursively_and_in_order(folder: Path):
+def test_a_folder_gives_its_photos_recursively_and_in_order(folder):
     assert names(list_photos([str(folder)]).photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
-def test_files_and_folders_give_each_photo_once(folder: Path):
+def test_files_and_folders_give_each_photo_once(folder):
     assert names(list_photos(["photos/b.jpg", "photos/deep", "photos"]).photos) == [
         "b.jpg",
         "c.webp",
@@ -46,13 +46,13 @@ def test_files_and_folders_give_each_photo_once(folder: Path):
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
 
-def test_pictures_of_an_earlier_run_are_no_photos(folder: Path):
+def test_pictures_of_an_earlier_run_are_no_photos(folder):
     (folder / "out" / "thumbnails").mkdir(parents=True)
     (folder / "out" / "thumbnails" / "b.jpg").touch()
     assert names(list_photos(["photos"], "photos/out").photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
-def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
+def test_a_table_gives_cameras_statures_ages_and_ids(folder):
     (folder / "table.csv").write_text(
         "path,camera,stature,age,id\n"
         'b.jpg,"900,910,320,240",1.8,,first\na.PNG,700,"1.8,1.6","0,7.5",\ndeep/er/c.webp,,,,\n'
@@ -85,27 +85,27 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
         ("path\n" + "x" * 200_000, "field larger than field limit"),
     ],
 )
-def test_a_table_with_faults_is_an_error(folder: Path, rows: str, message: str):
+def test_a_table_with_faults_is_an_error(folder, rows, message):
     (folder / "table.csv").write_text(rows)
     with pytest.raises(InputError, match=message):
         list_photos([str(folder / "table.csv")])
 
 
 @pytest.mark.parametrize("name", ["nowhere/a.jpg", "empty.csv", "head.csv"])
-def test_a_name_or_a_table_without_photos_is_an_error(folder: Path, name: str):
+def test_a_name_or_a_table_without_photos_is_an_error(folder, name):
     Path("empty.csv").touch()
     Path("head.csv").write_text("path,id\n")
     with pytest.raises(InputError, match=f"no photos .*{re.escape(name)}"):
         list_photos([name])
 
 
-def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
+def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path):
     (tmp_path / "a.jpg").touch()
     with pytest.raises(InputError, match="files skipped: 1"):
         list_photos([str(tmp_path)], tmp_path)
 
 
-def test_files_that_are_no_photos_are_skipped(folder: Path):
+def test_files_that_are_no_photos_are_skipped(folder):
     for name in ("Thumbs.db", "more.txt", "README"):
         (folder / name).touch()
     for name in (
@@ -139,7 +139,7 @@ except InputError as error:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="permissions")
 @pytest.mark.parametrize("asked", ["photos", "photos/locked"])
-def test_a_folder_that_cannot_be_read_is_an_error(tmp_path: Path, asked: str):
+def test_a_folder_that_cannot_be_read_is_an_error(tmp_path, asked):
     (tmp_path / "photos" / "locked").mkdir(parents=True)
     (tmp_path / "photos" / "a.jpg").touch()
     (tmp_path / "photos" / "locked" / "a.jpg").touch()
@@ -156,7 +156,7 @@ def test_a_folder_has_two_digits_of_the_ids_hash_before_it():
 
 
 @given(st.text(min_size=1, max_size=300))
-def test_every_id_is_a_valid_folder_name(item: str):
+def test_every_id_is_a_valid_folder_name(item):
     head, prefix, name = photo_folder(item.replace("\0", "")).split("/")
     assert (head, len(prefix)) == ("photos", 2)
     assert name not in ("", ".", "..")
@@ -164,7 +164,7 @@ def test_every_id_is_a_valid_folder_name(item: str):
 
 
 @given(st.lists(st.text(min_size=1), min_size=1, max_size=50), st.integers(1, 20))
-def test_shards_cover_every_photo_once(items: list[str], count: int):
+def test_shards_cover_every_photo_once(items, count):
     for item in items:
         assert sum(item in Shard(shard, count) for shard in range(1, count + 1)) == 1
 
@@ -177,14 +177,14 @@ def test_the_shard_of_a_photo_is_the_same_in_every_version():
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
-def test_invalid_shards_are_an_error(text: str):
+def test_invalid_shards_are_an_error(text):
     assert Shard.parse("3/16") == Shard(3, 16)
     with pytest.raises(ConfigError, match="a shard is written 3/16"):
         Shard.parse(text)
 
 
 @pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
-def test_the_cells_of_a_row_are_checked_like_settings(cells: dict[str, str]):
+def test_the_cells_of_a_row_are_checked_like_settings(cells):
     settings = photo_of_row({"path": "a.jpg", **cells}).settings
     with pytest.raises(ConfigError, match="settings of this photo"):
         load_config(preset="mock").with_photo(settings)

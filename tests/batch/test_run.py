@@ -14,11 +14,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 
@@ -36,18 +33,18 @@ from tiny_result import tiny_result
 from .conftest import STANDIN
 
 
-def make_photos(folder: Path, *names: str) -> Path:
+def make_photos(folder, *names):
     folder.mkdir(exist_ok=True)
     for name in names:
         (folder / f"{name}.jpg").write_bytes(os.fsencode(name))
     return folder
 
 
-def lines(out: Path) -> list[dict[str, Any]]:
+def lines(out):
     return [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
 
 
-def states(out: Path) -> dict[str, tuple[str, str]]:
+def states(out):
     return {
         Path(row["path"]).stem: (row["state"], row["error"])
         for row in read_journals(out).last.values()
@@ -55,7 +52,7 @@ def states(out: Path) -> dict[str, tuple[str, str]]:
 
 
 @pytest.fixture
-def out(tmp_path: Path) -> Path:
+def out(tmp_path):
     return tmp_path / "out"
 
 
@@ -64,7 +61,7 @@ def out(tmp_path: Path) -> Path:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Path, out: Path):
+def test_bad_photos_are_rows_with_their_reason(standin, tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "abort", "b", "broken", "hang", "nobody")
     standin.run_standin(photos, out, workers=1, timeout=2.0)
     assert states(out) == {
@@ -90,7 +87,7 @@ def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Pa
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path: Path, out: Path):
+def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path, out):
     photos = make_photos(tmp_path / "photos", *(f"photo{i}" for i in range(12)))
     command = [sys.executable, str(STANDIN / "batch_standin.py"), str(photos), str(out), "0.3"]
     with subprocess.Popen(command) as parent:
@@ -117,9 +114,7 @@ def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path: Pat
     assert len((out / "journal.jsonl").read_text().splitlines()) == 13
 
 
-def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(
-    standin: ModuleType, tmp_path: Path, out: Path
-):
+def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(standin, tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "full")
     with pytest.raises(OutputError, match="No space left on device"):
         standin.run_standin(photos, out, workers=1)
@@ -130,7 +125,7 @@ def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are not UTF-8")
-def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path: Path, out: Path):
+def test_names_that_are_not_utf8_reach_every_file(standin, tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a \udcff", "новый 😀 <b>&", "broken \udcfe")
     standin.run_standin(photos, out, workers=1)
     assert states(out) == {
@@ -150,11 +145,11 @@ def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path:
 # --------------------------------------------------------------------------------------------------
 
 
-def row(name: str, finished: str = "2026-01-01T00:00:00", **more: Any) -> dict[str, Any]:
+def row(name, finished="2026-01-01T00:00:00", **more):
     return {"id": name, "state": "done", "config": "c", "finished": finished, **more}
 
 
-def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
+def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("a", value=float("nan")))
         journal.append(row("b"))
@@ -175,7 +170,7 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
     }
 
 
-def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
+def test_a_truncated_row_counts_for_nothing(tmp_path):
     path = tmp_path / "journal.jsonl"
     with Journal(path) as journal:
         journal.append(row("a", value=0.5, message="ä"))
@@ -190,9 +185,7 @@ def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
 
 
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
-def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(
-    tmp_path: Path, names: tuple[str, str]
-):
+def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path, names):
     for value, name in enumerate(names):
         with Journal(tmp_path / f"journal-{name}.jsonl") as journal:
             journal.append(row(f"only {name}"))
@@ -205,7 +198,7 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
-def test_two_batches_cannot_write_one_journal(tmp_path: Path):
+def test_two_batches_cannot_write_one_journal(tmp_path):
     path = tmp_path / "journal.jsonl"
     with Journal(path), pytest.raises(OutputError, match="another batch is writing"):
         Journal(path)
@@ -213,10 +206,8 @@ def test_two_batches_cannot_write_one_journal(tmp_path: Path):
         pass
 
 
-def test_a_journal_on_a_full_disk_raises_an_output_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def full(file: int) -> None:
+def test_a_journal_on_a_full_disk_raises_an_output_error(tmp_path, monkeypatch):
+    def full(file):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     path = tmp_path / "journal.jsonl"
@@ -230,7 +221,7 @@ def test_a_journal_on_a_full_disk_raises_an_output_error(
 # -----------------------------------------------------------------------------------------------
 
 
-def finished(job: BatchJob, photos: Path, **more: Any) -> None:
+def finished(job, photos, **more):
     """Write a done row for every photo, as a run would."""
     Path(job.out).mkdir(exist_ok=True)
     with Journal(Path(job.out) / "journal.jsonl") as journal:
@@ -242,20 +233,20 @@ def finished(job: BatchJob, photos: Path, **more: Any) -> None:
             )
 
 
-def job_for(out: Path, *overrides: str, level: str = "none") -> BatchJob:
+def job_for(out, *overrides, level="none"):
     return BatchJob(
         load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False
     )
 
 
-def todo(job: BatchJob, photos: Path, **options: bool) -> list[str]:
+def todo(job, photos, **options):
     return [
         Path(item.path).stem
         for item in plan_batch(list_photos([str(photos)]).photos, job, **options).todo
     ]
 
 
-def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
+def test_what_changed_is_done_anew(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "b", "c")
     job = job_for(out)
     finished(job, photos)
@@ -269,9 +260,7 @@ def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
     assert todo(job, photos) == ["b", "d"]
 
 
-def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(
-    tmp_path: Path, out: Path
-):
+def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "b")
     finished(job_for(out), photos)
     assert (
@@ -281,7 +270,7 @@ def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(
     assert todo(job_for(out, level="numbers"), photos) == ["a", "b"]
 
 
-def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
+def test_settings_of_one_photo_do_that_photo_anew(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "b")
     job = job_for(out)
     finished(job, photos)
@@ -297,9 +286,7 @@ FILES = {"depth": "depth.npy", "pointmap": "points.npy"}
     ("place", "setting"),
     [*(("config", name) for name in FILES), ("table", "depth"), ("table", "pointmap")],
 )
-def test_another_content_of_a_file_does_its_photos_anew(
-    tmp_path: Path, out: Path, place: str, setting: str
-):
+def test_another_content_of_a_file_does_its_photos_anew(tmp_path, out, place, setting):
     photos = make_photos(tmp_path / "photos", "a", "b")
     path = tmp_path / FILES[setting]
     path.write_bytes(b"one")
@@ -316,9 +303,7 @@ def test_another_content_of_a_file_does_its_photos_anew(
     assert todo(again, source) == (["a", "b"] if place == "config" else ["a"])
 
 
-def run_all(
-    photos: Path, job: BatchJob, reconstruct: Any = lambda path, settings: tiny_result()
-) -> dict[str, Any]:
+def run_all(photos, job, reconstruct=lambda path, settings: tiny_result()):
     """Do all photos in this process, by default with the same small result, and return the last
     row.
     """
@@ -334,13 +319,13 @@ def run_all(
 
 
 @pytest.fixture
-def quick_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_mesh(monkeypatch):
     monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
 
 
 @pytest.mark.usefixtures("quick_mesh")
 @pytest.mark.parametrize("save", ["pictures", "numbers", "people"])
-def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, save: str):
+def test_each_file_that_is_lost_is_made_again(tmp_path, out, save):
     photos = make_photos(tmp_path / "photos", "a")
     job = BatchJob(load_config(preset="mock"), str(out), save)
     found = run_all(photos, job)
@@ -364,7 +349,7 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, save: s
     assert todo(job, photos) == []
 
 
-def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
+def test_a_result_without_its_row_is_done_again(tmp_path, out):
     """A batch that was killed between a result and its row leaves this."""
     photos = make_photos(tmp_path / "photos", "a", "b")
     job = BatchJob(load_config(preset="mock"), str(out), "numbers")
@@ -376,7 +361,7 @@ def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
     assert todo(job, photos) == ["b"]
 
 
-def test_a_photo_with_cut_arrays_is_done_anew(tmp_path: Path, out: Path):
+def test_a_photo_with_cut_arrays_is_done_anew(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a")
     job = BatchJob(load_config(preset="mock"), str(out), "numbers")
     run_all(photos, job)
@@ -390,11 +375,11 @@ def test_a_photo_with_cut_arrays_is_done_anew(tmp_path: Path, out: Path):
     assert mine.read_text() == "mine"
 
 
-def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path, out: Path):
+def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "done", "failed")
     job = job_for(out)
 
-    def replaced(path: str, settings: Mapping[str, Any]) -> Any:
+    def replaced(path, settings):
         Path(path).write_bytes(b"X" * len(Path(path).read_bytes()))
         if "failed" in path:
             raise InputError("damaged")
@@ -405,14 +390,12 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(
-    tmp_path: Path, out: Path, fails: bool
-):
+def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path, out, fails):
     make_photos(tmp_path, "a")
     (tmp_path / "table.csv").write_text("path,depth\na.jpg,depth.npy\n")
     (tmp_path / "depth.npy").write_bytes(b"one")
 
-    def changed(path: str, settings: Mapping[str, Any]) -> Any:
+    def changed(path, settings):
         Path(settings["depth"]).write_bytes(b"two")
         if fails:
             raise InputError("damaged")
@@ -423,7 +406,7 @@ def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(
     assert todo(job, tmp_path / "table.csv") == ["a"]
 
 
-def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):
+def test_failed_photos_are_tried_again_with_retry(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a")
     job = job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")

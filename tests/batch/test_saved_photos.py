@@ -7,14 +7,10 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from physic_core import Reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import Journal, all_columns, write_tables
 from physic_core.batch.photos import PhotoItem, photo_folder
@@ -24,7 +20,7 @@ from physic_core.errors import InputError
 
 
 @pytest.fixture
-def result(make: Callable[..., Reconstruction]) -> Reconstruction:
+def result(make):
     return make(320, 240)
 
 
@@ -33,12 +29,12 @@ def result(make: Callable[..., Reconstruction]) -> Reconstruction:
 
 
 @pytest.fixture
-def batch(result: Reconstruction, tmp_path: Path) -> Path:
+def batch(result, tmp_path):
     """Two photos that are done and one that failed."""
     out = tmp_path / "batch"
     out.mkdir()
 
-    def reconstruct(path: str, settings: Any) -> Reconstruction:
+    def reconstruct(path, settings):
         if "bad" in path:
             raise InputError(f"cannot read the photo {path}: </script><b>&")
         return result
@@ -50,9 +46,7 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
     return out
 
 
-def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(
-    result: Reconstruction, tmp_path: Path
-):
+def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result, tmp_path):
     folder = tmp_path / photo_folder("one")
     folder.mkdir(parents=True)
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
@@ -63,7 +57,7 @@ def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(
     assert (folder / "reconstruction.json").read_text() == "mine too"
 
 
-def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path: Path):
+def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path):
     row = dict.fromkeys(reversed(all_columns()), "") | {
         "id": "one",
         "state": "done",
@@ -87,12 +81,12 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
     assert all(name.startswith("check_") for name in header[header.index("check_body_in_mask") :])
 
 
-def people_of(out: Path) -> list[tuple[str, str, str]]:
+def people_of(out):
     with write_tables(out)[1].open(newline="", encoding="utf-8") as file:
         return [(row["id"], row["path"], row["person"]) for row in csv.DictReader(file)]
 
 
-def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: Reconstruction):
+def test_each_person_has_a_row_in_the_order_of_the_photos(batch, result):
     expected = [(name, f"/photos/{name}.jpg", person) for name in ("one", "two") for person in "01"]
     assert people_of(batch) == expected
     again = replace(result, people=result.people[:1])
@@ -107,7 +101,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
         assert not {"people_rows"} & set(next(csv.reader(file)))
 
 
-def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
+def test_no_text_of_the_csv_table_is_a_formula(tmp_path):
     ids = [
         "=cmd|'calc'!A0",
         "@SUM(1)",
@@ -140,7 +134,7 @@ def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
     assert {row["message"] for row in rows} == {"'=1+1"}
 
 
-def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
+def test_the_contact_sheet_is_one_file_that_needs_no_network(batch):
     page = write_contact_sheet(batch).read_text()
     assert not re.search(r"https?:|src=\"(?!data:)|@import|url\(", page)
     data = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
@@ -159,7 +153,7 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
     assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)
 
 
-def test_a_result_without_its_thumbnail_stays_on_the_page(result: Reconstruction, tmp_path: Path):
+def test_a_result_without_its_thumbnail_stays_on_the_page(result, tmp_path):
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(

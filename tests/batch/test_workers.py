@@ -10,11 +10,10 @@ import sys
 import time
 from collections import Counter, deque
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-from physic_core.batch.workers import Outcome, WorkerSettings, free_memory_mb, run_in_workers
+from physic_core.batch.workers import WorkerSettings, free_memory_mb, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
 from .conftest import STANDIN
@@ -22,13 +21,13 @@ from .conftest import STANDIN
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
 
-def outcomes(standin: ModuleType, *tasks: str, **settings: object) -> dict[str, Outcome[str]]:
-    found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(**settings)))  # type: ignore[arg-type]
+def outcomes(standin, *tasks, **settings):
+    found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(**settings)))
     assert Counter(outcome.task for outcome in found) == Counter(tasks)
     return {outcome.task: outcome for outcome in found}
 
 
-def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType, tmp_path: Path):
+def test_two_workers_share_the_tasks_and_are_opened_once(standin, tmp_path):
     tasks = [str(tmp_path / f"meet{i}") for i in range(12)]
     found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(2)))
     assert sorted(outcome.task for outcome in found) == sorted(tasks)
@@ -46,7 +45,7 @@ def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType, tm
     ],
 )
 def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
-    standin: ModuleType, tmp_path: Path, task: str, how: str
+    standin, tmp_path, task, how
 ):
     found = outcomes(standin, "a", task, "b", "c", count=1, logs=tmp_path)
     bad = found.pop(task)
@@ -58,16 +57,14 @@ def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
         assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
 
 
-def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(
-    standin: ModuleType, tmp_path: Path
-):
+def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin, tmp_path):
     task = str(tmp_path / "once")
     found = outcomes(standin, "a", task, "b", count=2)
     assert (found[task].failure, found[task].attempts) == ("", 2)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin: ModuleType):
+def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin):
     found = outcomes(standin, "spin", "slow", "hang", timeout=1.0)
     assert {name: outcome.failure for name, outcome in found.items()} == {
         "spin": "Timeout",
@@ -87,19 +84,15 @@ def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin: Mo
         ("crash", BackendError, "SIGABRT"),
     ],
 )
-def test_workers_that_cannot_start_end_the_batch_at_once(
-    standin: ModuleType, name: str, kind: type, message: str
-):
+def test_workers_that_cannot_start_end_the_batch_at_once(standin, name, kind, message):
     with pytest.raises(kind, match=message):
         list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
 
 
-def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(
-    standin: ModuleType, tmp_path: Path
-):
+def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin, tmp_path):
     asked: list[float] = []
 
-    def count(peak_mb: float) -> int:
+    def count(peak_mb):
         asked.append(peak_mb)
         return 2
 
@@ -110,7 +103,7 @@ def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(
     assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
 
 
-def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = (
         "import os, sys\n"
         "from functools import partial\n"
@@ -136,7 +129,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
     raise AssertionError(f"still running: {pids}")
 
 
-def alive(pid: int) -> bool:
+def alive(pid):
     try:
         os.kill(pid, 0)
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -144,7 +137,7 @@ def alive(pid: int) -> bool:
         return False
 
 
-def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(standin: ModuleType):
+def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(standin):
     waiting: deque[str] = deque()
     outcomes = run_in_workers(
         iter(waiting.popleft, None), standin.open_worker, WorkerSettings(timeout=20.0)
@@ -173,9 +166,7 @@ def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(stan
     ],
     ids=["no limit", "limit above", "own limit", "version 1", "inside a container"],
 )
-def test_free_memory_is_that_of_machine_and_control_groups(
-    tmp_path: Path, groups: str, files: dict[str, str], free_mb: float
-):
+def test_free_memory_is_that_of_machine_and_control_groups(tmp_path, groups, files, free_mb):
     (tmp_path / "proc" / "self").mkdir(parents=True)
     (tmp_path / "proc" / "meminfo").write_text("MemTotal: 9 kB\nMemAvailable:    8000000 kB\n")
     (tmp_path / "proc" / "self" / "cgroup").write_text(groups)

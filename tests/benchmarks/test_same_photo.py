@@ -7,14 +7,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.same_photo.changes import change, table
 from benchmarks.same_photo.command import drawn, half_of
-from benchmarks.same_photo.variants import PHOTO, VARIANTS, Answer, Variant, answer_of
+from benchmarks.same_photo.variants import PHOTO, VARIANTS, Variant, answer_of
 from benchmarks.truth.sets import Sample
 from physic_core import load_backend
 from physic_core.body import load_body
@@ -29,7 +28,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 BY_NAME = {variant.name: variant for variant in VARIANTS}
 
 
-def result(mirrored: bool = False) -> Reconstruction:
+def result(mirrored=False):
     """A person at the left and 4 m away, with a left foot on a floor that leans to the right."""
     model = load_body("embedded")
     rotations, betas, transl = model.zero_pose()
@@ -71,17 +70,17 @@ def result(mirrored: bool = False) -> Reconstruction:
     )
 
 
-def pictures_of_examples() -> list[Any]:
+def pictures_of_examples():
     files = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
     assert len(files) == 6
     return [read_photo(file).image for file in files]
 
 
-def answer() -> Answer:
+def answer():
     return answer_of(result(), PHOTO, WIDTH, HEIGHT)
 
 
-def test_the_mirrored_result_of_a_mirrored_photo_is_no_change() -> None:
+def test_the_mirrored_result_of_a_mirrored_photo_is_no_change():
     found = change(answer(), answer_of(result(mirrored=True), BY_NAME["mirror"], WIDTH, HEIGHT))
     assert (found.visible, found.lost, found.new, len(found.people)) == (1, 0, 0, 1)
     numbers = [found.scene, found.focal, found.focal_sigmas, found.floor_deg, found.floor_height]
@@ -91,7 +90,7 @@ def test_the_mirrored_result_of_a_mirrored_photo_is_no_change() -> None:
     assert all(one == other for one, other in person.parts)
 
 
-def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor() -> None:
+def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor():
     found = change(answer(), answer_of(result(), BY_NAME["mirror"], WIDTH, HEIGHT))
     assert (found.lost, found.new) == (1, 1)
     assert found.floor_deg == pytest.approx(
@@ -99,7 +98,7 @@ def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor() -> N
     )
 
 
-def test_what_is_changed_by_hand_is_measured() -> None:
+def test_what_is_changed_by_hand_is_measured():
     one = answer()
     (person,) = one.people
     parts = {"left_foot": 0.4, "right_foot": 0.3, "seat": 0.05}
@@ -135,7 +134,7 @@ def test_what_is_changed_by_hand_is_measured() -> None:
 
 
 @pytest.mark.parametrize("name", ["crop8", "column", "scale"])
-def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name: str) -> None:
+def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name):
     variant = BY_NAME[name]
     whole = result()
     left, top, right, bottom = variant.window(WIDTH, HEIGHT)
@@ -154,14 +153,14 @@ def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name: str) -> No
     assert found.focal == pytest.approx(0, abs=2e-3)  # the scaled sides are whole pixels
 
 
-def test_a_person_whom_a_crop_cuts_off_is_not_missed() -> None:
+def test_a_person_whom_a_crop_cuts_off_is_not_missed():
     variant = Variant("left half gone", margin=0.4)
     found = change(answer(), replace(answer_of(result(), variant, WIDTH, HEIGHT), people=()))
     assert (found.visible, found.lost, found.new) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.name)
-def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant: Variant) -> None:
+def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant):
     camera = Intrinsics(600.0, 600.0, 330.0, 230.0, WIDTH, HEIGHT)
     photo = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     photo[200:260, 400:500] = 255
@@ -169,7 +168,7 @@ def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant: Variant) -> 
     picture = variant.picture(photo)
     assert picture.shape[:2] == (own.height, own.width)
 
-    def ray(image: Any, of: Intrinsics) -> Any:
+    def ray(image, of):
         rows, columns = np.nonzero(image[..., 0] > 127)
         x = (columns.mean() - of.cx) / of.fx
         return [-x if variant.mirrored and of is own else x, (rows.mean() - of.cy) / of.fy]
@@ -177,7 +176,7 @@ def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant: Variant) -> 
     assert ray(picture, own) == pytest.approx(ray(photo, camera), abs=1e-3)
 
 
-def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
+def test_photos_are_drawn_by_name_and_few_are_the_first_of_more():
     samples = [
         Sample("", f"{number}", "", Path(), truth={"people": [{}] * (number % 7)})
         for number in range(40)
@@ -190,7 +189,7 @@ def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
 
 
 @pytest.mark.slow
-def test_examples_have_the_same_lens_if_they_are_mirrored_within_half_its_error() -> None:
+def test_examples_have_the_same_lens_if_they_are_mirrored_within_half_its_error():
     # its depth does not matter here
     estimator = load_backend("relative_pointmap", "embedded", short_side=70)
     pairs = [

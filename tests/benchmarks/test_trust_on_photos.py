@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ USUAL = {
 }
 
 
-def person(number: int, lean: float | None, right: bool) -> dict[str, Any]:
+def person(number, lean, right):
     """A row of the table: who leans, and whether the reader finds the place right."""
     verdict = dict.fromkeys(JUDGED, 1) | {"place": int(right)}
     return {
@@ -29,19 +27,19 @@ def person(number: int, lean: float | None, right: bool) -> dict[str, Any]:
 
 
 @pytest.fixture
-def people() -> list[dict[str, Any]]:
+def people():
     """People who are right if they lean little, and half of those of unknown lean."""
     known = [person(n, lean, lean < 15) for n, lean in enumerate(np.linspace(0, 30, 40))]
     return known + [person(40 + n, None, n % 2 == 0) for n in range(10)]
 
 
-def test_a_person_is_right_if_nothing_is_wrong(people: list[dict[str, Any]]) -> None:
+def test_a_person_is_right_if_nothing_is_wrong(people):
     assert [rightness(people[0]), rightness(people[39])] == [1, 0]
     second = people[39]["verdicts"]["first"]
     assert rightness({"verdicts": people[0]["verdicts"] | {"second": second}}) == 0.5
 
 
-def test_only_what_tells_right_from_wrong_has_a_slope(people: list[dict[str, Any]]) -> None:
+def test_only_what_tells_right_from_wrong_has_a_slope(people):
     model = fitted(people)
     assert set(model["terms"]) == set(TERMS)
     slopes = {name: term["slope"] for name, term in model["terms"].items()}
@@ -49,12 +47,12 @@ def test_only_what_tells_right_from_wrong_has_a_slope(people: list[dict[str, Any
     assert set(slopes.values()) == {0}
 
 
-def test_what_leads_to_right_people_never_lowers_the_probability() -> None:
+def test_what_leads_to_right_people_never_lowers_the_probability():
     against = [person(n, lean, lean > 15) for n, lean in enumerate(np.linspace(0, 30, 40))]
     assert fitted(against)["terms"]["lean"]["slope"] == 0
 
 
-def test_photos_left_out_are_scored_by_the_others(people: list[dict[str, Any]]) -> None:
+def test_photos_left_out_are_scored_by_the_others(people):
     likely = left_out(people)
     assert likely[:15].min() > likely[25:40].max()
     assert np.abs(likely - probabilities(people, fitted(people))).max() < 0.2

@@ -37,11 +37,11 @@ UP = np.array([0.0, -1.0, 0.0])
 
 
 @pytest.fixture
-def joints() -> np.ndarray:
+def joints():
     return limbs.limb_joints(STANDING, 3)
 
 
-def person_of(joints: np.ndarray, contact: dict[str, float] | None = None) -> dict:
+def person_of(joints, contact=None):
     """A person of an answer whose body has these joints, and whose keypoints are exact."""
     body = np.zeros((55, 3))
     body[limbs.BODY_ROWS] = joints
@@ -57,11 +57,11 @@ def person_of(joints: np.ndarray, contact: dict[str, float] | None = None) -> di
     } | {"grade": "good"}
 
 
-def moved(points: object, *by: float) -> np.ndarray:
+def moved(points, *by):
     return np.asarray(points, np.float64) + np.array(by)
 
 
-def answer_with(*people: dict, **more: object) -> dict:
+def answer_with(*people, **more):
     answer = {
         "error": "",
         "people": list(people),
@@ -175,7 +175,7 @@ def test_known_probabilities_have_the_known_scores():
     assert all(math.isnan(value) for value in measures.probability_scores([], []).values())
 
 
-def ring(count: int = 5) -> list:
+def ring(count=5):
     """Cameras around the origin that look at it from 4 m, the world's y down."""
     views = []
     for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
@@ -187,7 +187,7 @@ def ring(count: int = 5) -> list:
 
 
 @pytest.fixture
-def people(joints) -> list[np.ndarray]:
+def people(joints):
     """Two people in the world, side by side."""
     centred = joints - [0, 0.2, 3]
     return [
@@ -291,7 +291,7 @@ def test_a_large_set_does_not_drown_a_small_one():
     assert statistics.figure(records, statistics.pooled("x")).value == pytest.approx(1.1)
 
 
-def alone(joints: np.ndarray) -> object:
+def alone(joints):
     """A sample of mpi_inf_3dhp with its floor a metre under the camera."""
     facts = {
         "joints": dict(zip(limbs.LIMB_JOINTS, joints.tolist(), strict=True)),
@@ -302,7 +302,7 @@ def alone(joints: np.ndarray) -> object:
     return sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), K=K, truth=facts)
 
 
-def rows_by_name(records: dict) -> dict[str, float]:
+def rows_by_name(records):
     rows = table.rows_of(records["people"], records["floors"], records["photos"])
     return {row.name.strip(): row.figure.value for row in rows if not row.name.startswith("  ")} | {
         "missing": next(row.figure.value for row in rows if "missing" in row.name),
@@ -373,7 +373,7 @@ def test_limbs_of_parkour_films_have_contact_labels(joints):
     assert [r["probability"] for r in nobody["parts"]] == [0.0] * 3
 
 
-def labels(box: list[float], posture: object, in_air: bool = False, **parts: str | None) -> dict:
+def labels(box, posture, in_air=False, **parts):
     names = [
         f"{side}_{name}"
         for name in ("foot", "hand", "knee", "forearm")

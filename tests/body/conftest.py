@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,34 +12,34 @@ import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
-from physic_core.body.model import BodyArrays, BodyModel, build_body_model
+from physic_core.body.model import BodyArrays, build_body_model
 from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
-from other_body import OtherBody, make, smplx_file_arrays
+from other_body import make, smplx_file_arrays
 
 NUM_VERTICES = 10475
 
 
 @pytest.fixture(scope="session")
-def embedded() -> BodyModel:
+def embedded():
     """The embedded body, float32."""
     return load_body("embedded")
 
 
 @pytest.fixture(scope="session")
-def embedded64(embedded: BodyModel) -> BodyModel:
+def embedded64(embedded):
     """The embedded body, float64."""
     return embedded.to(dtype=torch.float64)
 
 
 @pytest.fixture
-def random_pose(embedded: BodyModel) -> dict[str, Tensor]:
+def random_pose(embedded):
     """Three bodies far from rest: rotations, betas, transl."""
     generator = torch.Generator().manual_seed(7)
 
-    def normal(*shape: int) -> Tensor:
+    def normal(*shape):
         return torch.randn(*shape, generator=generator)
 
     rotations: Tensor = roma.rotvec_to_rotmat(0.4 * normal(3, 55, 3))
@@ -53,7 +51,7 @@ def random_pose(embedded: BodyModel) -> dict[str, Tensor]:
 
 
 @pytest.fixture(scope="session")
-def smplx_arrays(other: OtherBody) -> dict[str, Any]:
+def smplx_arrays(other):
     """The arrays of a made-up SMPL-X file, v1.1, with all that such a file holds."""
     rng = np.random.default_rng(0)
     return smplx_file_arrays(other) | {
@@ -69,7 +67,7 @@ def smplx_arrays(other: OtherBody) -> dict[str, Any]:
     }
 
 
-def _write(folder: Path, arrays: dict[str, Any]) -> Path:
+def _write(folder, arrays):
     path = folder / "SMPLX_NEUTRAL.npz"
     np.savez(path, **arrays)
     np.save(folder / "kid_template.npy", np.zeros((NUM_VERTICES, 3)))  # smplfitter wants one
@@ -77,9 +75,7 @@ def _write(folder: Path, arrays: dict[str, Any]) -> Path:
 
 
 @pytest.fixture(scope="session")
-def smplx_v11(
-    smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Path]:
+def smplx_v11(smplx_arrays, tmp_path_factory):
     """A made-up file in the v1.1 layout: 300 shape and 100 expression columns."""
     path = _write(tmp_path_factory.mktemp("smplx_v11"), smplx_arrays)
     yield path
@@ -87,9 +83,7 @@ def smplx_v11(
 
 
 @pytest.fixture(scope="session")
-def smplx_v10(
-    smplx_arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Path]:
+def smplx_v10(smplx_arrays, tmp_path_factory):
     """The same in the v1.0 layout: 10 and 10 columns."""
     shapedirs = smplx_arrays["shapedirs"][:, :, [*range(10), *range(300, 310)]]
     path = _write(tmp_path_factory.mktemp("smplx_v10"), {**smplx_arrays, "shapedirs": shapedirs})
@@ -98,19 +92,19 @@ def smplx_v10(
 
 
 @pytest.fixture(scope="session")
-def other(embedded: BodyModel) -> OtherBody:
+def other(embedded):
     """The embedded body in another mesh of 10475 vertices, its joints elsewhere."""
     return make(embedded, NUM_VERTICES)
 
 
 @pytest.fixture(scope="session")
-def smaller(embedded: BodyModel) -> OtherBody:
+def smaller(embedded):
     """The same in a mesh of 6890 vertices."""
     return make(embedded, 6890)
 
 
 @pytest.fixture(scope="session")
-def other_model(other: OtherBody) -> BodyModel:
+def other_model(other):
     """The same as a model named "smplx"."""
     return build_body_model(
         BodyArrays(
@@ -133,27 +127,25 @@ def other_model(other: OtherBody) -> BodyModel:
 
 
 @pytest.fixture(scope="module")
-def maps(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def maps(tmp_path_factory):
     """A folder in which maps between meshes are kept, for all tests of a module."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PHYSIC_CACHE", str(tmp_path_factory.mktemp("maps")))
         yield
 
 
-def embedded_outer() -> np.ndarray:
+def embedded_outer():
     """(V,) 1.0 where the embedded body is not a cavity."""
     return load_body("embedded").outer.double().numpy()
 
 
 @pytest.fixture(scope="session")
-def people(embedded: BodyModel) -> dict[str, np.ndarray]:
+def people(embedded):
     """Four people in everyday poses: local rotations, betas and transl, float64."""
     rng = np.random.default_rng(0)
     rotvecs = np.zeros((4, 55, 3))
 
-    def turn(
-        name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0, spread: float = 0.1
-    ) -> None:
+    def turn(name, x=0.0, y=0.0, z=0.0, spread=0.1):
         for side, sign in (("left", 1), ("right", -1)):
             mean = np.array([x, sign * y, sign * z])
             rotvecs[:, JOINT_INDEX[f"{side}_{name}"]] = mean + spread * rng.standard_normal((4, 3))

@@ -8,7 +8,6 @@ is anybody's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import roma
@@ -17,8 +16,6 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.body.bones import rotations_from_parameters
-from physic_core.body.model import BodyModel
-from physic_core.types import BodyParameters
 
 SHIFTS_MM = {
     "pelvis": (0, 30, 0),
@@ -62,7 +59,7 @@ class OtherBody:
     from_embedded: csr_matrix
 
 
-def make(embedded: BodyModel, vertices: int) -> OtherBody:
+def make(embedded, vertices):
     """The body with so many vertices."""
     rng = np.random.default_rng(3)
     rotvecs = torch.zeros(1, 55, 3)
@@ -94,7 +91,7 @@ def make(embedded: BodyModel, vertices: int) -> OtherBody:
     )
 
 
-def regressor(template: np.ndarray, weights: np.ndarray, joints: np.ndarray) -> np.ndarray:
+def regressor(template, weights, joints):
     """(55, V), rows that sum to 1 and give the joints: as even as possible over the vertices round
     each.
     """
@@ -108,7 +105,7 @@ def regressor(template: np.ndarray, weights: np.ndarray, joints: np.ndarray) -> 
     return rows
 
 
-def coarser(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[csr_matrix, np.ndarray]:
+def coarser(vertices, faces, count):
     """A closed mesh with ``count`` vertices, by collapsing short edges: the rows that mix its
     vertices, and faces.
     """
@@ -148,7 +145,7 @@ def coarser(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[csr_ma
     return gather, faces
 
 
-def smplx_file_arrays(body: OtherBody) -> dict[str, Any]:
+def smplx_file_arrays(body):
     """A body of 10475 vertices as a SMPL-X file, v1.0, without pose correctives."""
     fewer = np.concatenate([body.shapedirs, np.zeros_like(body.shapedirs)], 2)
     return {
@@ -162,7 +159,7 @@ def smplx_file_arrays(body: OtherBody) -> dict[str, Any]:
     }
 
 
-def smpl_file_arrays(body: OtherBody) -> dict[str, Any]:
+def smpl_file_arrays(body):
     """A body of 6890 vertices as a SMPL file: 24 joints, the last two the hands, which hold the
     fingers' weight.
     """
@@ -183,7 +180,7 @@ def smpl_file_arrays(body: OtherBody) -> dict[str, Any]:
     }
 
 
-def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.ndarray]:
+def posed(model, parameters):
     """Vertices and joints of bodies, by the model itself, float64."""
     given = (
         torch.from_numpy(np.array(getattr(parameters, name)))
@@ -197,6 +194,6 @@ def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 
-def mm(first: np.ndarray, second: np.ndarray) -> float:
+def mm(first, second):
     """Mean distance of points, given in metres."""
     return 1000 * float(np.linalg.norm(first - second, axis=-1).mean())

@@ -22,9 +22,8 @@ from physic_core.body.bones import (
     rotations_from_parents,
     rotations_from_tpose,
 )
-from physic_core.body.model import BodyOutput
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, swing_twist
-from physic_core.types import BodyParameters, Hands
+from physic_core.types import Hands
 
 MODEL = load_body("embedded")
 ELBOWS = [18, 19]
@@ -33,7 +32,7 @@ AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
 """Of the embedded body's forearms."""
 
 
-def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
+def body(seed=0, bend=0.4):
     rng = np.random.default_rng(seed)
     rotvecs = bend * rng.standard_normal((1, 55, 3))
     rotvecs[:, WRISTS] *= 0.3
@@ -45,7 +44,7 @@ def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
     )
 
 
-def posed(parameters: BodyParameters) -> BodyOutput:
+def posed(parameters):
     """With every fourth vertex of the hands."""
     hands = [MODEL.part_names.index(f"{side}_hand") for side in ("left", "right")]
     ids = torch.isin(MODEL.part_of_vertex, torch.tensor(hands)).nonzero()[::4, 0]
@@ -54,17 +53,17 @@ def posed(parameters: BodyParameters) -> BodyOutput:
         return MODEL(rotations_from_parameters(parameters), *given, vertex_ids=ids)
 
 
-def world_of(parameters: BodyParameters) -> np.ndarray:
+def world_of(parameters):
     return rotations_from_tpose(rotations_from_parameters(parameters).double().numpy())
 
 
-def hands_of(parameters: BodyParameters, wrists: np.ndarray, confidence: float) -> Hands:
+def hands_of(parameters, wrists, confidence):
     """The body's own fingers, on wrists (1, 2, 3) of somebody else."""
     own = np.stack([parameters.left_hand_pose, parameters.right_hand_pose], 1).reshape(1, 2, 15, 3)
     return Hands(own, np.full((1, 2), confidence), wrists)
 
 
-def test_a_hand_that_agrees_changes_nothing() -> None:
+def test_a_hand_that_agrees_changes_nothing():
     before = body()
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
@@ -72,7 +71,7 @@ def test_a_hand_that_agrees_changes_nothing() -> None:
         np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
 
 
-def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
+def test_only_the_arm_of_the_hand_that_was_found_is_touched():
     before = body()
     hands = replace(
         hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]])
@@ -89,7 +88,7 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
-def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
+def test_a_hand_that_a_wrist_can_reach_is_reached(side):
     """Known answer: bent up by 40 and turned over by 50 degrees."""
     before = body(3)
     turn = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat_numpy(
@@ -106,7 +105,7 @@ def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
-def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
+def test_pronation_is_shared_by_forearm_and_wrist(side):
     """Turned over by 80 degrees about the forearm: 48 of them by the forearm, 32 by the wrist."""
     rest = MODEL.zero_pose()
     before = parameters_from_rotations(rest[0], rest[1], None, rest[2])
@@ -124,7 +123,7 @@ ROTVEC = arrays(np.float64, (1, 2, 3), elements=st.floats(-2.0, 2.0, width=32))
 
 @settings(max_examples=12)
 @given(ROTVEC, st.integers(0, 50))
-def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: int) -> None:
+def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists, seed):
     before = body(seed)
     start = posed(before)
     steps = np.linspace(0, 1, 41)
@@ -145,7 +144,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
 
 @settings(max_examples=100)
 @given(ROTVEC, st.integers(0, 50))
-def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
+def test_a_wrist_stays_in_its_range(wrists, seed):
     before = body(seed)
     after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
     first, last = (
@@ -156,7 +155,7 @@ def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     assert (last <= np.maximum(limits, first) + 1e-5).all()
 
 
-def test_fingers_change_in_proportion_to_the_weight_of_the_hand() -> None:
+def test_fingers_change_in_proportion_to_the_weight_of_the_hand():
     before = body()
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))

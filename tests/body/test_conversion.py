@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
-from other_body import OtherBody, mm, posed, smpl_file_arrays
+from other_body import mm, posed, smpl_file_arrays
 
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.convert.bodies import can_convert, convert_with_residuals, rest_mesh_of_model
 from physic_core.body.files import SmplBody
-from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 
@@ -25,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def own(people: dict[str, np.ndarray]) -> Bodies:
+def own(people):
     """Four embedded bodies."""
     tensors = [torch.from_numpy(people[name]) for name in ("rotations", "betas", "transl")]
     return Bodies(
@@ -36,7 +35,7 @@ def own(people: dict[str, np.ndarray]) -> Bodies:
 
 
 @pytest.fixture(scope="module")
-def smpl(smaller: OtherBody) -> SmplBody:
+def smpl(smaller):
     arrays = smpl_file_arrays(smaller)
     return SmplBody(
         *(
@@ -46,7 +45,7 @@ def smpl(smaller: OtherBody) -> SmplBody:
     )
 
 
-def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
+def with_mesh(bodies, model):
     rest = rest_mesh_of_model(model)
     return replace(
         bodies,
@@ -54,9 +53,7 @@ def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
     )
 
 
-def test_a_body_converted_by_its_surface_and_back_is_the_same(
-    own: Bodies, embedded: BodyModel, other_model: BodyModel, other: OtherBody
-) -> None:
+def test_a_body_converted_by_its_surface_and_back_is_the_same(own, embedded, other_model, other):
     vertices, joints = posed(embedded, own.parameters)
     there = convert_with_residuals(own, other_model)
     assert there.bodies.body_model == "smplx"
@@ -73,9 +70,7 @@ def test_a_body_converted_by_its_surface_and_back_is_the_same(
     assert there.surface_m.max() < 4e-3
 
 
-def test_a_body_converted_by_its_joints_and_back_is_the_same(
-    own: Bodies, embedded: BodyModel, other_model: BodyModel
-) -> None:
+def test_a_body_converted_by_its_joints_and_back_is_the_same(own, embedded, other_model):
     """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is
     off by as much.
     """
@@ -90,9 +85,7 @@ def test_a_body_converted_by_its_joints_and_back_is_the_same(
     assert mm(again, vertices) < 14
 
 
-def test_smpl_reaches_the_embedded_body(
-    own: Bodies, embedded: BodyModel, smpl: SmplBody, smaller: OtherBody
-) -> None:
+def test_smpl_reaches_the_embedded_body(own, embedded, smpl, smaller):
     """With the user's file: surface and joints are there, hands are flat."""
     p = own.parameters
     rotations = rotations_from_parameters(p).double().numpy()
@@ -125,7 +118,7 @@ def test_smpl_reaches_the_embedded_body(
     assert mm(np.stack([smaller.from_embedded @ v for v in by_joints]), vertices) < 35
 
 
-def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
+def test_bare_joints_make_bodies(own, embedded):
     """Rotations that mean nothing are not looked at."""
     vertices, joints = posed(embedded, own.parameters)
     wild = replace(
@@ -138,7 +131,7 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     assert mm(again, vertices) < 9
 
 
-def test_people_without_known_joints_are_nan(own: Bodies, embedded: BodyModel) -> None:
+def test_people_without_known_joints_are_nan(own, embedded):
     joints = posed(embedded, own.parameters)[1]
     joints[1] = np.nan
     estimated = replace(own, body_model="smpl", joints=joints)
@@ -155,9 +148,7 @@ def test_people_without_known_joints_are_nan(own: Bodies, embedded: BodyModel) -
     )
 
 
-def test_parameters_alone_of_a_model_that_is_not_there_are_refused(
-    own: Bodies, embedded: BodyModel
-) -> None:
+def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own, embedded):
     estimated = replace(own, body_model="smplx")
     assert not can_convert(estimated, embedded)
     with pytest.raises(

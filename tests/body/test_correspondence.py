@@ -6,21 +6,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from other_body import OtherBody
 
 from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
 from physic_core.body.convert.correspondence import (
-    Correspondence,
     SurfaceIndex,
     closest_barycentric,
     find_correspondence,
 )
-from physic_core.body.model import BodyModel
 from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
@@ -31,18 +27,18 @@ pytestmark = pytest.mark.usefixtures("maps")
 
 
 @pytest.fixture(scope="module")
-def onto_other(maps: None, embedded: BodyModel, other_model: BodyModel) -> Correspondence:
+def onto_other(maps, embedded, other_model):
     """Where the vertices of the embedded body lie on the other one."""
     return find_correspondence(rest_mesh_of_model(other_model), embedded)
 
 
 @pytest.fixture(scope="module")
-def onto_embedded(maps: None, embedded: BodyModel, other_model: BodyModel) -> Correspondence:
+def onto_embedded(maps, embedded, other_model):
     """Where the vertices of the other body lie on the embedded one."""
     return find_correspondence(rest_mesh_of_model(embedded), other_model)
 
 
-def test_nearest_points_of_triangles_are_found() -> None:
+def test_nearest_points_of_triangles_are_found():
     """The slow twin: the least of a fine grid of the triangle's points."""
     rng = np.random.default_rng(0)
     corners = rng.random((40, 3, 3))
@@ -58,7 +54,7 @@ def test_nearest_points_of_triangles_are_found() -> None:
     np.testing.assert_allclose(own, twin, atol=5e-3)
 
 
-def test_a_mesh_lies_on_itself(embedded: BodyModel) -> None:
+def test_a_mesh_lies_on_itself(embedded):
     rest = rest_mesh_of_model(embedded)
     vertices = rest.vertices.astype(float)
     faces = rest.faces
@@ -70,7 +66,7 @@ def test_a_mesh_lies_on_itself(embedded: BodyModel) -> None:
     assert np.median(on.distance) < 1e-9
 
 
-def test_the_other_side_of_a_sheet_is_not_near() -> None:
+def test_the_other_side_of_a_sheet_is_not_near():
     """Two sheets 2 cm apart, back to back, as two thighs are: the nearer one faces the wrong
     way.
     """
@@ -85,9 +81,7 @@ def test_the_other_side_of_a_sheet_is_not_near() -> None:
     assert on.facing[0] == pytest.approx(1)
 
 
-def test_vertices_find_their_places_on_the_other_body(
-    onto_embedded: Correspondence, embedded: BodyModel, other: OtherBody, other_model: BodyModel
-) -> None:
+def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, other, other_model):
     """Of the other body it is known which vertices of the embedded one each of its vertices is the
     mean of.
     """
@@ -102,9 +96,7 @@ def test_vertices_find_their_places_on_the_other_body(
 
 
 @pytest.mark.parametrize("shape", [0, 1])
-def test_left_vertices_map_to_left_vertices(
-    shape: int, embedded: BodyModel, other_model: BodyModel
-) -> None:
+def test_left_vertices_map_to_left_vertices(shape, embedded, other_model):
     """On bodies of another shape too: no vertex of a limb lies on a limb of the other side."""
     betas = torch.from_numpy(
         np.random.default_rng(shape).standard_normal((1, embedded.num_betas))
@@ -127,9 +119,7 @@ def test_left_vertices_map_to_left_vertices(
 @pytest.mark.parametrize(
     "name", ["left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back"]
 )
-def test_contact_is_carried_there_and_back(
-    name: str, embedded: BodyModel, other_model: BodyModel
-) -> None:
+def test_contact_is_carried_there_and_back(name, embedded, other_model):
     before = np.zeros((2, embedded.num_vertices), np.float32)
     before[:, embedded.contact_sets[name].numpy()] = 0.9
     there = convert_contact(
@@ -149,7 +139,7 @@ def test_contact_is_carried_there_and_back(
         assert not back.probability[:, embedded.contact_sets[other_side].numpy()].any()
 
 
-def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyModel) -> None:
+def test_cavities_are_never_in_contact(embedded, other_model):
     ones = np.ones((1, other_model.num_vertices), np.float32)
     converted = convert_contact(
         ContactProbability(ones, "smplx", rest_mesh_of_model(other_model)), embedded
@@ -158,9 +148,7 @@ def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyMod
     assert not converted[:, ~embedded.outer.numpy()].any()
 
 
-def test_contact_of_a_person_that_is_not_a_number_stays_so(
-    embedded: BodyModel, other_model: BodyModel
-) -> None:
+def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded, other_model):
     some = np.zeros((2, other_model.num_vertices), np.float32)
     some[0] = np.nan
     converted = convert_contact(
@@ -179,21 +167,19 @@ def test_contact_of_a_person_that_is_not_a_number_stays_so(
     ],
     ids=["millimetres", "z up", "arms down"],
 )
-def test_a_mesh_that_is_no_t_pose_is_refused(
-    change, words: str, embedded: BodyModel, other_model: BodyModel
-) -> None:
+def test_a_mesh_that_is_no_t_pose_is_refused(change, words, embedded, other_model):
     rest = rest_mesh_of_model(other_model)
     with pytest.raises(BodyModelError, match=re.escape(words)):
         find_correspondence(replace(rest, vertices=change(rest.vertices)), embedded)
 
 
 def test_a_map_is_kept_and_found_again(
-    embedded: BodyModel,
-    onto_other: Correspondence,
-    other_model: BodyModel,
-    tmp_path: Path,
+    embedded,
+    onto_other,
+    other_model,
+    tmp_path,
     monkeypatch,
-) -> None:
+):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
     rest = rest_mesh_of_model(other_model)
@@ -202,7 +188,7 @@ def test_a_map_is_kept_and_found_again(
     assert file.name.startswith("smplx-physic-embedded-1-")
     assert file.name.endswith(".map.npz")
 
-    def never(rest: RestMesh, model: BodyModel) -> Correspondence:
+    def never(rest, model):
         raise AssertionError("it is converted again")
 
     monkeypatch.setattr(module, "find_correspondence", never)
@@ -219,12 +205,12 @@ def test_a_map_is_kept_and_found_again(
 
 
 def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
-    embedded: BodyModel,
-    onto_other: Correspondence,
-    other_model: BodyModel,
-    tmp_path: Path,
+    embedded,
+    onto_other,
+    other_model,
+    tmp_path,
     monkeypatch,
-) -> None:
+):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))
     monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)

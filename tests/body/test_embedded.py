@@ -14,25 +14,24 @@ import physic_core.body.files as embedded_module
 from physic_core.body.files import load_embedded
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import CONTACT_SETS
-from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
 FOLDER = Path(embedded_module.__file__).parent
 
 
 @pytest.fixture(scope="module")
-def rest(embedded: BodyModel) -> np.ndarray:
+def rest(embedded):
     """Vertices of the mean body in its T-pose."""
     return embedded(*embedded.zero_pose()).vertices[0].numpy()
 
 
-def test_the_asset_is_the_released_one() -> None:
+def test_the_asset_is_the_released_one():
     digest, name = (FOLDER / "embedded.sha256").read_text().split()
     assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == digest
     assert (FOLDER / name).stat().st_size < 1.6e6
 
 
-def test_a_changed_asset_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_asset_is_refused(tmp_path, monkeypatch):
     data = (FOLDER / "embedded.npz").read_bytes() + b"x"
     (tmp_path / "embedded.npz").write_bytes(data)
     (tmp_path / "embedded.sha256").write_text((FOLDER / "embedded.sha256").read_text())
@@ -41,7 +40,7 @@ def test_a_changed_asset_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         load_embedded()
 
 
-def test_the_mesh_is_a_closed_ball(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_the_mesh_is_a_closed_ball(embedded, rest):
     mesh = trimesh.Trimesh(rest, embedded.faces.numpy(), process=False)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
@@ -49,16 +48,14 @@ def test_the_mesh_is_a_closed_ball(embedded: BodyModel, rest: np.ndarray) -> Non
     assert 0.05 < mesh.volume < 0.08  # m3; positive: faces look outwards
 
 
-def test_weights_are_a_partition_of_unity(embedded: BodyModel) -> None:
+def test_weights_are_a_partition_of_unity(embedded):
     weights = embedded.skin.weights
     assert weights.min() >= 0
     assert torch.allclose(weights.sum(0), torch.ones(embedded.num_vertices), atol=1e-6)
     assert int((weights > 0).sum(0).max()) <= 4
 
 
-def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(
-    embedded: BodyModel, rest: np.ndarray
-) -> None:
+def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(embedded, rest):
     outer = embedded.outer.numpy()
     assert (~outer).sum() == 1278
     inner = rest[~outer]
@@ -67,7 +64,7 @@ def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(
     assert (inner < head.max(0)).all()
 
 
-def test_every_vertex_has_a_part(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_every_vertex_has_a_part(embedded, rest):
     part = embedded.part_of_vertex.numpy()
     assert embedded.part_names == PART_NAMES
     assert np.bincount(part, minlength=len(PART_NAMES)).min() > 200
@@ -83,7 +80,7 @@ def test_every_vertex_has_a_part(embedded: BodyModel, rest: np.ndarray) -> None:
     assert reach == sorted(reach)
 
 
-def test_contact_sets_lie_where_they_should(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_contact_sets_lie_where_they_should(embedded, rest):
     sets = {name: ids.numpy() for name, ids in embedded.contact_sets.items()}
     assert set(sets) == set(CONTACT_SETS)
     ground = rest[:, 1].min()
@@ -107,7 +104,7 @@ def test_contact_sets_lie_where_they_should(embedded: BodyModel, rest: np.ndarra
     assert all(0.2 < length < 0.3 for length in lengths)
 
 
-def test_stature_spans_children_and_adults(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_stature_spans_children_and_adults(embedded, rest):
     betas = torch.zeros(5, 16)
     betas[:, 0] = torch.tensor([-3.0, -2.0, 0.0, 0.5, 1.5])
     stature = embedded.stature(betas)
@@ -118,7 +115,7 @@ def test_stature_spans_children_and_adults(embedded: BodyModel, rest: np.ndarray
     assert stature[4] > 1.9
 
 
-def test_stature_is_exact_for_any_shape_and_differentiable(embedded: BodyModel) -> None:
+def test_stature_is_exact_for_any_shape_and_differentiable(embedded):
     torch.manual_seed(0)
     betas = torch.randn(4, 16, requires_grad=True)
     rotations, _, transl = embedded.zero_pose(4)

@@ -31,7 +31,6 @@ from physic_core.body.convert.surface_fit import (
     fit_surface,
     sample_vertices,
 )
-from physic_core.body.model import BodyModel
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 
 Array = NDArray[np.float64]
@@ -41,11 +40,11 @@ LEFT_FINGERS = [
 ]
 
 
-def as_fit(people: People) -> BodyFit:
+def as_fit(people):
     return BodyFit(rotations_from_tpose(people["rotations"]), people["betas"], people["transl"])
 
 
-def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
+def posed(model, fit):
     """Vertices and joints, by the model itself."""
     given = (
         torch.from_numpy(a).to(model.dtype)
@@ -56,7 +55,7 @@ def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 
-def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> None:
+def test_bones_pose_as_the_model_does(embedded64, people):
     fit = as_fit(people)
     bones = BoneOffsets.of(embedded64)
     joints = posed(embedded64, fit)[1]
@@ -68,7 +67,7 @@ def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> 
     np.testing.assert_allclose(linear, joints, atol=1e-12)
 
 
-def test_shape_and_place_are_those_of_least_squares() -> None:
+def test_shape_and_place_are_those_of_least_squares():
     """The slow twin: one dense system with the translation as three more unknowns."""
     rng = np.random.default_rng(0)
     slopes = rng.random((2, 9, 3, 4))
@@ -91,9 +90,7 @@ def test_shape_and_place_are_those_of_least_squares() -> None:
         np.testing.assert_allclose(np.concatenate([betas[b], transl[b]]), twin, atol=1e-10)
 
 
-def test_a_body_is_recovered_from_its_joints_and_rotations(
-    embedded: BodyModel, people: People
-) -> None:
+def test_a_body_is_recovered_from_its_joints_and_rotations(embedded, people):
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
     found = fit_joints(BoneOffsets.of(embedded), joints, truth.world)
@@ -109,7 +106,7 @@ def test_a_body_is_recovered_from_its_joints_and_rotations(
     assert turns[:, kept].max() < 1e-5
 
 
-def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: People) -> None:
+def test_a_body_is_recovered_from_its_joints_alone(embedded, people):
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
     found = fit_joints(BoneOffsets.of(embedded), joints, None)
@@ -153,9 +150,7 @@ def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: 
     ],
     ids=["spine", "ends", "fingers", "limbs", "neck", "shoulder", "what pose networks see"],
 )
-def test_joints_may_be_unknown(
-    embedded: BodyModel, people: People, unknown: list[str], most_mm: float
-) -> None:
+def test_joints_may_be_unknown(embedded, people, unknown, most_mm):
     vertices, joints = posed(embedded, as_fit(people))
     given_joints = joints.copy()
     given_joints[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
@@ -167,7 +162,7 @@ def test_joints_may_be_unknown(
     assert mm(again, vertices) < most_mm
 
 
-def test_a_torso_needs_hips_and_shoulders_or_neck() -> None:
+def test_a_torso_needs_hips_and_shoulders_or_neck():
     known = np.ones((5, 55), bool)
     known[1, JOINT_INDEX["left_hip"]] = False
     known[2, JOINT_INDEX["neck"]] = False
@@ -177,7 +172,7 @@ def test_a_torso_needs_hips_and_shoulders_or_neck() -> None:
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
-def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sign: int) -> None:
+def test_bent_limbs_tell_how_they_are_turned(embedded, side, sign):
     """Known answer: a thigh turned about itself by 30 degrees shows in where the bent shin points;
     so does an arm.
     """
@@ -201,9 +196,7 @@ def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sig
 
 
 @pytest.mark.parametrize("source", ["embedded", "smplx"])
-def test_vertices_are_linear_in_the_shape(
-    source: str, people: People, request: pytest.FixtureRequest
-) -> None:
+def test_vertices_are_linear_in_the_shape(source, people, request):
     """With the pose correctives of a SMPL-X file, which do not depend on the shape."""
     path: Path | str = request.getfixturevalue("smplx_v10") if source == "smplx" else "embedded"
     model = load_body(path)
@@ -214,14 +207,14 @@ def test_vertices_are_linear_in_the_shape(
     np.testing.assert_allclose(own, posed(model, fit)[0][:, ids], atol=2e-6)
 
 
-def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: People) -> None:
+def test_levers_are_the_derivative_by_small_turns(embedded, people):
     """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite
     differences.
     """
     fit = as_fit({k: v[:1] for k, v in people.items()})
     patches = SampledBodyModel.of(embedded, sample_vertices(embedded, 2))
 
-    def vertices(world: Array) -> Array:
+    def vertices(world):
         start, slopes = patches.linear(world)
         return start + (slopes @ fit.betas[:, None, :, None])[..., 0]
 
@@ -237,7 +230,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
             np.testing.assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
 
 
-def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: People) -> None:
+def test_a_body_is_recovered_from_its_surface(embedded, people):
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
     patches = SampledBodyModel.of(embedded, sample_vertices(embedded))
@@ -256,7 +249,7 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
     assert errors[3][0] < 0.05
 
 
-def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, people: People) -> None:
+def test_bones_without_points_turn_with_their_parents(embedded, people):
     truth = as_fit(people)
     vertices = posed(embedded, truth)[0]
     patches = SampledBodyModel.of(embedded, sample_vertices(embedded))

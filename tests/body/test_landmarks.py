@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.landmarks import keypoints_on_body
-from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Keypoints, Skeleton
 
@@ -26,7 +22,7 @@ ON_BODY = (
 
 
 @pytest.fixture(scope="module")
-def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
+def at_rest(embedded):
     """Joint set -> name -> point in the T-pose."""
     output = embedded(*embedded.zero_pose())
     return {
@@ -35,7 +31,7 @@ def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     }
 
 
-def test_blazepose_points_have_their_published_order() -> None:
+def test_blazepose_points_have_their_published_order():
     points = SKELETONS["blazepose33"].names
     known = {
         0: "nose",
@@ -55,7 +51,7 @@ def test_blazepose_points_have_their_published_order() -> None:
     assert {i: points[i] for i in known} == known
 
 
-def test_whole_body_order_is_that_of_coco_wholebody() -> None:
+def test_whole_body_order_is_that_of_coco_wholebody():
     points = SKELETONS["coco_wholebody133"].names
     assert points[:23] == SKELETONS["coco23"].names
     # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right
@@ -81,7 +77,7 @@ def test_whole_body_order_is_that_of_coco_wholebody() -> None:
     assert {i: points[i] for i in known} == known
 
 
-def test_halpe_points_have_their_published_order() -> None:
+def test_halpe_points_have_their_published_order():
     points = SKELETONS["halpe26"].names
     assert points[:17] == SKELETONS["coco17"].names
     assert points[20:] == (
@@ -99,7 +95,7 @@ def test_halpe_points_have_their_published_order() -> None:
 @pytest.mark.parametrize(
     ("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")]
 )
-def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> None:
+def test_the_fitted_part_keeps_each_points_name(skeleton, known):
     rows = np.arange(len(SKELETONS[skeleton]), dtype=float)
     points = np.stack([rows, rows], -1)[None]
     given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
@@ -113,7 +109,7 @@ def test_the_fitted_part_keeps_each_points_name(skeleton: str, known: str) -> No
 
 
 @pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])
-def test_left_is_plus_x_in_the_t_pose(skeleton: str, at_rest: dict[str, dict[str, Tensor]]) -> None:
+def test_left_is_plus_x_in_the_t_pose(skeleton, at_rest):
     for name, point in at_rest[skeleton].items():
         if name.startswith("left_"):
             mirror = at_rest[skeleton]["right_" + name[5:]]
@@ -121,7 +117,7 @@ def test_left_is_plus_x_in_the_t_pose(skeleton: str, at_rest: dict[str, dict[str
             assert torch.allclose(point, mirror * torch.tensor([-1.0, 1.0, 1.0]), atol=3e-3), name
 
 
-def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
+def test_the_face_is_a_face(at_rest):
     face = at_rest["blazepose33"]
     nose = face["nose"]
     assert abs(float(nose[0])) < 2e-3
@@ -138,9 +134,7 @@ def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
         assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
 
 
-def test_landmarks_of_the_feet_lie_on_the_feet(
-    embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]
-) -> None:
+def test_landmarks_of_the_feet_lie_on_the_feet(embedded, at_rest):
     coco = at_rest["coco23"]
     mesh = embedded(*embedded.zero_pose()).vertices[0]
     for side, sign in (("left", 1), ("right", -1)):
@@ -155,9 +149,7 @@ def test_landmarks_of_the_feet_lie_on_the_feet(
         assert 0.2 < float(tip[2] - heel[2]) < 0.3
 
 
-def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
-    embedded: BodyModel, random_pose: dict[str, Tensor]
-) -> None:
+def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(embedded, random_pose):
     output = embedded(**random_pose)
     own = Skeleton(
         "own",
@@ -190,9 +182,7 @@ def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
         ),
     ],
 )
-def test_refuses_points_without_a_place(
-    embedded: BodyModel, names: tuple[str, ...], on_body: dict[str, dict[str, float]], fault: str
-) -> None:
+def test_refuses_points_without_a_place(embedded, names, on_body, fault):
     with pytest.raises(BodyModelError, match=fault):
         embedded.regressor(Skeleton("own", names, on_body))
 
@@ -206,12 +196,12 @@ def test_refuses_points_without_a_place(
         ({"names": ("nose",), "on_body": {"nose": {"jaw": float("nan")}}}, "finite shares"),
     ],
 )
-def test_a_skeleton_refuses_what_does_not_fit(fields: dict[str, Any], fault: str) -> None:
+def test_a_skeleton_refuses_what_does_not_fit(fields, fault):
     with pytest.raises(ValueError, match=fault):
         Skeleton("own", **fields)
 
 
-def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> None:
+def test_hands_run_from_wrist_to_tips(at_rest):
     for side in ("left", "right"):
         points = list(at_rest[f"openpose_hand21_{side}"].values())
         wrist = points[0]
@@ -224,9 +214,7 @@ def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> 
         assert depth == sorted(depth, reverse=True)  # index in front, little finger behind
 
 
-def test_the_small_model_equals_the_whole(
-    embedded: BodyModel, random_pose: dict[str, Tensor]
-) -> None:
+def test_the_small_model_equals_the_whole(embedded, random_pose):
     extra = torch.tensor([13000, 4, 4])
     small = embedded.landmarks_only(("blazepose33", "openpose_hand21_right"), extra)
     points = small(**random_pose)
@@ -238,7 +226,7 @@ def test_the_small_model_equals_the_whole(
     assert torch.equal(points["joints"], output.joints)
 
 
-def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
+def test_refuses_an_unknown_joint_set(embedded):
     with pytest.raises(
         BodyModelError, match="no standard skeleton is named 'coco18': choose one of coco17, coco23"
     ):

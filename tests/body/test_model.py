@@ -11,16 +11,14 @@ import roma
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from torch import Tensor
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
-from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
 pytestmark = pytest.mark.quick
 
 
-def turned(joint: str, rotvec: tuple[float, float, float], model: BodyModel) -> Tensor:
+def turned(joint, rotvec, model):
     """Rotations (1, 55, 3, 3) of the T-pose with one joint turned."""
     rotations = model.zero_pose()[0]
     rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(
@@ -29,9 +27,7 @@ def turned(joint: str, rotvec: tuple[float, float, float], model: BodyModel) -> 
     return rotations
 
 
-def slow_pose(
-    model: BodyModel, rotations: np.ndarray, betas: np.ndarray, transl: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def slow_pose(model, rotations, betas, transl):
     """One body, joint by joint and vertex by vertex, in float64: 55 joints and every 500th
     vertex.
     """
@@ -67,9 +63,7 @@ def slow_pose(
     return np.array(vertices), joints + transl
 
 
-def test_the_body_model_equals_a_slow_reference(
-    embedded: BodyModel, random_pose: dict[str, Tensor]
-) -> None:
+def test_the_body_model_equals_a_slow_reference(embedded, random_pose):
     output = embedded(**random_pose)
     for row in range(3):
         arguments = [
@@ -80,7 +74,7 @@ def test_the_body_model_equals_a_slow_reference(
         np.testing.assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
 
 
-def test_joint_names_are_a_tree_in_smplx_order() -> None:
+def test_joint_names_are_a_tree_in_smplx_order():
     assert len(JOINT_NAMES) == len(PARENTS) == len(set(JOINT_NAMES)) == 55
     assert all(parent < joint for joint, parent in enumerate(PARENTS))
     known = {
@@ -94,7 +88,7 @@ def test_joint_names_are_a_tree_in_smplx_order() -> None:
     assert known.items() <= JOINT_INDEX.items()
 
 
-def test_zero_pose_is_a_t_pose(embedded: BodyModel) -> None:
+def test_zero_pose_is_a_t_pose(embedded):
     joints = dict(zip(JOINT_NAMES, embedded(*embedded.zero_pose()).joints[0], strict=True))
     assert joints["pelvis"].abs().max() < 1e-6
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -130,29 +124,25 @@ def test_zero_pose_is_a_t_pose(embedded: BodyModel) -> None:
     ],
 )
 def test_rotations_mean_what_they_mean_in_smplx(
-    embedded: BodyModel,
-    joint: str,
-    rotvec: tuple[float, float, float],
-    moved: str,
-    axis: int,
-    sign: int,
-) -> None:
+    embedded,
+    joint,
+    rotvec,
+    moved,
+    axis,
+    sign,
+):
     _, betas, transl = embedded.zero_pose()
     rest = embedded(*embedded.zero_pose()).joints[0, JOINT_INDEX[moved]]
     posed = embedded(turned(joint, rotvec, embedded), betas, transl).joints[0, JOINT_INDEX[moved]]
     assert sign * (posed - rest)[axis] > 0.01
 
 
-def test_the_pelvis_lies_at_the_translation_for_every_shape(
-    embedded: BodyModel, random_pose: dict[str, Tensor]
-) -> None:
+def test_the_pelvis_lies_at_the_translation_for_every_shape(embedded, random_pose):
     joints = embedded(**random_pose, joints_only=True).joints
     assert torch.allclose(joints[:, 0], random_pose["transl"], atol=1e-6)
 
 
-def test_joints_only_gives_the_same_joints(
-    embedded: BodyModel, random_pose: dict[str, Tensor]
-) -> None:
+def test_joints_only_gives_the_same_joints(embedded, random_pose):
     alone = embedded(**random_pose, joints_only=True)
     whole = embedded(**random_pose)
     assert torch.equal(alone.joints, whole.joints)
@@ -161,7 +151,7 @@ def test_joints_only_gives_the_same_joints(
 
 
 @given(ids=st.lists(st.integers(0, 13347), max_size=12))
-def test_a_vertex_subset_equals_the_whole(embedded: BodyModel, ids: list[int]) -> None:
+def test_a_vertex_subset_equals_the_whole(embedded, ids):
     arguments = turned("left_knee", (1.0, 0.2, 0.0), embedded), *embedded.zero_pose()[1:]
     index = torch.tensor(ids, dtype=torch.int64)
     some = embedded(*arguments, vertex_ids=index).vertices
@@ -169,9 +159,7 @@ def test_a_vertex_subset_equals_the_whole(embedded: BodyModel, ids: list[int]) -
 
 
 @pytest.mark.parametrize("size", [0.0, 0.3])
-def test_gradients_of_posing_are_those_of_finite_differences(
-    embedded64: BodyModel, size: float
-) -> None:
+def test_gradients_of_posing_are_those_of_finite_differences(embedded64, size):
     """At rest (size 0) too: that is where fits start."""
     torch.manual_seed(0)
     ids = torch.randint(0, embedded64.num_vertices, (5,))
@@ -179,7 +167,7 @@ def test_gradients_of_posing_are_those_of_finite_differences(
     betas = (size * torch.randn(1, embedded64.num_betas, dtype=torch.float64)).requires_grad_()
     transl = torch.randn(1, 3, dtype=torch.float64, requires_grad=True)
 
-    def vertices_and_joints(r: Tensor, b: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
+    def vertices_and_joints(r, b, t):
         output = embedded64(roma.rotvec_to_rotmat(r), b, t, vertex_ids=ids)
         return output.vertices, output.joints[:, ::9]
 
@@ -194,9 +182,7 @@ def test_gradients_of_posing_are_those_of_finite_differences(
         ("expression", (1, 10), "(1, 0)"),
     ],
 )
-def test_inputs_of_wrong_shape_are_refused(
-    embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str
-) -> None:
+def test_inputs_of_wrong_shape_are_refused(embedded, name, shape, wanted):
     arguments = dict(zip(("rotations", "betas", "transl"), embedded.zero_pose(), strict=True))
     message = re.escape(
         f"{name} must be {wanted} for the embedded body, got {shape}: give one row a person"

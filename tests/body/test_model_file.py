@@ -9,7 +9,6 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
 
 
-def mano_arrays() -> dict[str, np.ndarray]:
+def mano_arrays():
     """A made-up MANO file; no number is anybody's."""
     rng = np.random.default_rng(0)
     parents = [2**32 - 1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]
@@ -38,7 +37,7 @@ def mano_arrays() -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(("protocol", "sparse"), [(2, csc_matrix), (5, csr_matrix)])
-def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, sparse: Any) -> None:
+def test_a_mano_file_is_read_in_its_own_types(tmp_path, protocol, sparse):
     arrays = mano_arrays()
     path = tmp_path / "MANO_RIGHT.pkl"
     columns_first = np.asfortranarray(arrays["posedirs"])
@@ -98,20 +97,20 @@ class _Pickler(pickle._Pickler):
             super().save(obj, save_persistent_id)
 
 
-def pickled(path: Path, thing: object) -> Path:
+def pickled(path, thing):
     with path.open("wb") as stream:
         _Pickler(stream, 2).dump(thing)
     return path
 
 
-def array(shape: Any, code: str, data: Any) -> _As:
+def array(shape, code, data):
     """An array of numpy that says what it likes about itself."""
     kind = _As("numpy", "dtype", (code, False, True), (3, "<", None, None, None, -1, -1, 0))
     made = ("numpy.core.multiarray", "_reconstruct", (_Name("numpy", "ndarray"), (0,), b"b"))
     return _As(*made, (1, shape, kind, False, data))
 
 
-def sparse(**changes: Any) -> _As:
+def sparse(**changes):
     whole = csc_matrix(np.eye(16, 778))
     state = {
         "_shape": whole.shape,
@@ -123,7 +122,7 @@ def sparse(**changes: Any) -> _As:
     return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
 
 
-def chosen(idxs: Any, shape: Any = (778, 3, 10), a: Any = None) -> _As:
+def chosen(idxs, shape=(778, 3, 10), a=None):
     kind = _Name("chumpy.reordering", "Select")
     whole = _As("copy_reg", "_reconstructor", (_Name("chumpy.ch", "Ch"), _Name("__builtin__", "object"), None), {  # noqa: E501
         "x": np.zeros(778 * 30)
@@ -132,7 +131,7 @@ def chosen(idxs: Any, shape: Any = (778, 3, 10), a: Any = None) -> _As:
     return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
 
 
-def endless() -> _As:
+def endless():
     found = chosen(np.zeros(3, int))
     found.called[2]["a"] = found
     return found
@@ -174,7 +173,7 @@ HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
 }  # fmt: skip
 
 
-def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path: Path) -> None:
+def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path):
     """In a process of its own: scipy writes beside a matrix whose indices lie outside of it, and
     that may crash.
     """
@@ -211,7 +210,7 @@ CLAIMS: dict[str, tuple[bytes, str]] = {
 }  # opcode or fault -> pickle, words
 
 
-def test_lengths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_path: Path) -> None:
+def test_lengths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_path):
     for name, (content, _) in CLAIMS.items():
         (tmp_path / f"{name}.pkl").write_bytes(content)
     most = 80 + len(str(tmp_path)) + 250  # a text of the file's, its path, our own words
@@ -221,7 +220,7 @@ def test_lengths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_path: Pa
         assert len(words) < most, f"{name}: {len(words)} characters"
 
 
-def refused(folder: Path, names: list[str], suffix: str = ".pkl") -> list[tuple[str, str]]:
+def refused(folder, names, suffix=".pkl"):
     """What each file is refused with, in another process whose arrays take less than 64 MB."""
     code = """
 import sys, tracemalloc
@@ -247,7 +246,7 @@ for path in sys.argv[1:]:
     return list(zip(names, done.stdout.splitlines(), strict=True))
 
 
-def npy(shape: str, kind: str, data: bytes = b"") -> bytes:
+def npy(shape, kind, data=b""):
     text = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + data
 
@@ -271,7 +270,7 @@ ARCHIVES: dict[str, tuple[bytes, str]] = {
 }
 
 
-def test_harmful_archives_end_in_words_and_take_no_memory(tmp_path: Path) -> None:
+def test_harmful_archives_end_in_words_and_take_no_memory(tmp_path):
     np.savez(tmp_path / "whole.npz", **{k: v for k, v in mano_arrays().items() if k != "weights"})
     for name, (content, _) in ARCHIVES.items():
         (tmp_path / f"{name}.npz").write_bytes((tmp_path / "whole.npz").read_bytes())
@@ -294,7 +293,7 @@ CALLS = {
 }  # what is called -> its pickle, up to the arguments
 
 
-def test_no_pickle_calls_anything(tmp_path: Path) -> None:
+def test_no_pickle_calls_anything(tmp_path):
     """In a process whose audit hook counts calls of the system, imports, and files that are opened
     for writing.
     """
@@ -332,7 +331,7 @@ for path in sys.argv[1:]:
         b"c_codecs\nencode\n(N}(X\x0c\x00\x00\x00__defaults__)utb.",
     ],
 )
-def test_a_pickle_cannot_change_what_reads_it(tmp_path: Path, state: bytes) -> None:
+def test_a_pickle_cannot_change_what_reads_it(tmp_path, state):
     before = read_model_of(tmp_path / "before.pkl")
     (tmp_path / "MODEL.pkl").write_bytes(state)
     with pytest.raises(BodyModelError, match=r"is neither an \.npz archive nor a pickle of MANO"):
@@ -340,7 +339,7 @@ def test_a_pickle_cannot_change_what_reads_it(tmp_path: Path, state: bytes) -> N
     assert read_model_of(tmp_path / "after.pkl").keys() == before.keys()
 
 
-def read_model_of(path: Path) -> dict[str, np.ndarray]:
+def read_model_of(path):
     path.write_bytes(
         pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2)
     )

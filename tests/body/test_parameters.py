@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import roma
 import torch
-from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
@@ -17,7 +16,7 @@ from physic_core.errors import BodyModelError
 pytestmark = pytest.mark.quick
 
 
-def test_parameters_and_rotations_convert_back_and_forth(random_pose: dict[str, Tensor]) -> None:
+def test_parameters_and_rotations_convert_back_and_forth(random_pose):
     parameters = parameters_from_rotations(
         random_pose["rotations"], random_pose["betas"], None, random_pose["transl"]
     )
@@ -43,7 +42,7 @@ def test_parameters_and_rotations_convert_back_and_forth(random_pose: dict[str, 
         ("right_pinky2", "right_hand_pose", 21),
     ],
 )
-def test_every_field_holds_its_joints(joint: str, field: str, first: int) -> None:
+def test_every_field_holds_its_joints(joint, field, first):
     rotvec = torch.tensor([0.1, -0.2, 0.3])
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(rotvec)
@@ -55,7 +54,7 @@ def test_every_field_holds_its_joints(joint: str, field: str, first: int) -> Non
     assert total == pytest.approx(0.6, abs=1e-5)
 
 
-def test_half_turns_convert_back_and_forth() -> None:
+def test_half_turns_convert_back_and_forth():
     """At pi the sign of the rotation vector is open, the rotation is not."""
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # upright in the camera's frame
@@ -63,7 +62,7 @@ def test_half_turns_convert_back_and_forth() -> None:
     assert torch.allclose(rotations_from_parameters(parameters), rotations, atol=1e-6)
 
 
-def test_parameters_of_another_shape_are_refused(random_pose: dict[str, Tensor]) -> None:
+def test_parameters_of_another_shape_are_refused(random_pose):
     parameters = parameters_from_rotations(
         random_pose["rotations"], random_pose["betas"], None, random_pose["transl"]
     )

@@ -18,10 +18,10 @@ D = 3
 PARENTS = (-1, 0, 0, 1, 2, 3, 3, 6)
 
 
-def small_body(*, bind: bool, correctives: bool) -> tuple[Kinematics, Skin]:
+def small_body(*, bind, correctives):
     g = torch.Generator().manual_seed(3)
 
-    def normal(*shape: int) -> torch.Tensor:
+    def normal(*shape):
         return torch.randn(*shape, generator=g, dtype=torch.float64)
 
     bind_rot = rotvec_to_rotmat(normal(J, 3)) if bind else None
@@ -33,7 +33,7 @@ def small_body(*, bind: bool, correctives: bool) -> tuple[Kinematics, Skin]:
     return kinematics, Skin(normal(3, V), 0.1 * normal(rows, 3, V), weights / weights.sum(0))
 
 
-def pose(batch: int = 2) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def pose(batch=2):
     g = torch.Generator().manual_seed(4)
     turns = torch.randn(batch, J, 3, generator=g, dtype=torch.float64)
     shape = torch.randn(batch, D, generator=g, dtype=torch.float64)
@@ -41,11 +41,11 @@ def pose(batch: int = 2) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
 
 
 def by_autograd(
-    kinematics: Kinematics,
-    skin: Skin,
-    rotations: torch.Tensor,
-    betas: torch.Tensor,
-    transl: torch.Tensor,
+    kinematics,
+    skin,
+    rotations,
+    betas,
+    transl,
 ):
     """Vertices and joints by the functions of which a body model consists."""
     world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(betas))

@@ -18,16 +18,14 @@ from physic_core.types import Plane
 UP = np.array([0.0, -1.0, 0.0])
 
 
-def turned(degrees: float) -> np.ndarray:
+def turned(degrees):
     """Return UP after a rotation about the x axis."""
     c = np.cos(np.radians(degrees))
     s = np.sin(np.radians(degrees))
     return np.array([0.0, -c, s])
 
 
-def body(
-    hip: float = 0.0, knees: tuple[float, float] = (0.0, 0.0), trunk: float = 0.0
-) -> np.ndarray:
+def body(hip=0.0, knees=(0.0, 0.0), trunk=0.0):
     """Return joints (55, 3) of a body: trunk and thighs tilted from UP, shanks from the thighs,
     degrees.
     """
@@ -43,7 +41,7 @@ def body(
     return joints
 
 
-def test_a_straight_body_stands_on_both_legs() -> None:
+def test_a_straight_body_stands_on_both_legs():
     assert standing_legs(body(), UP).tolist() == [True, True]
     assert standing_legs(np.stack([body(), body(hip=90.0)]), UP).tolist() == [
         [True, True],
@@ -51,36 +49,36 @@ def test_a_straight_body_stands_on_both_legs() -> None:
     ]
 
 
-def test_a_bent_knee_leaves_the_other_leg_to_stand_on() -> None:
+def test_a_bent_knee_leaves_the_other_leg_to_stand_on():
     assert standing_legs(body(knees=(60.0, 0.0)), UP).tolist() == [False, True]
 
 
 @pytest.mark.parametrize("degrees", [STANDING_DEG - 1, STANDING_DEG + 1])
-def test_one_angle_limits_knees_hips_and_tilt(degrees: float) -> None:
+def test_one_angle_limits_knees_hips_and_tilt(degrees):
     stands = [degrees < STANDING_DEG] * 2
     assert standing_legs(body(hip=-degrees / 2, knees=(degrees, degrees)), UP).tolist() == stands
     assert standing_legs(body(trunk=degrees)).tolist() == stands
     assert standing_legs(body(), turned(degrees)).tolist() == stands
 
 
-def test_people_who_lie_straight_stand_only_where_up_is_unknown() -> None:
+def test_people_who_lie_straight_stand_only_where_up_is_unknown():
     assert not standing_legs(body(), turned(90.0)).any()
     assert standing_legs(body()).all()
 
 
-def test_a_bent_trunk_may_be_ignored() -> None:
+def test_a_bent_trunk_may_be_ignored():
     assert not standing_legs(body(trunk=80.0), UP).any()
     assert standing_legs(body(trunk=80.0), UP, trunk=False).all()
     assert trunk_tilt_deg(body(trunk=80.0), UP) == pytest.approx(80.0)
 
 
-def test_legs_with_unknown_joints_do_not_stand() -> None:
+def test_legs_with_unknown_joints_do_not_stand():
     joints = body()
     joints[JOINT_INDEX["left_knee"]] = np.nan
     assert standing_legs(joints, UP).tolist() == [False, True]
 
 
-def test_the_rule_works_in_the_picture() -> None:
+def test_the_rule_works_in_the_picture():
     hips, knees, ankles = (np.array([[10.0, y], [-10.0, y]]) for y in (0.0, 40.0, 80.0))
     assert legs_in_line(
         hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])
@@ -88,7 +86,7 @@ def test_the_rule_works_in_the_picture() -> None:
     assert not legs_in_line(hips, knees, ankles, neck=np.array([80.0, -50.0])).any()
 
 
-def photo_of(*bodies: np.ndarray, degrees: float) -> np.ndarray:
+def photo_of(*bodies, degrees):
     """Return joints (P, 55, 3), side by side 5 m away, in a picture that is turned clockwise."""
     c = np.cos(np.radians(degrees))
     s = np.sin(np.radians(degrees))
@@ -99,18 +97,18 @@ def photo_of(*bodies: np.ndarray, degrees: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("degrees", "said"), [(0, 0), (30, 0), (90, 90), (-90, 90), (75, 90), (180, 180), (150, 180)]
 )
-def test_a_turned_photo_is_known_by_its_people(degrees: float, said: int) -> None:
+def test_a_turned_photo_is_known_by_its_people(degrees, said):
     assert photo_turned_deg(photo_of(body(), body(), degrees=degrees), None) == said
 
 
-def test_a_photo_is_not_turned_if_one_person_is_upright_or_nobody_has_a_body() -> None:
+def test_a_photo_is_not_turned_if_one_person_is_upright_or_nobody_has_a_body():
     joints = np.concatenate([photo_of(body(), degrees=180), photo_of(body(), degrees=0)])
     assert photo_turned_deg(joints, None) == 0
     assert photo_turned_deg(np.full((1, 55, 3), np.nan), None) == 0
     assert photo_turned_deg(np.zeros((0, 55, 3)), None) == 0
 
 
-def test_people_who_lie_or_bend_are_in_no_turned_photo() -> None:
+def test_people_who_lie_or_bend_are_in_no_turned_photo():
     lying = photo_of(body(), degrees=90)
     assert photo_turned_deg(lying, Plane((0.0, -1.0, 0.0), 1.0)) == 0
     assert photo_turned_deg(lying, Plane((1.0, 0.0, 0.0), 1.0)) == 90

@@ -29,14 +29,14 @@ VECTOR = arrays(np.float64, (3,), elements=st.floats(-2, 2)).filter(
 TURN = arrays(np.float64, (3,), elements=st.floats(-1.7, 1.7))
 
 
-def is_rotation(matrix: np.ndarray) -> bool:
+def is_rotation(matrix):
     return bool(np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-9) and np.linalg.det(matrix) > 0)
 
 
 @settings(max_examples=200)
 @example(np.array([1.0, 2.2e-9, 2.2e-9]), np.array([-1.0, 0.0, 0.0]))
 @given(VECTOR, VECTOR)
-def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> None:
+def test_swing_is_the_shortest_turn(first, second):
     turn = rotation_between(first, second)
     assert is_rotation(turn)
     # Directions that are opposite within 1e-8 get half a turn: their sum has no more digits than
@@ -47,7 +47,7 @@ def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> No
 
 
 @given(TURN, TURN)
-def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
+def test_exp_and_log_are_scipys(first, second):
     both = np.stack([first, second])
     np.testing.assert_allclose(
         rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12
@@ -60,7 +60,7 @@ def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
 
 
 @given(TURN, VECTOR)
-def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
+def test_a_rotation_is_its_swing_after_its_twist(rotvec, axis):
     rotation = rotvec_to_rotmat_numpy(rotvec)
     tilt, angle = swing_twist(rotation, axis)
     np.testing.assert_allclose(
@@ -69,7 +69,7 @@ def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.nd
 
 
 @given(TURN, st.integers(0, 100))
-def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, seed: int) -> None:
+def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec, seed):
     rng = np.random.default_rng(seed)
     source = rng.standard_normal((7, 3))
     target = source @ rotvec_to_rotmat_numpy(rotvec).T
@@ -87,9 +87,7 @@ def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, se
 
 
 @given(VECTOR, VECTOR.filter(lambda v: True))
-def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(
-    along: np.ndarray, beside: np.ndarray
-) -> None:
+def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(along, beside):
     if np.linalg.norm(cross(unit(along), unit(beside))) < 1e-3:
         return
     frame = frame_from_axes(along, beside)
@@ -99,7 +97,7 @@ def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(
     np.testing.assert_allclose(rotate(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
 
 
-def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors() -> None:
+def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors():
     rotvecs = np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 1.0]])
     rotations = rotvec_to_rotmat_numpy(rotvecs)
     rotations[0, 1, 2] = np.nan

@@ -6,14 +6,11 @@ from __future__ import annotations
 
 import pickle
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
-from other_body import OtherBody, smpl_file_arrays
+from other_body import smpl_file_arrays
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
@@ -22,19 +19,19 @@ from physic_core.errors import BodyModelError
 
 
 @pytest.fixture(scope="module")
-def arrays(smaller: OtherBody) -> dict[str, Any]:
+def arrays(smaller):
     rng = np.random.default_rng(0)
     return {**smpl_file_arrays(smaller), "posedirs": 1e-3 * rng.standard_normal((6890, 3, 207))}
 
 
 @pytest.fixture(scope="module")
-def light(arrays: dict[str, Any]) -> dict[str, Any]:
+def light(arrays):
     """The same in a small file."""
     return {**arrays, "posedirs": np.zeros((6890, 3, 207), np.int8)}
 
 
 @pytest.fixture(scope="module")
-def npz(arrays: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def npz(arrays, tmp_path_factory):
     path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
     np.savez(path, **arrays)
     np.save(path.parent / "kid_template.npy", np.zeros((6890, 3)))
@@ -59,7 +56,7 @@ class Select:
 
 
 @pytest.fixture
-def chumpy(monkeypatch: pytest.MonkeyPatch) -> None:
+def chumpy(monkeypatch):
     for name, kind in (("chumpy.ch", Ch), ("chumpy.reordering", Select)):
         module = ModuleType(name)
         setattr(module, kind.__name__, kind)
@@ -68,21 +65,19 @@ def chumpy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "chumpy", ModuleType("chumpy"))
 
 
-def refusal(path: Path) -> str:
+def refusal(path):
     with pytest.raises(BodyModelError) as caught:
         read_smpl(path)
     return str(caught.value).removeprefix(str(path))
 
 
-def pickled(path: Path, thing: object, protocol: int = 2) -> Path:
+def pickled(path, thing, protocol=2):
     path.write_bytes(pickle.dumps(thing, protocol=protocol))
     return path
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4])
-def test_the_published_pickle_is_read(
-    light: dict[str, Any], chumpy: None, tmp_path: Path, protocol: int
-) -> None:
+def test_the_published_pickle_is_read(light, chumpy, tmp_path, protocol):
     """Sparse regressor, chumpy's shape directions, a dictionary and words that nobody needs."""
     shapes = light["shapedirs"]
     whole = np.concatenate([shapes, shapes + 1], 2)
@@ -101,7 +96,7 @@ def test_the_published_pickle_is_read(
     assert found["kintree_table"][0].tolist()[:4] == [-1, 0, 0, 0]
 
 
-def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -> None:
+def test_a_smpl_file_poses_as_in_smplfitter(npz, arrays):
     import torch
     from smplfitter.pt import BodyModel as Peer
 
@@ -136,7 +131,5 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -
         ({"J_regressor": "none", "weights": None}, " lacks the arrays J_regressor, weights"),
     ],
 )
-def test_files_of_other_models_are_refused(
-    change: dict[str, Any], words: str, light: dict[str, Any], tmp_path: Path
-) -> None:
+def test_files_of_other_models_are_refused(change, words, light, tmp_path):
     assert refusal(pickled(tmp_path / "SMPL.pkl", {**light, **change})).startswith(f"{words}: ")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from physic_core.errors import BodyModelError
 
 
 @pytest.fixture
-def small(smplx_arrays: dict[str, Any]) -> dict[str, Any]:
+def small(smplx_arrays):
     """A file's arrays whose large ones compress to nothing."""
     flat = {
         "posedirs": np.zeros((10475, 3, 486), np.float16),
@@ -26,17 +25,17 @@ def small(smplx_arrays: dict[str, Any]) -> dict[str, Any]:
     return {**smplx_arrays, **flat}
 
 
-def refusal(path: Path, **options: int) -> str:
+def refusal(path, **options):
     with pytest.raises(BodyModelError) as caught:
         load_smplx(path, **options)
     return str(caught.value).removeprefix(str(path))
 
 
 @pytest.fixture
-def pose() -> dict[str, torch.Tensor]:
+def pose():
     generator = torch.Generator().manual_seed(1)
 
-    def normal(*shape: int) -> torch.Tensor:
+    def normal(*shape):
         return torch.randn(*shape, generator=generator)
 
     return {
@@ -47,9 +46,7 @@ def pose() -> dict[str, torch.Tensor]:
     }
 
 
-def test_a_smplx_file_poses_as_the_library_body_models(
-    smplx_v11: Path, pose: dict[str, torch.Tensor]
-) -> None:
+def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11, pose):
     from body_models.smplx.torch import SMPLX
 
     peer = SMPLX(model_path=smplx_v11, flat_hand_mean=True)
@@ -70,9 +67,7 @@ def test_a_smplx_file_poses_as_the_library_body_models(
     assert (ours.joints - peer.forward_skeleton(**arguments)[..., :3, 3]).abs().max() < 1e-5
 
 
-def test_both_layouts_are_the_same_body(
-    smplx_v10: Path, smplx_v11: Path, pose: dict[str, torch.Tensor]
-) -> None:
+def test_both_layouts_are_the_same_body(smplx_v10, smplx_v11, pose):
     rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
     old, new = (
         load_body(p)(rotations, pose["betas"], pose["transl"], pose["expression"])
@@ -81,13 +76,13 @@ def test_both_layouts_are_the_same_body(
     assert torch.equal(old.vertices, new.vertices)
 
 
-def test_more_shape_components_can_be_loaded(smplx_v11: Path) -> None:
+def test_more_shape_components_can_be_loaded(smplx_v11):
     model = load_smplx(smplx_v11, num_betas=16, num_expression=0)
     assert (model.num_betas, model.num_expression) == (16, 0)
     assert model(*model.zero_pose()).vertices.shape == (1, 10475, 3)
 
 
-def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
+def test_picks_are_derived_from_the_file(smplx_v10):
     model = load_body(smplx_v10)
     output = model(*model.zero_pose())
     points = dict(
@@ -103,7 +98,7 @@ def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
     )
 
 
-def test_a_smplx_file_is_read_without_unpickling(small: dict[str, Any], tmp_path: Path) -> None:
+def test_a_smplx_file_is_read_without_unpickling(small, tmp_path):
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
             return (pytest.fail, ("the file was unpickled",))
@@ -115,7 +110,7 @@ def test_a_smplx_file_is_read_without_unpickling(small: dict[str, Any], tmp_path
     assert "holds a pickled object" in refusal(path)
 
 
-def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path: Path) -> None:
+def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path):
     path = tmp_path / "model.npz"
     np.savez(path, v_template=np.zeros((5023, 3)))
     assert refusal(path).startswith(" is a FLAME file (5023 vertices), not SMPL-X: ")
@@ -137,14 +132,14 @@ def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path
     ],
 )
 def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
-    tmp_path: Path, small: dict[str, Any], name: str, wrong: np.ndarray, message: str
-) -> None:
+    tmp_path, small, name, wrong, message
+):
     path = tmp_path / "model.npz"
     np.savez_compressed(path, **{**small, name: wrong})
     assert refusal(path).startswith(f": {message}: ")
 
 
-def test_more_shape_components_than_the_file_has_are_refused(smplx_v10: Path) -> None:
+def test_more_shape_components_than_the_file_has_are_refused(smplx_v10):
     assert (
         refusal(smplx_v10, num_betas=16)
         == ": num_betas is 16, but the file has 10: ask for 0 to 10"

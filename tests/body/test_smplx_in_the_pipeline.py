@@ -4,22 +4,18 @@ the file's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
-from other_body import OtherBody, posed, smplx_file_arrays
+from other_body import posed, smplx_file_arrays
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import load_config, reconstruct
 from physic_core.body.convert.bodies import convert_with_residuals, replace_mesh_with_joints
-from physic_core.body.model import BodyModel
 from physic_core.types import Bodies
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 
 @pytest.fixture(scope="module")
-def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def file(other, tmp_path_factory):
     path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
     np.savez(path, **smplx_file_arrays(other))
     yield path
@@ -27,11 +23,11 @@ def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world():
     return load_world("stand_indoors", (160, 120))
 
 
-def run(world: World, *overrides: str) -> Reconstruction:
+def run(world, *overrides):
     return reconstruct(
         world.image, load_config(preset="mock", overrides=["run.cache=false", *overrides])
     )
@@ -43,7 +39,7 @@ RULER = (
 )
 
 
-def test_scale_and_contact_work_with_a_smplx_body(world: World, file: Path, maps: None) -> None:
+def test_scale_and_contact_work_with_a_smplx_body(world, file, maps):
     plain = run(world, *RULER)
     result = run(world, f"body_model.path={file}", *RULER)
     assert result.body_model == "smplx"
@@ -57,9 +53,7 @@ def test_scale_and_contact_work_with_a_smplx_body(world: World, file: Path, maps
     assert result.people[0].contact.mean() > 0.5 * plain.people[0].contact.mean()
 
 
-def test_a_body_converted_by_its_joints_has_the_same_height(
-    embedded: BodyModel, other_model: BodyModel, maps: None
-) -> None:
+def test_a_body_converted_by_its_joints_has_the_same_height(embedded, other_model, maps):
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie
     elsewhere.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,26 +22,26 @@ ANSWER = DepthMap(np.ones((6, 8), np.float32))
 
 
 @pytest.fixture
-def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def root(tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "new" / "cache"))
     return tmp_path / "new" / "cache"
 
 
 @pytest.fixture
-def _no_umask() -> Iterator[None]:
+def _no_umask():
     before = os.umask(0)
     yield
     os.umask(before)
 
 
-def opened(root: Path) -> ResultCache:
+def opened(root):
     cache = ResultCache.in_users_folder(1)
     assert cache is not None
     return cache
 
 
 @pytest.mark.usefixtures("_no_umask")
-def test_folders_and_files_are_for_their_user_alone_whatever_the_umask(root: Path):
+def test_folders_and_files_are_for_their_user_alone_whatever_the_umask(root):
     opened(root).write(KEY, ANSWER)
     made = [root.parent, *root.parent.rglob("*")]
     assert {path.name: oct(path.stat().st_mode & 0o777) for path in made} == {
@@ -54,9 +53,7 @@ def test_folders_and_files_are_for_their_user_alone_whatever_the_umask(root: Pat
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707])
-def test_a_folder_that_others_could_write_is_narrowed_and_emptied(
-    root: Path, mode: int, caplog: pytest.LogCaptureFixture
-):
+def test_a_folder_that_others_could_write_is_narrowed_and_emptied(root, mode, caplog):
     opened(root).write(KEY, ANSWER)
     for _, suffix in CACHES.values():
         (root / "results" / f"{KEY.name.partition('.')[0]}{suffix}").write_text("theirs")
@@ -72,9 +69,7 @@ def test_a_folder_that_others_could_write_is_narrowed_and_emptied(
     ]
 
 
-def test_a_folder_that_stays_open_to_others_is_not_used(
-    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-):
+def test_a_folder_that_stays_open_to_others_is_not_used(root, monkeypatch, caplog):
     """Some file systems of other operating systems have no modes."""
     root.mkdir(parents=True)
     root.chmod(0o777)
@@ -86,9 +81,7 @@ def test_a_folder_that_stays_open_to_others_is_not_used(
     ]
 
 
-def test_the_cache_of_another_user_is_not_used(
-    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-):
+def test_the_cache_of_another_user_is_not_used(root, monkeypatch, caplog):
     opened(root).write(KEY, ANSWER)
     monkeypatch.setattr(os, "geteuid", lambda: root.stat().st_uid + 1)
     assert ResultCache.in_users_folder(1) is None

@@ -6,8 +6,6 @@ import importlib
 import os
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +17,7 @@ pytestmark = pytest.mark.quick
 
 
 @pytest.fixture
-def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def site(tmp_path, monkeypatch):
     """A folder to import from; its files count as older than this process."""
     monkeypatch.setattr(digests, "_STARTED", float("inf"))
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -29,7 +27,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         del sys.modules[name]
 
 
-def write(path: Path, text: str) -> Path:
+def write(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
@@ -38,7 +36,7 @@ def write(path: Path, text: str) -> Path:
 SOURCE = "class Depth:\n    answer = 1\n"
 
 
-def package(site: Path) -> type:
+def package(site):
     write(site / "pack" / "__init__.py", "")
     write(site / "pack" / "deep" / "__init__.py", "")
     write(site / "pack" / "other.py", "x = 1\n")
@@ -49,7 +47,7 @@ def package(site: Path) -> type:
     return kind
 
 
-def test_the_same_files_have_one_digest(site: Path):
+def test_the_same_files_have_one_digest(site):
     kind = package(site)
     first = CodeDigester().digest(kind)
     assert first is not None
@@ -68,14 +66,14 @@ def test_the_same_files_have_one_digest(site: Path):
         ("pack/new.py", ""),
     ],
 )
-def test_every_edit_of_the_package_counts(site: Path, file: str, text: str):
+def test_every_edit_of_the_package_counts(site, file, text):
     kind = package(site)
     first = CodeDigester().digest(kind)
     write(site / file, text)
     assert CodeDigester().digest(kind) not in (first, None)
 
 
-def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
+def test_a_module_in_no_package_counts_with_those_beside_it(site):
     write(site / "my_depth.py", SOURCE)
     importlib.invalidate_caches()
     kind = importlib.import_module("my_depth").Depth
@@ -86,7 +84,7 @@ def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
     assert first != other
 
 
-def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
+def test_an_edit_of_a_base_class_changes_the_digest(site):
     write(site / "base.py", SOURCE)
     write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
     importlib.invalidate_caches()
@@ -96,7 +94,7 @@ def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
     assert CodeDigester().digest(kind) not in (first, None)
 
 
-def test_a_module_edited_after_the_start_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_module_edited_after_the_start_has_no_digest(site, monkeypatch):
     kind = package(site)
     monkeypatch.setattr(digests, "_STARTED", time.time() - 100)
     assert CodeDigester().digest(kind) is None
@@ -108,7 +106,7 @@ def test_a_module_edited_after_the_start_has_no_digest(site: Path, monkeypatch: 
     assert CodeDigester().digest(kind) is not None
 
 
-def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch: pytest.MonkeyPatch):
+def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch):
     class Local(MetricDepth):
         def infer(self, image, hints): ...
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 pytestmark = pytest.mark.quick
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
     return tmp_path / "kept" / "results"
 
 
-def fill(folder: Path) -> None:
+def fill(folder):
     folder.mkdir(parents=True)
     for name, size in (
         ("metric_depth-embedded-00", 400_000),
@@ -27,7 +25,7 @@ def fill(folder: Path) -> None:
     (folder / "mine.npz").write_text("not theirs")
 
 
-def test_info_prints_each_folder_and_its_content(folder: Path, physic):
+def test_info_prints_each_folder_and_its_content(folder, physic):
     fill(folder)
     first, *others = physic("cache", "info").output.splitlines()
     assert first == f"{folder}: 4 files, 1.4 MB"
@@ -36,14 +34,14 @@ def test_info_prints_each_folder_and_its_content(folder: Path, physic):
     ]
 
 
-def test_clear_removes_all_entries_and_says_how_many(folder: Path, physic):
+def test_clear_removes_all_entries_and_says_how_many(folder, physic):
     fill(folder)
     assert physic("cache", "clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
     assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("cache", "clear").output
 
 
-def test_the_other_caches_are_listed_and_removed_too(folder: Path, physic):
+def test_the_other_caches_are_listed_and_removed_too(folder, physic):
     others = {"maps": "a.map.npz", "graphs": "a.graph.onnx", "hashes": "a.sha256"}
     for name, file in others.items():
         (folder.parent / name).mkdir(parents=True)
@@ -61,9 +59,7 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path, physic):
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])
-def test_a_cache_that_is_switched_off_is_an_error(
-    command: str, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_a_cache_that_is_switched_off_is_an_error(command, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_CACHE", "off")
     done = physic("cache", command)
     assert (done.exit_code, "PHYSIC_CACHE" in done.output) == (2, True)

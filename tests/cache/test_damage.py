@@ -8,9 +8,6 @@ import io
 import json
 import os
 import zipfile
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,13 +25,13 @@ pytestmark = pytest.mark.quick
 ASKED = CacheKey(f"metric_depth-flipped-0{CACHES['results'][1]}", {"interface": "metric_depth"})
 
 
-def depth_map() -> DepthMap:
+def depth_map():
     """A small answer, so that many flips meet headers and names."""
     depth = np.random.default_rng(0).normal(3, 1, (18, 24)).astype(np.float32)
     return DepthMap(depth, Intrinsics.from_focal(30, 24, 18, "exif"), 0.1, ("a note",))
 
 
-def test_a_flipped_bit_in_the_cache_changes_no_result(tmp_path: Path):
+def test_a_flipped_bit_in_the_cache_changes_no_result(tmp_path):
     cache = ResultCache(tmp_path, 1 << 30)
     random = np.random.default_rng(0)
     digest = Digester().digest(depth_map())
@@ -53,7 +50,7 @@ def test_a_flipped_bit_in_the_cache_changes_no_result(tmp_path: Path):
     assert dropped > 300
 
 
-def rewritten(path: Path, change: Callable[[str, bytes], bytes]) -> None:
+def rewritten(path, change):
     """Write an archive again with changed members, whose checksums are right."""
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
@@ -62,31 +59,31 @@ def rewritten(path: Path, change: Callable[[str, bytes], bytes]) -> None:
             archive.writestr(name, change(name, content))
 
 
-def header(content: bytes, old: bytes, new: bytes) -> bytes:
+def header(content, old, new):
     assert content.count(old) == 1
     assert len(old) == len(new)
     return content.replace(old, new)
 
 
-def truncated(path: Path) -> None:
+def truncated(path):
     path.write_bytes(path.read_bytes()[:-30])
 
 
-def empty(path: Path) -> None:
+def empty(path):
     path.write_bytes(b"")
 
 
-def a_folder(path: Path) -> None:
+def a_folder(path):
     path.unlink()
     path.mkdir()
 
 
-def a_pipe(path: Path) -> None:
+def a_pipe(path):
     path.unlink()
     os.mkfifo(path)
 
 
-def with_document(path: Path, change: Callable[[Any], Any]) -> None:
+def with_document(path, change):
     """Write an archive again with a changed document."""
     with np.load(path) as file:
         arrays = dict(file)
@@ -94,20 +91,20 @@ def with_document(path: Path, change: Callable[[Any], Any]) -> None:
     np.savez(path, **arrays | {"document": np.frombuffer(document, np.uint8)})
 
 
-def of_another_question(path: Path) -> None:
+def of_another_question(path):
     with_document(
         path, lambda document: document | {"name": path.name.replace("flipped-0", "flipped-1")}
     )
 
 
-def fewer_rows_in_a_header(path: Path) -> None:
+def fewer_rows_in_a_header(path):
     rewritten(
         path, lambda name, data: header(data, b"(18, 24)", b"( 8, 24)") if "depth" in name else data
     )
 
 
-def a_giant_in_a_header(path: Path) -> None:
-    def giant(name: str, data: bytes) -> bytes:
+def a_giant_in_a_header(path):
+    def giant(name, data):
         return (
             header(data, b"(18, 24), } " + b" " * 8, b"(99999999999, 99), }")
             if "depth" in name
@@ -117,7 +114,7 @@ def a_giant_in_a_header(path: Path) -> None:
     rewritten(path, giant)
 
 
-def a_giant_in_the_archive(path: Path) -> None:
+def a_giant_in_the_archive(path):
     """A member that claims 4 GB."""
     content = path.read_bytes()
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -128,11 +125,11 @@ def a_giant_in_the_archive(path: Path) -> None:
     path.write_bytes(content[:size] + (0xFFFFFF00).to_bytes(4, "little") + content[size + 4 :])
 
 
-def of_another_class(path: Path) -> None:
+def of_another_class(path):
     with_document(path, lambda document: document | {"kind": "Hands"})
 
 
-def a_list_for_a_document(path: Path) -> None:
+def a_list_for_a_document(path):
     with_document(path, lambda document: [1])
 
 
@@ -144,7 +141,7 @@ DAMAGES = [
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
-def test_a_damaged_file_is_dropped_and_made_anew(tmp_path: Path, damage: Callable[[Path], None]):
+def test_a_damaged_file_is_dropped_and_made_anew(tmp_path, damage):
     cache = ResultCache(tmp_path, 1 << 30)
     asked = ASKED
     answer = depth_map()
@@ -161,7 +158,7 @@ def test_a_damaged_file_is_dropped_and_made_anew(tmp_path: Path, damage: Callabl
     assert Digester().digest(cache.read(asked)) == Digester().digest(answer)
 
 
-def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path: Path):
+def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path):
     cache = ResultCache(tmp_path, 1 << 30)
     asked = ASKED
     path = tmp_path / asked.name
@@ -177,16 +174,14 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path: Path):
     assert (path / "mine.txt").read_text() == "mine"
 
 
-def test_an_archive_that_claims_more_than_memory_is_not_unpacked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path, monkeypatch):
     write_value(tmp_path / "a.npz", np.zeros(100_000))
     monkeypatch.setattr("physic_core.files.npz.MAX_ARRAY_BYTES", 99_999)
     with pytest.raises(DamagedFileError, match="its arrays claim"):
         read_value(tmp_path / "a.npz", [np.ndarray])
 
 
-def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path: Path):
+def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path):
     random = np.random.default_rng(0)
     found = Correspondence(random.integers(0, 9, (7, 3)), random.random((7, 3)), np.ones(7, bool))
     path = tmp_path / "a.map.npz"

@@ -6,7 +6,6 @@ import hashlib
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -27,12 +26,12 @@ print(remembered_sha256(Path(sys.argv[1])))
 
 
 @pytest.fixture
-def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def root(tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
-def write_again(path: Path, content: bytes) -> None:
+def write_again(path, content):
     """Write a file of the same size in place, with the same time of its last change."""
     before = path.stat()
     path.write_bytes(content)
@@ -42,7 +41,7 @@ def write_again(path: Path, content: bytes) -> None:
 
 @pytest.mark.parametrize("kept", [True, False])
 def test_other_content_of_the_same_size_and_time_has_another_hash(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: bool
+    root, tmp_path, monkeypatch, kept
 ):
     if not kept:
         monkeypatch.setenv("PHYSIC_CACHE", "off")
@@ -53,9 +52,7 @@ def test_other_content_of_the_same_size_and_time_has_another_hash(
         assert remembered_sha256(path) == hashlib.sha256(content).hexdigest()
 
 
-def test_two_changes_within_a_step_of_the_clock_are_both_noticed(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_two_changes_within_a_step_of_the_clock_are_both_noticed(root, tmp_path, monkeypatch):
     path = tmp_path / "weights"
     path.write_bytes(b"one")
     status = path.stat()
@@ -65,7 +62,7 @@ def test_two_changes_within_a_step_of_the_clock_are_both_noticed(
         assert remembered_sha256(path) == hashlib.sha256(content).hexdigest()
 
 
-def later(path: Path, *words: str) -> str:
+def later(path, *words):
     """Hash a file in another process, some seconds later."""
     done = subprocess.run(
         [sys.executable, "-c", LATER, path, *words], capture_output=True, text=True, check=True
@@ -73,7 +70,7 @@ def later(path: Path, *words: str) -> str:
     return done.stdout.strip()
 
 
-def test_a_file_is_read_by_one_process_for_all(root: Path, tmp_path: Path):
+def test_a_file_is_read_by_one_process_for_all(root, tmp_path):
     path = tmp_path / "weights"
     path.write_bytes(b"one")
     digest = hashlib.sha256(b"one").hexdigest()

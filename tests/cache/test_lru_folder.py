@@ -13,7 +13,7 @@ from physic_core.cache.folders import LruFolder, cache_folder
 pytestmark = pytest.mark.quick
 
 
-def put(folder: Path, name: str, size: int, age_s: float) -> Path:
+def put(folder, name, size, age_s):
     path = folder / name
     path.write_bytes(bytes(size))
     os.utime(path, (time.time() - age_s,) * 2)
@@ -21,7 +21,7 @@ def put(folder: Path, name: str, size: int, age_s: float) -> Path:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     for i in range(4):
         put(tmp_path, f"{i}.result.npz", 100, 50 - i)
     put(tmp_path, "reconstruction.npz", 1000, 99)
@@ -29,15 +29,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def cache_in(folder: Path) -> LruFolder:
+def cache_in(folder):
     return LruFolder(folder, ".result.npz")
 
 
-def names(folder: Path) -> list[str]:
+def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_files_are_listed_from_the_least_recently_used(folder: Path):
+def test_files_are_listed_from_the_least_recently_used(folder):
     cache_in(folder).mark_used("0.result.npz")
     assert [(file.path.name, file.size) for file in cache_in(folder).files()] == [
         (f"{i}.result.npz", 100) for i in (1, 2, 3, 0)
@@ -45,7 +45,7 @@ def test_files_are_listed_from_the_least_recently_used(folder: Path):
 
 
 @pytest.mark.parametrize(("limit", "left"), [(400, 4), (399, 3), (200, 2), (0, 0)])
-def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, left: int):
+def test_the_longest_unused_go_until_the_rest_fits(folder, limit, left):
     cache_in(folder).trim(limit)
     assert names(folder) == [
         *(f"{i}.result.npz" for i in range(4 - left, 4)),
@@ -54,7 +54,7 @@ def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, lef
     ]
 
 
-def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder: Path):
+def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder):
     put(folder, ".9.result.npz.0a.physic-part", 10, 4000)
     put(folder, ".8.result.npz.0b.physic-part", 10, 4)
     put(folder, ".scene.glb.0c.physic-part", 10, 4000)
@@ -69,7 +69,7 @@ def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder:
     ]
 
 
-def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
+def test_clearing_removes_the_kept_and_nothing_else(folder):
     put(folder, ".8.result.npz.0b.physic-part", 10, 4)
     assert [file.path.name for file in cache_in(folder).clear()] == [
         f"{i}.result.npz" for i in range(4)
@@ -78,14 +78,12 @@ def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
 
 
 @pytest.mark.parametrize("word", ["off", "OFF", "0", "no", "False"])
-def test_a_cache_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, word: str):
+def test_a_cache_can_be_switched_off(monkeypatch, word):
     monkeypatch.setenv("SWITCH", word)
     assert cache_folder("things", "SWITCH") is None
 
 
-def test_the_folder_is_the_environments_the_users_or_the_systems(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_folder_is_the_environments_the_users_or_the_systems(tmp_path, monkeypatch):
     monkeypatch.delenv("SWITCH", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder("things", "SWITCH") == tmp_path / "physic" / "things"

@@ -4,8 +4,6 @@ computed otherwise.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -34,11 +32,11 @@ class Network:
 
 
 @pytest.fixture
-def cache(tmp_path: Path) -> ResultCache:
+def cache(tmp_path):
     return ResultCache(tmp_path / "results", 10**6)
 
 
-def test_equal_inputs_are_not_run_again(cache: ResultCache) -> None:
+def test_equal_inputs_are_not_run_again(cache):
     network = Network()
     with network_results_in(cache):
         first = network.outputs()
@@ -59,7 +57,7 @@ def test_equal_inputs_are_not_run_again(cache: ResultCache) -> None:
     ],
     ids=["value", "shape", "network"],
 )
-def test_another_input_or_network_is_run(cache: ResultCache, other: dict) -> None:
+def test_another_input_or_network_is_run(cache, other):
     network = Network()
     with network_results_in(cache):
         network.outputs()
@@ -67,7 +65,7 @@ def test_another_input_or_network_is_run(cache: ResultCache, other: dict) -> Non
     assert network.runs == 2
 
 
-def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache: ResultCache) -> None:
+def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache):
     network = Network()
     with network_results_in(cache):
         with network_results_in(None):

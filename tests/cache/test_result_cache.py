@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,37 +47,37 @@ ANSWER = DepthMap(
 
 
 @pytest.fixture(autouse=True)
-def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def _old_code(monkeypatch):
     """Files that are edited while the tests run count as older than this process."""
     monkeypatch.setattr(digests, "_STARTED", float("inf"))
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     return tmp_path / "results"
 
 
 @pytest.fixture
-def cache(folder: Path) -> ResultCache:
+def cache(folder):
     return ResultCache(folder, 10**6)
 
 
 def ask(
-    cache: ResultCache,
-    who: Provenance = WHO,
-    device: str = "cpu",
-    inputs: tuple[object, ...] = INPUTS,
+    cache,
+    who=WHO,
+    device="cpu",
+    inputs=INPUTS,
 ):
     question = cache.key(Depth(), who, device, inputs)
     assert question is not None
     return question
 
 
-def files(folder: Path) -> list[Path]:
+def files(folder):
     return sorted(folder.iterdir())
 
 
-def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache, folder: Path):
+def test_another_run_reads_cached_results_bit_for_bit(cache, folder):
     assert cache.read(ask(cache)) is None
     cache.write(ask(cache), ANSWER)
     found = ResultCache(folder, 0).read(ask(cache))
@@ -107,21 +106,17 @@ def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache, folder
     ],
     ids=str,
 )
-def test_another_input_has_another_cache_key(cache: ResultCache, other: dict[str, object]):
-    assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
+def test_another_input_has_another_cache_key(cache, other):
+    assert ask(cache, **other).name != ask(cache).name
 
 
-def test_the_version_of_the_interface_is_part_of_the_cache_key(
-    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_version_of_the_interface_is_part_of_the_cache_key(cache, monkeypatch):
     before = ask(cache).name
     monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
     assert ask(cache).name != before
 
 
-def test_the_version_of_a_library_is_part_of_the_cache_key(
-    cache: ResultCache, folder: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_version_of_a_library_is_part_of_the_cache_key(cache, folder, monkeypatch):
     versions = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
     names = []
     for distribution in ("none", "physic-core", "my-dist"):
@@ -132,7 +127,7 @@ def test_the_version_of_a_library_is_part_of_the_cache_key(
     assert len(set(names)) == 3
 
 
-def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCache, tmp_path: Path):
+def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache, tmp_path):
     weights = tmp_path / "weights.pt"
     who = replace(
         WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"}
@@ -146,17 +141,13 @@ def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCac
     assert len({absent, before, ask(cache, who).name}) == 3
 
 
-def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(
-    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(cache, monkeypatch):
     before = ask(cache).name
     monkeypatch.setattr(Depth, "stated", "revision 2")
     assert ask(cache).name != before
 
 
-def test_backends_that_are_not_cacheable_or_have_no_name_are_not_cached(
-    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
-):
+def test_backends_that_are_not_cacheable_or_have_no_name_are_not_cached(cache, monkeypatch):
     class Local(Depth): ...
 
     assert cache.key(Local(), WHO, "cpu", INPUTS) is None
@@ -180,14 +171,12 @@ NAMESAKE = dataclass(frozen=True)(
     [
         MoreDepth(np.ones((6, 8))),
         NAMESAKE(np.ones((6, 8))),
-        DepthMap(np.ones((6, 8)), notes={"a"}),  # type: ignore[arg-type]
+        DepthMap(np.ones((6, 8)), notes={"a"}),
         DepthMap(np.array([[{}]], object)),
     ],
     ids=["subclass", "namesake", "a set", "objects"],
 )
-def test_outputs_of_undocumented_types_are_returned_and_not_cached(
-    cache: ResultCache, folder: Path, answer: DepthMap
-):
+def test_outputs_of_undocumented_types_are_returned_and_not_cached(cache, folder, answer):
     cache.write(ask(cache), answer)
     assert not folder.exists()
     same = canonicalize(answer)
@@ -209,12 +198,12 @@ def test_a_canonical_result_equals_what_the_cache_returns():
     assert same.keypoints is not None
     assert same.keypoints.points.flags.c_contiguous
     np.testing.assert_array_equal(same.keypoints.points, wide)
-    assert type(canonicalize(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
-    assert canonicalize(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
+    assert type(canonicalize(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float
+    assert canonicalize(DepthMap(wide, notes=["a"])).notes == ("a",)
     assert canonicalize(wide).flags.c_contiguous
 
 
-def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
+def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path):
     (tmp_path / "file").write_text("")
     cache = ResultCache(tmp_path / "file", 10**6)
     for _ in range(2):
@@ -227,13 +216,13 @@ def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
     assert (tmp_path / "file").read_text() == ""
 
 
-def test_a_result_larger_than_the_whole_cache_is_not_written(tmp_path: Path):
+def test_a_result_larger_than_the_whole_cache_is_not_written(tmp_path):
     cache = ResultCache(tmp_path / "results", 100)
     cache.write(ask(cache), ANSWER)
     assert not (tmp_path / "results").exists()
 
 
-def test_the_run_that_wrote_makes_room(tmp_path: Path):
+def test_the_run_that_wrote_makes_room(tmp_path):
     cache = ResultCache(tmp_path, 4000)
     names = []
     for i in range(9):
@@ -271,7 +260,7 @@ print(cache.notes)
 """  # noqa: E501
 
 
-def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
+def test_many_processes_may_read_write_and_make_room_at_once(tmp_path):
     running = [
         subprocess.Popen(
             [sys.executable, "-c", HAMMER, str(tmp_path)], stdout=subprocess.PIPE, text=True
@@ -286,5 +275,5 @@ def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
     assert all(isinstance(answer, Hands) for answer in map(_answer, tmp_path.iterdir()))
 
 
-def _answer(path: Path) -> object:
+def _answer(path):
     return ResultCache(path.parent, 0).read(module.CacheKey(path.name, {}))

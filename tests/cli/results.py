@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from physic_core.types import Intrinsics, Reconstruction, Scene
 
 
-def empty_reconstruction(**entries: Any) -> Reconstruction:
+def empty_reconstruction(**entries):
     """A flat scene without people, 64 x 64 px, 1 m away."""
     points = np.ones((64, 64, 3), np.float32)
     camera = Intrinsics(64, 64, 31.5, 31.5, 64, 64)

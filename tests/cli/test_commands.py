@@ -22,13 +22,13 @@ from .results import empty_reconstruction
 pytestmark = pytest.mark.quick
 
 
-def refusal(*arguments: str, code: int = 2) -> str:
+def refusal(*arguments, code=2):
     done = CliRunner().invoke(main, [*arguments])
     assert (done.exit_code, done.stdout) == (code, ""), done.output
     return done.stderr.removeprefix("Error: ").rstrip("\n")
 
 
-def small_result() -> Reconstruction:
+def small_result():
     stages = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
     return empty_reconstruction(
         warnings=("no floor was found",), notes=("focal length is a default",), stages=stages
@@ -54,20 +54,20 @@ class Pipeline:
 
 
 @pytest.fixture
-def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
+def pipeline(monkeypatch):
     stand_in = Pipeline()
     monkeypatch.setattr("physic_core.pipeline.run.reconstruct", stand_in.reconstruct)
     return stand_in
 
 
-def run(*arguments: str) -> tuple[str, ...]:
+def run(*arguments):
     return ("run", "photo.jpg", "--preset", "mock", "--save", "numbers", *arguments)
 
 
 ARRAYS = ("reconstruction.json", "reconstruction.npz")
 
 
-def names() -> list[str]:
+def names():
     return sorted(path.name for path in Path("photo-physic").iterdir())
 
 
@@ -97,7 +97,7 @@ def test_run_ends_with_the_path_of_the_page(pipeline, physic):
 def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(
     pipeline, monkeypatch, physic
 ):
-    def interrupted(result: Reconstruction, title: str) -> str:
+    def interrupted(result, title):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("physic_core.visual.report.report_html", interrupted)
@@ -136,7 +136,7 @@ def test_show_prints_what_the_run_printed(pipeline, physic):
         ("", 2, "empty"),
     ],
 )
-def test_run_refuses_what_is_no_file(photo: str, code: int, message: str, physic):
+def test_run_refuses_what_is_no_file(photo, code, message, physic):
     Path("photos").mkdir()
     done = physic("run", photo, "--preset", "mock")
     assert (done.exit_code, done.stdout) == (code, "")
@@ -216,7 +216,7 @@ def test_a_lack_of_memory_is_a_message(pipeline, physic):
         (("serve", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
     ],
 )
-def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):
+def test_a_wrong_use_exits_with_2(arguments, expected, pipeline):
     assert expected in refusal(*arguments).splitlines()[-1]
 
 
@@ -278,7 +278,7 @@ def test_the_listing_says_what_a_backend_needs_without_its_import(
     entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
     site.install("physic-net", "raise ImportError('imported')", entry=entry)
 
-    def state() -> str:
+    def state():
         rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
         return next(row for row in rows if " net " in row)
 
@@ -292,7 +292,7 @@ def test_the_listing_says_what_a_backend_needs_without_its_import(
 @pytest.mark.parametrize(
     ("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")]
 )
-def test_details_show_the_licences_of_the_default_weights(site, default: str, printed: str, physic):
+def test_details_show_the_licences_of_the_default_weights(site, default, printed, physic):
     folder = site.list_weights("physic-lists", MANIFEST).parent
     entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
     site.install("physic-net", NET.format(default), entry=entry)
@@ -335,7 +335,7 @@ def test_check_prints_ok_or_the_faults(physic):
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
+def test_config_show_prints_toml_that_gives_the_same_config(preset):
     config = load_config(
         preset=preset,
         overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"],
@@ -354,7 +354,7 @@ def test_show_says_where_each_value_is_from(physic):
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str, physic):
+def test_init_writes_the_preset_as_it_is_and_uncommented(preset, physic):
     done = physic("config", "init", "--preset", preset)
     assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
     assert load_config("physic.toml").as_dict() == load_config(preset=preset).as_dict()

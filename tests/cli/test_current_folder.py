@@ -52,7 +52,7 @@ raise ImportError("a module of the current folder was imported")
 """
 
 
-def python(folder: Path, *arguments: str, code: int = 0) -> str:
+def python(folder, *arguments, code=0):
     environment = os.environ | {
         "PHYSIC_CACHE": "off",
         "POISON_MARKER": str(folder.parent / "marker"),
@@ -72,7 +72,7 @@ def python(folder: Path, *arguments: str, code: int = 0) -> str:
 
 
 @pytest.fixture(scope="module")
-def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+def names(tmp_path_factory):
     """Top-level names that a run imports, and those that it tries in vain."""
     folder = tmp_path_factory.mktemp("clean") / "here"
     folder.mkdir()
@@ -108,12 +108,12 @@ COMMANDS = [
 ]
 
 
-def photo(folder: Path) -> None:
+def photo(folder):
     Image.fromarray(load_world("stand").image).save(folder / "photo.png")
 
 
 @pytest.fixture
-def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
+def poisoned(names, tmp_path):
     """A folder in which every name that a run imports or tries to import is a module that leaves a
     mark.
     """
@@ -127,13 +127,13 @@ def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_module_of_the_current_folder_would_be_noticed(poisoned: Path):
+def test_a_module_of_the_current_folder_would_be_noticed(poisoned):
     python(poisoned, "-c", "import physic_mine", code=1)
     assert (poisoned.parent / "marker").read_text() == "physic_mine\n"
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
-def test_physic_imports_nothing_of_the_current_folder(poisoned: Path, command: tuple[str, ...]):
+def test_physic_imports_nothing_of_the_current_folder(poisoned, command):
     script = Path(sys.executable).with_name("physic")
     start = (
         [str(script)]
@@ -145,9 +145,7 @@ def test_physic_imports_nothing_of_the_current_folder(poisoned: Path, command: t
 
 
 @pytest.mark.parametrize("command", COMMANDS[1:3], ids=" ".join)
-def test_python_m_physic_core_imports_nothing_of_the_current_folder(
-    poisoned: Path, names: dict[str, list[str]], command: tuple[str, ...]
-):
+def test_python_m_physic_core_imports_nothing_of_the_current_folder(poisoned, names, command):
     """Python itself takes modules from there until the first line of ours is reached: its own
     library only.
     """

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,7 +15,7 @@ def test_every_error_has_one_code():
     assert exit_code(ValueError()) == 1
 
 
-def test_help_and_documentation_list_every_code(repository: Path, physic):
+def test_help_and_documentation_list_every_code(repository, physic):
     rows = [f"| {code} | {meaning} |" for code, meaning in MEANINGS.items()]
     assert "\n".join(rows) in (repository / "docs" / "running.md").read_text()
     shown = physic("--help").output
@@ -24,8 +23,8 @@ def test_help_and_documentation_list_every_code(repository: Path, physic):
 
 
 @pytest.mark.parametrize("name", errors.__all__)
-def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.MonkeyPatch, physic):
-    def reconstruct(*_: Any, **__: Any) -> None:
+def test_a_run_ends_with_the_code_of_its_error(name, monkeypatch, physic):
+    def reconstruct(*_, **__):
         raise getattr(errors, name)("no good")
 
     monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
@@ -36,8 +35,8 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
     )
 
 
-def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch, physic):
-    def interrupted(*_: object) -> None:
+def test_ctrl_c_ends_every_command_with_130(monkeypatch, physic):
+    def interrupted(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("physic_core.discovery.entry_points._read_entry_points", interrupted)
@@ -127,9 +126,7 @@ ENTRIES = "\n".join(
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )
-def test_every_command_ends_with_the_documented_code(
-    arguments: tuple[str, ...], code: int, site: Any, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_every_command_ends_with_the_documented_code(arguments, code, site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
     site.install("physic-odd", PLUGIN, entry=ENTRIES, group="physic.inpainter")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from typing import Any
 
 import pytest
 
@@ -38,14 +37,14 @@ number = 3
 
 
 @pytest.fixture
-def plugin(site: Any) -> Any:
+def plugin(site):
     site.install("physic-hello", PLUGIN)
     (site.folder / "physic_hello_commands.py").write_text(COMMAND)
     return site
 
 
 @pytest.mark.parametrize("group", [(), ("plugins",)], ids=str)
-def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...], physic):
+def test_a_plugin_adds_a_command(plugin, group, physic):
     done = physic(*group, "hello", "--name", "world")
     assert (done.exit_code, done.output) == (0, "hello world\n")
     summary = "Greet the plugins." if group else "Greet."
@@ -61,7 +60,7 @@ def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...], physic):
     ],
 )
 def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(
-    plugin: Any, name: str, message: str, physic
+    plugin, name, message, physic
 ):
     done = physic(name)
     assert (done.exit_code, done.stdout, message in done.stderr) == (5, "", True)
@@ -69,7 +68,7 @@ def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(
     assert physic("--help").exit_code == 0
 
 
-def test_help_imports_no_command(plugin: Any):
+def test_help_imports_no_command(plugin):
     (plugin.folder / "physic_hello_commands.py").write_text("raise SystemExit('imported')")
     code = (
         "import sys\n"
@@ -91,9 +90,7 @@ def test_help_imports_no_command(plugin: Any):
         assert done.stdout.endswith("imported: []\n")
 
 
-def test_a_restriction_hides_the_commands_of_other_plugins(
-    plugin: Any, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_a_restriction_hides_the_commands_of_other_plugins(plugin, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-hello")
     assert physic("hello").exit_code == 0
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
@@ -102,16 +99,14 @@ def test_a_restriction_hides_the_commands_of_other_plugins(
     assert "hello" not in physic("--help").output
 
 
-def test_a_misspelt_command_names_the_nearest(plugin: Any, physic):
+def test_a_misspelt_command_names_the_nearest(plugin, physic):
     done = physic("hallo")
     assert done.exit_code == 2
     assert "Did you mean 'hello'?" in done.stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_known_command_that_is_not_installed_names_its_distribution(
-    name: str, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_a_known_command_that_is_not_installed_names_its_distribution(name, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic(*name.split())
     assert done.exit_code == 2

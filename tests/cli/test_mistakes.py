@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -25,7 +24,7 @@ WEB = "https://example.org/a.png"
 
 
 @pytest.fixture(autouse=True)
-def _files() -> None:
+def _files():
     """Write photos, and what a user can take for another file."""
     for name in ("a.png", "b.png"):
         Image.new("RGB", (160, 120)).save(name)
@@ -38,9 +37,7 @@ def _files() -> None:
         os.mkfifo(f"pipe.{suffix}")
 
 
-def commands(
-    group: click.Group = main, words: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+def commands(group=main, words=()):
     """Yield the words and the object of every command."""
     context = click.Context(group)
     for name in group.list_commands(context):
@@ -138,9 +135,7 @@ MISTAKES = [
     MISTAKES,
     ids=[" ".join(arguments) for _, _, arguments in MISTAKES],
 )
-def test_a_mistake_is_one_message_with_the_code_of_its_kind(
-    code: int, words: str, arguments: tuple[str, ...], physic
-):
+def test_a_mistake_is_one_message_with_the_code_of_its_kind(code, words, arguments, physic):
     if arguments[0] == "export":
         save_reconstruction(empty_reconstruction(), "result", "numbers")
     done = physic(*arguments)

@@ -5,12 +5,10 @@ files.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
-from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_core.io.result_folder import file_digest, photo_identity_of_result
 
@@ -18,11 +16,11 @@ from .results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)
-def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+def asked(tmp_path, monkeypatch):
     """The photos that a stand-in of the pipeline was given."""
     photos: list[Path] = []
 
-    def reconstruct(path: Path, config: Any, **_: Any) -> Reconstruction:
+    def reconstruct(path, config, **_):
         photos.append(path)
         return empty_reconstruction(photo=file_digest(path))
 
@@ -31,25 +29,25 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return photos
 
 
-def photo(name: str) -> str:
+def photo(name):
     Path(name).parent.mkdir(exist_ok=True)
     Path(name).write_text(name)
     return name
 
 
-def run(*arguments: str) -> Result:
+def run(*arguments):
     saving = ("--save", "numbers")
     return CliRunner().invoke(main, ["run", "--preset", "mock", *saving, *arguments])
 
 
-def folder_of(done: Result) -> str:
+def folder_of(done):
     assert done.exit_code == 0, done.output
     (line,) = (line for line in done.stdout.splitlines() if line.startswith("results: "))
     return line.removeprefix("results: ").partition("/")[0]
 
 
 def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with_overwrite(
-    asked: list[Path],
+    asked,
 ):
     for _ in range(2):
         assert folder_of(run(photo("x/a.jpg"))) == "a-physic"
@@ -61,9 +59,7 @@ def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with
 
 
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
-def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(
-    asked: list[Path], overwrite: tuple[str, ...]
-):
+def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(asked, overwrite):
     photo("out/preview.png")
     photo("out/combined.glb")
     Path("link.png").symlink_to("out/preview.png")

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -25,7 +24,7 @@ pytestmark = [
 ]
 
 
-def printed(*arguments: str, code: int = 0) -> str:
+def printed(*arguments, code=0):
     """What a command prints on both streams, in which nothing controls a terminal."""
     done = CliRunner().invoke(main, list(arguments))
     assert done.exit_code == code, done.output
@@ -33,9 +32,7 @@ def printed(*arguments: str, code: int = 0) -> str:
     return done.output
 
 
-def process(
-    *arguments: str, shell: str = "", **environment: str
-) -> subprocess.CompletedProcess[str]:
+def process(*arguments, shell="", **environment):
     """Run ``python -m physic_core`` in a process of its own, with redirections of a shell."""
     words = [sys.executable, "-m", "physic_core", *arguments]
     command = ["sh", "-c", f'"$@" {shell}', "sh", *words]
@@ -50,10 +47,10 @@ def process(
 
 
 @pytest.fixture
-def pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
+def pipeline(monkeypatch):
     """A stand-in of the pipeline whose texts control a terminal."""
 
-    def reconstruct(path: Path, plan: Any, *, progress: Any) -> Any:
+    def reconstruct(path, plan, *, progress):
         logging.getLogger("physic_mine").info("read %s", TITLE)
         return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
 
@@ -61,7 +58,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("options", [(), ("-v",), ("-q",)], ids=" ".join)
-def test_a_run_escapes_names_and_texts(pipeline: None, options: tuple[str, ...]):
+def test_a_run_escapes_names_and_texts(pipeline, options):
     name = f"a{TITLE}\x7f.jpg"
     Path(name).write_text("a")
     text = printed("run", name, "--preset", "mock", "--save", "numbers", *options)
@@ -80,7 +77,7 @@ def test_a_batch_escapes_names():
     assert SHOWN in printed("batch", "photos", "-o", "out", "--preset", "mock", "--workers", "1")
 
 
-def test_messages_and_logs_of_plugins_are_escaped(site: Any):
+def test_messages_and_logs_of_plugins_are_escaped(site):
     source = (
         f"import logging\nlogging.warning('warned %s', {TITLE!r})\nraise ValueError({TITLE!r})\n"
     )
@@ -96,7 +93,7 @@ def test_messages_and_logs_of_plugins_are_escaped(site: Any):
     assert TITLE not in done.stdout + done.stderr
 
 
-def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: Path):
+def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
     """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in
     buffers are written.
     """
@@ -118,7 +115,7 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: 
         "main_of_process()\n"
     )
 
-    def run(*arguments: str) -> tuple[int, str]:
+    def run(*arguments):
         done = subprocess.run(
             [sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False
         )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, save_reconstruction
+from physic_core import save_reconstruction
 from physic_core.cli.result_summary import summary_text
-from physic_core.io.results import ResultRecord, read_record
+from physic_core.io.results import read_record
 from physic_core.types import (
     BodyContact,
     CheckResult,
@@ -23,12 +22,12 @@ from physic_core.types import (
 )
 
 
-def check(name: str, state: CheckState, value: float | None, label: str) -> CheckResult:
+def check(name, state, value, label):
     return CheckResult(name, state, value, 0.035, "at most", "share", "", 1, label=label)
 
 
 @pytest.fixture
-def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
+def record(make, tmp_path):
     made = make()
     floor = ContactPartner("floor", "floor")
     own = ContactPartner("self", person=0, part="head")
@@ -80,7 +79,7 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
     return read_record(tmp_path)
 
 
-def test_a_person_is_a_row(record: ResultRecord):
+def test_a_person_is_a_row(record):
     touches = (
         "left foot: floor, 0.90; right foot: floor, 0.90; right hand: own head, 0.80; "
         "left lower leg: floor, 0.80, assumed"

@@ -11,30 +11,28 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_mock.pixels import MockInpainter
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world():
     return load_world("stand", (160, 120))
 
 
-def run(photo: str, *arguments: str) -> Result:
+def run(photo, *arguments):
     return CliRunner().invoke(main, ["run", photo, "--preset", "mock", "-o", "new/out", *arguments])
 
 
@@ -45,9 +43,7 @@ def run(photo: str, *arguments: str) -> Result:
         (lambda path: path.mkdir(), "it is a folder"),
     ],
 )
-def test_a_bad_photo_is_one_message_and_leaves_nothing(
-    make: Callable[[Path], object], message: str
-):
+def test_a_bad_photo_is_one_message_and_leaves_nothing(make, message):
     make(Path("a.jpg"))
     before = sorted(Path().iterdir())
     done = run("a.jpg")
@@ -56,7 +52,7 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(
     assert sorted(Path().iterdir()) == before
 
 
-def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns(world: World):
+def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns(world):
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--intrinsics", "178,178,5000,5000")
     assert (done.exit_code, done.stdout) == (2, "")
@@ -66,7 +62,7 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns
     assert "the principal point (110, 60) lies 19% of" in done.stdout
 
 
-def test_a_photo_that_is_stored_turned_gives_the_result_of_the_upright_one(world: World):
+def test_a_photo_that_is_stored_turned_gives_the_result_of_the_upright_one(world):
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(np.ascontiguousarray(np.rot90(world.image))).save("a.png", exif=exif)
@@ -93,9 +89,7 @@ DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.h
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_save_option_of_run_chooses_these_files(
-    world: World, arguments: tuple[str, ...], names: list[str]
-):
+def test_save_option_of_run_chooses_these_files(world, arguments, names):
     Image.fromarray(world.image).save("a.png")
     assert run("a.png", *arguments).exit_code == 0
     assert sorted(path.name for path in Path("new/out").iterdir()) == names
@@ -103,7 +97,7 @@ def test_save_option_of_run_chooses_these_files(
     assert sorted([*listed, "reconstruction.json"]) == names
 
 
-def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
+def test_a_run_writes_every_file_and_the_same_bytes_again(world):
     Image.fromarray(world.image).save("a.png")
     written = []
     for _ in range(2):
@@ -123,7 +117,7 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
-def test_a_run_that_is_broken_off_leaves_nothing(world: World):
+def test_a_run_that_is_broken_off_leaves_nothing(world):
     Image.fromarray(world.image).save("a.png")
     Path("sleeper.py").write_text(
         "import pathlib, time\n"
@@ -157,7 +151,7 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World):
     }
 
 
-def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
+def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world):
     Image.fromarray(world.image).save("a.png")
     for arguments, lines in (((), 1), (("-q",), 0), (("--focal-px", "178"), 0)):
         done = run("a.png", "--save", "numbers", *arguments)
@@ -165,14 +159,12 @@ def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
         assert done.stderr.count("--focal-px PX") == lines
 
 
-def test_what_runs_the_networks_is_printed_only_with_verbose(
-    world: World, monkeypatch: pytest.MonkeyPatch
-):
+def test_what_runs_the_networks_is_printed_only_with_verbose(world, monkeypatch):
     plain = MockInpainter.infer
     root = logging.getLogger()
     before = root.level, list(root.handlers)
 
-    def infer(self: MockInpainter, *asked: Any) -> Any:
+    def infer(self, *asked):
         log = logging.getLogger("physic_mock.pixels")
         for name in ("one.onnx", "two.onnx", "two.onnx"):
             log.info("%s runs on CPU", name)

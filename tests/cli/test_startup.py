@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -34,9 +33,7 @@ HEAVY = {
 PRESETS = ("best", "embedded", "light-cpu", "mock", "open-body", "paper")
 
 
-def require_light(
-    commands: list[list[str]], banned: set[str], ends: tuple[int, ...] = (0,)
-) -> None:
+def require_light(commands, banned, ends=(0,)):
     """Run commands in one new process, after each of which no banned module may be imported."""
     code = LIGHT.format(commands=commands, banned=banned, ends=ends)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
@@ -59,9 +56,7 @@ def test_commands_that_look_around_import_nothing_heavy():
     require_light([command.split() for command in commands], HEAVY)
 
 
-def test_looking_into_the_cache_imports_nothing_heavy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_looking_into_the_cache_imports_nothing_heavy(tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     require_light([["cache", "info"]], HEAVY | {"pydantic"})
 

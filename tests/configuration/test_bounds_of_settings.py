@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -18,7 +17,7 @@ INFINITE = {"far_m", "robust_px_share", "robust_m"}
 """Settings whose documentation gives infinity a meaning."""
 
 
-def models() -> list[Any]:
+def models():
     found: dict[str, type[BaseModel]] = {"photo": PhotoSettings, "run": RunSettings}
     for preset in engine_preset_names():
         found |= {f"{preset} {stage}": model for stage, model in stage_models(preset).items()}
@@ -28,16 +27,14 @@ def models() -> list[Any]:
     return [pytest.param(model, id=name) for name, model in found.items()]
 
 
-def extremes(model: type[BaseModel]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def extremes(model):
     """The path of each numeric setting of a model, with its least and with its greatest value."""
     schema = model.model_json_schema()
     for name, field in schema["properties"].items():
         yield from of_field(field, schema.get("$defs", {}), (name,))
 
 
-def of_field(
-    field: Any, parts: Any, path: tuple[str, ...]
-) -> Iterator[tuple[tuple[str, ...], Any]]:
+def of_field(field, parts, path):
     if "$ref" in field:
         field = parts[field["$ref"].rpartition("/")[2]]
     for alternative in field.get("anyOf", []):
@@ -54,7 +51,7 @@ def of_field(
             yield path, extreme(field, greatest)
 
 
-def extreme(field: Any, greatest: bool) -> Any:
+def extreme(field, greatest):
     """The least or the greatest value that a JSON Schema allows; of a list, the shortest or the
     longest one.
     """
@@ -77,16 +74,16 @@ def extreme(field: Any, greatest: bool) -> Any:
     return field["minimum"] if "minimum" in field else -below(-field["exclusiveMinimum"])
 
 
-def below(bound: float) -> float:
+def below(bound):
     return math.nextafter(bound, -math.inf)
 
 
-def numbers(value: Any) -> list[float]:
+def numbers(value):
     return [n for item in value for n in numbers(item)] if isinstance(value, list) else [value]
 
 
 @pytest.mark.parametrize("model", models())
-def test_every_setting_is_bounded(model: type[BaseModel]):
+def test_every_setting_is_bounded(model):
     for path, value in extremes(model):
         assert path[-1] in INFINITE or all(
             isinstance(n, str) or math.isfinite(n) for n in numbers(value)

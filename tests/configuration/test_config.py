@@ -3,13 +3,12 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from physic_core import engine_preset, engine_preset_names
 from physic_core.configuration.layers import preset_names
-from physic_core.configuration.model import Config, as_config, load_config
+from physic_core.configuration.model import as_config, load_config
 from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
@@ -18,11 +17,11 @@ pytestmark = pytest.mark.quick
 
 
 @pytest.fixture
-def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def write(tmp_path, monkeypatch):
     """Write a TOML file into an empty working folder; messages then hold the bare name."""
     monkeypatch.chdir(tmp_path)
 
-    def write(text: str, name: str = "config.toml") -> str:
+    def write(text, name="config.toml"):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_text(text)
         return name
@@ -30,7 +29,7 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return write
 
 
-def refusal(*args: Any, **kwargs: Any) -> str:
+def refusal(*args, **kwargs):
     with pytest.raises(ConfigError) as caught:
         load_config(*args, **kwargs)
     return str(caught.value)
@@ -45,7 +44,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_names_the_distribution_of_each_backend(name: str):
+def test_every_preset_names_the_distribution_of_each_backend(name):
     config = load_config(preset=name)
     for interface in INTERFACES:
         distribution, _, backend = config.choice(interface).backend.rpartition(":")
@@ -61,9 +60,7 @@ def test_every_preset_names_the_distribution_of_each_backend(name: str):
         ("mock", {}),
     ],
 )
-def test_options_stay_with_a_backend_whichever_way_it_is_named(
-    backend: str, options: dict[str, int]
-):
+def test_options_stay_with_a_backend_whichever_way_it_is_named(backend, options):
     config = load_config(preset="light-cpu", overrides=[f"relative_pointmap.backend={backend}"])
     assert config.relative_pointmap.options == options
 
@@ -101,7 +98,7 @@ def test_later_layers_win_and_each_value_knows_its_source(write):
         ("inpainter = {backend = 'telea'}", "telea"),
     ],
 )
-def test_an_override_is_toml_and_a_bare_word_is_a_text(override: str, expected: str):
+def test_an_override_is_toml_and_a_bare_word_is_a_text(override, expected):
     assert load_config(overrides=[override]).inpainter.backend == expected
 
 
@@ -200,7 +197,7 @@ def test_a_variable_that_is_wrong_is_named():
     assert "PHYSIC__PHOTO____MAX_SIDE" in refusal(environment={"PHYSIC__PHOTO____MAX_SIDE": "900"})
 
 
-def written(config: Config) -> str:
+def written(config):
     """A reconstruction.json with a configuration, as a run writes it."""
     tables = config.as_dict()
     tables["engine"]["placement"] = {"robust_m": "Infinity"}
@@ -273,16 +270,14 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ),
     ],
 )
-def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(
-    override: str, path: str, word: str
-):
+def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override, path, word):
     message = refusal(overrides=[override])
     assert message.startswith(f"--set: {path}: ")
     assert word in message
 
 
 @pytest.mark.parametrize("device", ["cpu", "cuda", "cuda:12"])
-def test_a_device_is_called_as_torch_calls_it(device: str):
+def test_a_device_is_called_as_torch_calls_it(device):
     assert load_config(overrides=[f"run.device={device}"]).run.device == device
 
 
@@ -317,5 +312,5 @@ def test_infinite_settings_are_kept(write):
 
 
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])
-def test_an_override_without_a_key_and_a_value_is_refused(text: str):
+def test_an_override_without_a_key_and_a_value_is_refused(text):
     assert "inpainter.backend" in refusal(overrides=[text])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -22,7 +21,7 @@ ONCE = Counter(dict.fromkeys(INTERFACES, 1))
 
 
 @pytest.fixture
-def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+def constructed(monkeypatch):
     """How often a backend of each interface is constructed.
 
     Nobody is found, so that no run takes long.
@@ -43,21 +42,19 @@ def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 @pytest.fixture
-def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def photo(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
     return "photo.png"
 
 
-def test_a_run_of_the_command_line_constructs_each_backend_once(
-    constructed: Counter[str], photo: str, physic
-):
+def test_a_run_of_the_command_line_constructs_each_backend_once(constructed, photo, physic):
     done = physic("run", photo, "--preset", "mock", "--no-cache")
     assert "nobody was found" in done.output
     assert constructed == ONCE
 
 
-def test_a_resolved_pipeline_serves_many_photos(constructed: Counter[str], photo: str):
+def test_a_resolved_pipeline_serves_many_photos(constructed, photo):
     plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]))
     for _ in range(2):
         with pytest.raises(NoPersonError):

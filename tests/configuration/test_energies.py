@@ -4,8 +4,6 @@ missing.
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from click.testing import CliRunner
 
@@ -22,18 +20,18 @@ SOFT = replace(engine_preset(), scene=replace(engine_preset().scene, far_m=7.0))
 """
 
 
-def install(site: Any, distribution: str, name: str, target: str) -> None:
+def install(site, distribution, name, target):
     source = (
         "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_engine_presets():\n"
     )
     site.install(distribution, f"{source}    return [PluginItem({name!r}, {target!r})]\n")
 
 
-def test_the_catalog_lists_the_energies_of_physic_paper() -> None:
+def test_the_catalog_lists_the_energies_of_physic_paper():
     assert set(engine_preset_names()) == {"default", *ENGINE_PRESETS}
 
 
-def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -> None:
+def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site):
     install(site, "physic-soft", "soft", "physic_soft_preset:SOFT")
     (site.folder / "physic_soft_preset.py").write_text(PRESET)
     assert "soft" in engine_preset_names()
@@ -43,7 +41,7 @@ def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -
     assert settings.joint == engine_preset("default").joint
 
 
-def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
+def test_an_energy_of_two_plugins_is_refused(site):
     for distribution in ("physic-one", "physic-two"):
         install(site, distribution, "twice", "physic_soft_preset:SOFT")
     with pytest.raises(
@@ -59,15 +57,13 @@ def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
         ("math:pi", "EngineSettings, got float"),
     ],
 )
-def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(
-    site: Any, target: str, message: str
-) -> None:
+def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site, target, message):
     install(site, "physic-broken", "broken", target)
     with pytest.raises(PluginError, match=message):
         engine_preset("broken")
 
 
-def test_an_energy_of_a_missing_distribution_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_energy_of_a_missing_distribution_names_it(monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = CliRunner().invoke(
         main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"]

@@ -5,7 +5,6 @@ that needs them.
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -82,7 +81,7 @@ BOTH = "metric_depth 'heavy' (physic-heavy 1.0) and relative_pointmap 'heavy' (p
 
 
 @pytest.fixture
-def heavy(site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def heavy(site, tmp_path, monkeypatch):
     """A plugin whose weights are not here; the folder that they would be found in."""
     site.install("physic-heavy", PLUGIN, entry=ENTRIES)
     (site.folder / "physic_heavy_weights").mkdir()
@@ -94,12 +93,12 @@ def heavy(site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "mine" / "net"
 
 
-def bring(folder: Path) -> None:
+def bring(folder):
     folder.mkdir(parents=True)
     (folder / "model.onnx").write_bytes(b"net")
 
 
-def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: Path):
+def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy):
     asked: list[str] = []
     photo = np.zeros((72, 96, 3), np.uint8)
     with pytest.raises(WeightsMissingError) as caught:
@@ -111,14 +110,14 @@ def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: 
     assert asked == []
 
 
-def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path, physic):
+def test_config_check_reports_a_valid_config_and_missing_files(heavy, physic):
     done = physic("config", "check", "--config", "my.toml")
     assert done.exit_code == 4
     assert done.stdout.startswith("my.toml: no errors\n2 things are missing")
     assert f"{BOTH}: {NET}\n" in done.stdout
 
 
-def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy: Path, physic):
+def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy, physic):
     done = physic("plugins", "show", "physic-heavy:heavy")
     assert done.stdout.count("not ready; weights 'net'") == 2
     bring(heavy)
@@ -127,8 +126,8 @@ def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy:
     assert done.stdout.count("weights   MIT\n") == 2
 
 
-def saying(answer: object) -> type[interfaces.Backend]:
-    def say(self: object) -> object:
+def saying(answer):
+    def say(self):
         if isinstance(answer, BaseException):
             raise answer
         return answer
@@ -147,7 +146,7 @@ def saying(answer: object) -> type[interfaces.Backend]:
         (BackendError("this weight manifest is invalid"), "this weight manifest is invalid"),
     ],
 )
-def test_an_invalid_result_of_missing_is_a_backend_error(answer: object, says: str):
+def test_an_invalid_result_of_missing_is_a_backend_error(answer, says):
     with pytest.raises(BackendError, match=says):
         missing_requirements(saying(answer)())
 

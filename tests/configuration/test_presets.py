@@ -4,8 +4,6 @@ photo is read.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 SHARED = ("vitpose-h-wholebody", "wilor-mini", "https://github.com/warmshao/WiLoR-mini")
@@ -50,8 +48,8 @@ WAYS = (
 
 @pytest.mark.parametrize("preset", LACKING)
 def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
-    preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-) -> None:
+    preset, tmp_path, monkeypatch, physic
+):
     for name in ("PHYSIC_WEIGHTS", "PHYSIC_CACHE", "HF_HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name.lower()))
     for name in ("HF_HUB_CACHE", "HUGGINGFACE_HUB_CACHE"):
@@ -68,8 +66,8 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
 
 @pytest.mark.parametrize(("seen", "code"), [(False, 2), (True, 0)])
 def test_a_missing_gpu_is_reported_before_the_photo_is_read(
-    seen: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-) -> None:
+    seen, code, tmp_path, monkeypatch, physic
+):
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: seen)
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     wanted = ("--preset", "mock", "--set", "run.device=cuda")

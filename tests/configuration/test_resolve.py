@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.configuration.model import Config, load_config
+from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
-from physic_core.errors import BackendError, ConfigError, PhysicError
+from physic_core.errors import BackendError, ConfigError
 from physic_core.interfaces import INTERFACES
 
 pytestmark = pytest.mark.quick
@@ -20,9 +19,7 @@ class DepthOptions(interfaces.Options):
     mode: str = Field("fast", description="speed")
 
 
-def backend(
-    interface: str, options: type[interfaces.Options] = interfaces.Options
-) -> type[interfaces.Backend]:
+def backend(interface, options=interfaces.Options):
     """A class that implements an interface with a method that does nothing."""
     base = INTERFACES[interface]
     return type(
@@ -33,10 +30,10 @@ def backend(
 
 
 @pytest.fixture
-def own(site) -> Callable[..., None]:
+def own(site):
     """Install one backend "own" for every interface, with other classes for the named ones."""
 
-    def install(**others: Any) -> None:
+    def install(**others):
         kinds = {name: backend(name) for name in INTERFACES}
         kinds["metric_depth"] = backend("metric_depth", DepthOptions)
         site.put(kinds | others)
@@ -44,12 +41,12 @@ def own(site) -> Callable[..., None]:
     return install
 
 
-def config(**tables: Any) -> Config:
+def config(**tables):
     choices: dict[str, Any] = {name: {"backend": "own"} for name in INTERFACES}
     return load_config(flags={"config": choices | tables})
 
 
-def refusal(chosen: Config, kind: type[PhysicError] = ConfigError) -> str:
+def refusal(chosen, kind=ConfigError):
     with pytest.raises(kind) as caught:
         resolve(chosen)
     return str(caught.value)
@@ -91,7 +88,7 @@ def test_faults_of_names_and_options_are_reported_together(own):
 
 
 @pytest.mark.parametrize("preset", ["embedded", "mock"])
-def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset: str):
+def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset):
     for interface in INTERFACES:
         site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
     chosen = resolve(load_config(preset=preset)).backends
@@ -114,7 +111,7 @@ def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site
         lambda self, image, mask, radius=3: image,
     ],
 )
-def test_a_method_that_can_be_called_passes(own, infer: Any):
+def test_a_method_that_can_be_called_passes(own, infer):
     kind = type("Own", (backend("inpainter"),), {"infer": infer})
     own(inpainter=kind)
     assert resolve(config())
@@ -124,8 +121,8 @@ def test_a_method_that_can_be_called_passes(own, infer: Any):
     ("fault", "said"),
     [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")],
 )
-def test_a_constructor_that_fails_is_named(own, fault: BaseException, said: str):
-    def fail(self: Any, options: Any) -> None:
+def test_a_constructor_that_fails_is_named(own, fault, said):
+    def fail(self, options):
         raise fault
 
     kind = type("Own", (backend("inpainter"),), {"__init__": fail})

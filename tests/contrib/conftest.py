@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -67,20 +66,20 @@ class Environment:
         subprocess.run([*command, *quiet, *map(str, wheels)], check=True, timeout=300)
 
 
-def _build(folder: Path, into: Path) -> Path:
+def _build(folder, into):
     """The wheel of a distribution's folder."""
     (wheel,) = WheelBuilder(str(folder)).build(directory=str(into), versions=["standard"])
     return Path(wheel)
 
 
 @pytest.fixture
-def build(tmp_path: Path) -> Callable[[Path], Path]:
+def build(tmp_path):
     """Builds the wheel of a distribution's folder."""
     return lambda folder: _build(folder, tmp_path / "dist")
 
 
 @pytest.fixture(scope="session")
-def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheels(tmp_path_factory):
     """A folder with the wheels of the core, of physic-testing and of the mocks."""
     folder = tmp_path_factory.mktemp("wheels")
     for source in (ROOT, ROOT / "plugins" / "physic-testing", ROOT / "plugins" / "physic-mock"):
@@ -89,7 +88,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def environment(tmp_path: Path, wheels: Path) -> Environment:
+def environment(tmp_path, wheels):
     """Nothing of this project; of its dependencies what this Python has, by links."""
     folder = tmp_path / "venv"
     subprocess.run(

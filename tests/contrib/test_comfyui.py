@@ -8,8 +8,7 @@ import json
 import os
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ from physic_testing.worlds import load_world
 
 
 @pytest.fixture
-def nodes(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    def save_path(prefix: str, folder: str) -> tuple[str, str, int, str, str]:
+def nodes(repository, tmp_path, monkeypatch):
+    def save_path(prefix, folder):
         subfolder, name = os.path.split(prefix)
         os.makedirs(os.path.join(folder, subfolder), exist_ok=True)
         return os.path.join(folder, subfolder), name, 1, subfolder, prefix
@@ -38,7 +37,7 @@ def nodes(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return module
 
 
-def test_a_batch_gives_pictures_masks_files_and_contacts(nodes: ModuleType, tmp_path: Path):
+def test_a_batch_gives_pictures_masks_files_and_contacts(nodes, tmp_path):
     config = tmp_path / "mock.toml"
     config.write_text(
         'extends = "mock"\n[run]\ncache = false\n[engine.joint.optimiser]\nsteps = 3\n'
@@ -65,7 +64,7 @@ def test_a_batch_gives_pictures_masks_files_and_contacts(nodes: ModuleType, tmp_
     assert document["nearest_depth_m"] > 0
 
 
-def test_the_workflow_links_outputs_of_the_node(nodes: ModuleType, repository: Path):
+def test_the_workflow_links_outputs_of_the_node(nodes, repository):
     workflow = json.loads((repository / "contrib/physic-comfyui/workflow.json").read_text())
     (own,) = (
         key for key, one in workflow.items() if one["class_type"] in nodes.NODE_CLASS_MAPPINGS

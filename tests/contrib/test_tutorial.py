@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,7 +24,7 @@ class Block:
     file: str
 
 
-def blocks() -> list[Block]:
+def blocks():
     found = re.finditer(
         r"(?P<before>[^\n]*)\n\n^```(?P<language>\w+)\n(?P<text>.*?)^```",
         PAGE.read_text(),
@@ -41,16 +40,14 @@ def blocks() -> list[Block]:
     ]
 
 
-def spaced(text: str) -> str:
+def spaced(text):
     """A line without what differs from machine to machine: numbers, except counts of checks, and
     widths of columns.
     """
     return re.sub(r"\s+", " ", text if " checks: " in text else NUMBER.sub("N", text)).strip()
 
 
-def test_the_tutorial_holds_from_the_first_block_to_the_last(
-    environment: Any, wheels: Path, tmp_path: Path
-):
+def test_the_tutorial_holds_from_the_first_block_to_the_last(environment, wheels, tmp_path):
     first, *rest = blocks()
     assert first.text.splitlines() == [
         "python3 -m venv .venv",

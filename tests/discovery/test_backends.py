@@ -6,9 +6,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,13 +26,13 @@ FILL = (
 )
 
 
-def message(kind: type[Exception], do: Callable[..., object], *arguments: object) -> str:
+def message(kind, do, *arguments):
     with pytest.raises(kind) as caught:
         do(*arguments)
     return str(caught.value)
 
 
-def load(interface: str, name: str) -> type:
+def load(interface, name):
     return load_class(find_backend(interface, name))
 
 
@@ -62,7 +59,7 @@ def test_the_catalog_says_what_the_plugins_of_the_project_offer():
 # -----------------------------------------------------
 
 
-def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
+def test_an_unused_backend_is_not_imported(site, tmp_path):
     site.install(
         "physic-slow",
         f"raise SystemExit(3)\n{FILL}",
@@ -129,9 +126,7 @@ def test_an_unused_backend_is_not_imported(site, tmp_path: Path):
         "no version",
     ],
 )
-def test_a_hostile_backend_is_named_with_the_fault(
-    site, source: str, words: tuple[str, ...], physic
-):
+def test_a_hostile_backend_is_named_with_the_fault(site, source, words, physic):
     site.install("physic-bad", source, entry="bad = physic_bad:B", group="physic.inpainter")
     said = message(BackendError, load, "inpainter", "bad")
     assert said.startswith("inpainter 'bad' (physic-bad 1.0)")
@@ -143,9 +138,7 @@ def test_a_hostile_backend_is_named_with_the_fault(
 
 
 @pytest.mark.parametrize(("api", "older"), [(0, "physic-new"), (2, "physic-core")])
-def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(
-    site, api: int, older: str
-):
+def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(site, api, older):
     site.offer("physic-new", "inpainter", "new", api=api)
     said = message(BackendError, load, "inpainter", "new")
     assert f"version {api} of the interface inpainter" in said
@@ -154,7 +147,7 @@ def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(
 
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(
-    site, monkeypatch, interface: str
+    site, monkeypatch, interface
 ):
     for other in INTERFACES:
         site.offer(f"third-party-{other.replace('_', '-')}", other, "theirs")
@@ -197,7 +190,7 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
     ],
 )
 def test_a_missing_name_says_what_there_is_and_where_it_comes_from(
-    monkeypatch, plugins, name: str, words: Any
+    monkeypatch, plugins, name, words
 ):
     if plugins is not None:
         monkeypatch.setenv("PHYSIC_PLUGINS", plugins)

@@ -25,7 +25,7 @@ NAMES = (
         ("yolo", []),
     ],
 )
-def test_names_that_contain_it_come_before_similar_ones(name: str, expected: list[str]):
+def test_names_that_contain_it_come_before_similar_ones(name, expected):
     assert similar_names(name, NAMES) == expected
 
 

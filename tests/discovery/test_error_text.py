@@ -8,7 +8,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +48,7 @@ SAID = "AttributeError: 'Options' object has no attribute 'nothere' (physic_brok
 
 
 @pytest.fixture
-def broken(site: Any, monkeypatch: pytest.MonkeyPatch) -> Path:
+def broken(site, monkeypatch):
     site.install("physic-broken", BROKEN, entry=ENTRIES)
     monkeypatch.setenv("PYTHONPATH", str(site.folder))
     folder: Path = site.folder
@@ -57,12 +56,12 @@ def broken(site: Any, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(params=[False, True], ids=["", "PHYSIC_DEBUG=1"])
-def debug(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+def debug(request, monkeypatch):
     monkeypatch.setenv("PHYSIC_DEBUG", "1" if request.param else "0")
     return bool(request.param)
 
 
-def caught(call: Any, *arguments: Any) -> BaseException:
+def caught(call, *arguments):
     try:
         call(*arguments)
     except BaseException as error:
@@ -74,8 +73,8 @@ def caught(call: Any, *arguments: Any) -> BaseException:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
-    import physic_broken  # type: ignore[import-not-found]
+def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken):
+    import physic_broken
 
     image = np.zeros((4, 4, 3), np.uint8)
     error = caught(physic_broken.Camera().infer, image, None)
@@ -85,14 +84,14 @@ def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
     assert describe_error(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
 
 
-def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
+def test_a_file_of_a_package_is_named_with_its_folders(site):
     package = site.folder / "physic_deep" / "nets"
     package.mkdir(parents=True)
     (package.parent / "__init__.py").write_text("import json\ndef load():\n    json.loads('{')\n")
     (package / "__init__.py").write_text("")
     (package / "depth.py").write_text("def infer():\n    raise ValueError('no floor')\n")
-    import physic_deep  # type: ignore[import-not-found]
-    import physic_deep.nets.depth  # type: ignore[import-not-found]
+    import physic_deep
+    import physic_deep.nets.depth
 
     assert describe_error(caught(physic_deep.nets.depth.infer), "physic_deep").endswith(
         "(physic_deep/nets/depth.py:2)"
@@ -102,7 +101,7 @@ def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
     )
 
 
-def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
+def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken):
     (broken / "physic_typo.py").write_text("x = (\n")
     here = f"test_error_text.py:{caught.__code__.co_firstlineno + 2})"
     assert describe_error(caught(__import__, "physic_gone"), "physic_gone").endswith(here)
@@ -117,7 +116,7 @@ def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
 # ------------------------------------------------------------------------------------------------
 
 
-def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, physic):
+def test_check_names_the_line_and_shows_the_traceback_on_demand(broken, debug, physic):
     done = physic("plugins", "check", "raises")
     assert done.exit_code == 5
     assert f"  got:      {SAID}\n" in done.output
@@ -129,7 +128,7 @@ def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
 
 
 def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(
-    broken: Path, debug: bool, monkeypatch, physic
+    broken, debug, monkeypatch, physic
 ):
     source = BROKEN.replace("    return [", "    1 / 0\n    return [")
     (broken / "physic_broken.py").write_text(source)
@@ -141,9 +140,7 @@ def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(
 
 
 @pytest.mark.parametrize("debug", [True], indirect=True)
-def test_a_run_names_the_line_and_shows_the_traceback_on_demand(
-    broken: Path, debug: bool, tmp_path: Path
-):
+def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken, debug, tmp_path):
     from PIL import Image
 
     from physic_testing import load_world

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,7 +24,7 @@ class MyDepth(MetricDepth):
 
 
 @pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _own_folder(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     # "" is the current folder
@@ -43,14 +42,14 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Non
 NAMES = ("own_depth", "own_package", "own_helper", "own_part")
 
 
-def config(folder: Path, backend: str) -> Path:
+def config(folder, backend):
     folder.mkdir(exist_ok=True)
     path = folder / "my.toml"
     path.write_text(f'extends = "mock"\n[metric_depth]\nbackend = "{backend}"\n')
     return path
 
 
-def kind(file: Path | None = None, *overrides: str) -> type:
+def kind(file=None, *overrides):
     plan = resolve(load_config(file, preset=None if file else "mock", overrides=overrides))
     return type(plan.backends["metric_depth"].backend)
 
@@ -59,7 +58,7 @@ def kind(file: Path | None = None, *overrides: str) -> type:
 # -------------------------------------------------------------------------------------------
 
 
-def test_the_class_of_a_config_lies_beside_the_config(tmp_path: Path):
+def test_the_class_of_a_config_lies_beside_the_config(tmp_path):
     file = config(tmp_path / "elsewhere", "own_depth:MyDepth")
     (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
     Path("own_depth.py").write_text("raise SystemExit('of the current folder')")
@@ -67,12 +66,12 @@ def test_the_class_of_a_config_lies_beside_the_config(tmp_path: Path):
     assert sys.modules["own_depth"].__file__ == str(tmp_path / "elsewhere" / "own_depth.py")
 
 
-def test_the_class_of_set_lies_in_the_current_folder(tmp_path: Path):
+def test_the_class_of_set_lies_in_the_current_folder(tmp_path):
     Path("own_depth.py").write_text(DEPTH)
     assert kind(None, "metric_depth.backend=own_depth:MyDepth").__name__ == "MyDepth"
 
 
-def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch: pytest.MonkeyPatch):
+def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch):
     Path("own_depth.py").write_text(DEPTH)
     monkeypatch.setenv("PHYSIC__METRIC_DEPTH__BACKEND", "own_depth:MyDepth")
     with pytest.raises(ConfigError, match=r"No module named .own_depth."):
@@ -80,7 +79,7 @@ def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("name", ["{}/own_depth:MyDepth", "../elsewhere/own_depth:MyDepth"])
-def test_a_name_may_hold_its_folder(tmp_path: Path, name: str):
+def test_a_name_may_hold_its_folder(tmp_path, name):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
     assert (
@@ -89,7 +88,7 @@ def test_a_name_may_hold_its_folder(tmp_path: Path, name: str):
     )
 
 
-def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_resolved_config_holds_from_anywhere(tmp_path, monkeypatch):
     Path("own_depth.py").write_text(DEPTH)
     tables = load_config(
         preset="mock", overrides=["metric_depth.backend=own_depth:MyDepth"]
@@ -111,7 +110,7 @@ def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: py
     ],
     ids=lambda command: command[1],
 )
-def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[str, ...], physic):
+def test_commands_know_the_class_of_a_file_in_the_current_folder(command, physic):
     Path("own_depth.py").write_text(DEPTH)
     done = physic(*command)
     assert done.exit_code == 0, done.output
@@ -122,7 +121,7 @@ def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[
 # --------------------------------------------------------------------------------------------------
 
 
-def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
+def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path):
     package = tmp_path / "own_package"
     (package / "inner").mkdir(parents=True)
     (package / "__init__.py").write_text("from . import first\nstarted = []\n")
@@ -134,7 +133,7 @@ def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
     assert load_module(tmp_path, "own_package.inner.depth").late() == 7
 
 
-def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
+def test_what_lies_beside_the_module_is_not_found(tmp_path):
     file = config(tmp_path / "elsewhere", "own_depth:MyDepth")
     folder = file.parent
     (folder / "own_helper.py").write_text("raise SystemExit('imported')")
@@ -150,7 +149,7 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
 @pytest.mark.parametrize(
     ("name", "whose"), [("colorsys", "colorsys.py"), ("click", "click/__init__.py")]
 )
-def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, whose: str):
+def test_the_name_of_an_installed_module_is_refused(tmp_path, name, whose):
     (tmp_path / f"{name}.py").write_text(DEPTH)
     with pytest.raises(ImportError) as caught:
         load_module(tmp_path, name)
@@ -164,7 +163,7 @@ def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, w
         )
 
 
-def test_two_files_of_one_name_are_refused(tmp_path: Path):
+def test_two_files_of_one_name_are_refused(tmp_path):
     for folder in (tmp_path / "a", tmp_path / "b"):
         folder.mkdir()
         (folder / "own_depth.py").write_text(DEPTH)
@@ -185,5 +184,5 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path):
         ("../a:C", Path(".."), "a:C"),
     ],
 )
-def test_a_name_splits_into_folder_and_target(name: str, folder: Path | None, rest: str):
+def test_a_name_splits_into_folder_and_target(name, folder, rest):
     assert split_folder(name) == (folder, rest)

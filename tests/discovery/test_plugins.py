@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from physic_core import engine_preset_names, list_backends
@@ -17,14 +15,14 @@ HOOK = "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_comm
 GOOD = HOOK + "    return [PluginItem('good', 'm:c')]\n"
 
 
-def names() -> list[str]:
+def names():
     """The commands of plugins that are no part of the project."""
     return [
         found.record.name for found in find_items("physic_commands") if found.version != "0.1.0"
     ]
 
 
-def causes() -> list[str]:
+def causes():
     return [str(plugin) for plugin in broken_plugins()]
 
 
@@ -74,7 +72,7 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
         ("physic_executors", EXECUTORS),
     ],
 )
-def test_the_catalog_says_what_the_plugins_of_the_project_add(hook: str, known: dict[str, str]):
+def test_the_catalog_says_what_the_plugins_of_the_project_add(hook, known):
     added = {found.record.name: found.distribution for found in find_items(hook)}
     assert {name: owner for name, owner in known.items() if owner in added.values()} == added
 
@@ -111,7 +109,7 @@ def test_output_of_a_plugin_goes_to_stderr(site, capsys):
         ("physic.music", "nothing reads its entry points of the group 'physic.music'"),
     ],
 )
-def test_a_misspelt_group_is_a_row(site, group: str, words: str):
+def test_a_misspelt_group_is_a_row(site, group, words):
     site.install("physic-bad", "", entry="x = physic_bad:X", group=group)
     (cause,) = causes()
     assert cause.startswith("physic-bad 1.0 (")
@@ -158,7 +156,7 @@ files = [{path = "net.onnx", source = "https://example.org/net.onnx"}]
 """
 
 
-def with_weights(site: Any, text: str, target: str = "physic_nets.weights") -> None:
+def with_weights(site, text, target="physic_nets.weights"):
     package = site.folder / "physic_nets"
     (package / "weights").mkdir(parents=True)
     (package / "__init__.py").write_text("raise SystemExit('imported')")
@@ -186,9 +184,7 @@ def test_a_list_of_weights_is_read_without_importing_its_package(site):
     ],
     ids=["no licence", "no folder", "no package"],
 )
-def test_a_wrong_list_of_weights_is_told_by_the_command(
-    site, text: str, target: str, says: str, physic
-):
+def test_a_wrong_list_of_weights_is_told_by_the_command(site, text, target, says, physic):
     with_weights(site, text, target)
     ((offer, why),) = read_library().broken
     assert offer.distribution == "physic-own"

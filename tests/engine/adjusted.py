@@ -9,18 +9,15 @@ from typing import Any, TypeVar
 
 import torch
 
-from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.settings import with_overrides
-from physic_core.engine.state import State
 from physic_core.geometry.tensors import to_device
 
 Settings = TypeVar("Settings")
 T = TypeVar("T")
 
 
-def adjusted(settings: Settings, **changes: Any) -> Settings:
+def adjusted(settings, **changes):
     """A double underscore leads into the settings of a term."""
     overrides: dict[str, Any] = {}
     for path, value in changes.items():
@@ -32,7 +29,7 @@ def adjusted(settings: Settings, **changes: Any) -> Settings:
     return with_overrides(settings, overrides)
 
 
-def without_photo(state: State) -> State:
+def without_photo(state):
     """Return the state without keypoints, depth, scene and floor."""
     return replace(
         state,
@@ -42,7 +39,7 @@ def without_photo(state: State) -> State:
     )
 
 
-def with_scene(state: State, **changes: Any) -> State:
+def with_scene(state, **changes):
     """Return the state with other values of its scene: fields of ``SceneState``, or the offset of
     the floor.
     """
@@ -53,37 +50,37 @@ def with_scene(state: State, **changes: Any) -> State:
     return replace(state, scene=scene)
 
 
-def with_points(state: State, points: torch.Tensor, normals: torch.Tensor) -> State:
+def with_points(state, points, normals):
     """Return the state with M points (M, 3) and their normals as its scene."""
     valid = torch.ones(len(points), 1, dtype=torch.bool)
     return with_scene(state, points=points[:, None], normals=normals[:, None], valid=valid)
 
 
-def larger_scene(state: State, factor: float) -> State:
+def larger_scene(state, factor):
     """Return the state with its scene and the depth of its photo times a factor."""
     scene, floor = state.scene, state.scene.floor
     larger = with_scene(state, points=factor * scene.points, floor_offset=factor * floor.offset)
     return replace(larger, photo_depth=factor * state.photo_depth)
 
 
-def in_float64(state: State) -> State:
+def in_float64(state):
     """Return the state with body and all numbers in double precision."""
     return to_device(state, dtype=torch.float64)
 
 
-def with_options(joint: JointMethod, **changes: Any) -> JointMethod:
+def with_options(joint, **changes):
     """Settings of stage 3 whose energy has some other methods."""
     Other = type("Other", (type(joint),), changes)
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
 
 
-def part_of(energy: JointEnergy, kind: type[T]) -> T:
+def part_of(energy, kind):
     """The one surface term of a class."""
     (found,) = (term for term in term_of(energy, SurfaceTerms).terms if isinstance(term, kind))
     return found
 
 
-def term_of(energy: JointEnergy, kind: type[T]) -> T:
+def term_of(energy, kind):
     """The one term of a class."""
     (found,) = (term for term in energy.terms if isinstance(term, kind))
     return found

@@ -4,7 +4,6 @@ behind boxes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,6 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.model import BodyModel
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
 from physic_core.geometry.alignment import Alignment
@@ -40,11 +38,11 @@ class Stage:
 
 
 @pytest.fixture(scope="session")
-def body() -> BodyModel:
+def body():
     return load_body("embedded")
 
 
-def upright(bends: Mapping[str, Sequence[float]]) -> torch.Tensor:
+def upright(bends):
     """(55, 3, 3) facing the camera, arms down; further rotation vectors by joint name."""
     turns = torch.zeros(55, 3)
     turns[JOINT_INDEX["left_shoulder"], 2] = -1.2
@@ -56,14 +54,14 @@ def upright(bends: Mapping[str, Sequence[float]]) -> torch.Tensor:
     return rotations
 
 
-def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+def box(low, high):
     size = np.subtract(high, low)
     mesh = trimesh.creation.box(size)
     mesh.apply_translation(np.add(low, high) / 2)
     return mesh
 
 
-def cast(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+def cast(mesh):
     """Depth (H, W), inf where nothing, and the face that is hit (H, W), by one ray a pixel."""
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
     ray = np.stack(
@@ -80,12 +78,12 @@ def cast(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="session")
-def make_stage(body: BodyModel) -> Callable[..., Stage]:
+def make_stage(body):
     def build(
-        people: Sequence[tuple[Mapping[str, Sequence[float]], Sequence[float]]],
-        boxes: Sequence[tuple[Sequence[float], Sequence[float]]] = (),
-        stands_at: float = FLOOR_Y,
-    ) -> Stage:
+        people,
+        boxes=(),
+        stands_at=FLOOR_Y,
+    ):
         """People as (bends, place x, y, z), lowered or raised until their lowest vertex is at
         ``stands_at``; boxes as (low, high) corners.
         """
@@ -153,19 +151,19 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
 
 
 @pytest.fixture(scope="session")
-def standing(make_stage: Callable[..., Stage]) -> Stage:
+def standing(make_stage):
     """One who stands in an empty room."""
     return make_stage([({}, (0.0, 0.0, 3.5))])
 
 
 @pytest.fixture(scope="session")
-def two(make_stage: Callable[..., Stage]) -> Stage:
+def two(make_stage):
     """Two who stand apart."""
     return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
 
 
 @pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
+def _one_thread():
     """Small tensors: several threads beside a busy machine are many times slower than one."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

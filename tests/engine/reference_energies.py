@@ -5,18 +5,15 @@ fused ones.
 from __future__ import annotations
 
 import torch
-from torch import Tensor
 
 from physic_core.engine.joint.sampling import root_relative
-from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
-from physic_core.engine.joint.terms.surface import SurfaceInputs
 from physic_core.geometry.plane import height_over_plane
 from physic_paper.terms.printed_regularisation import mesh_energy
 
 
-def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
+def contact_energy(squared, weight, rho):
     """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the
     surface.
 
@@ -29,14 +26,14 @@ def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
 
 
 def depth_energy(
-    z: Tensor,
-    log_map_depth: Tensor,
-    weight: Tensor,
-    log_scale: Tensor,
-    offset: Tensor,
-    sigma: float,
-    rho: RobustLoss,
-) -> Tensor:
+    z,
+    log_map_depth,
+    weight,
+    log_scale,
+    offset,
+    sigma,
+    rho,
+):
     """Return L_d (Eq. 4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 /
     sigma^2)``, (B,).
 
@@ -57,9 +54,7 @@ def depth_energy(
     return total / weight.sum(-1).clamp(min=1e-9)
 
 
-def penetration_energy(
-    signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss
-) -> Tensor:
+def penetration_energy(signed, weight, slack, sigma, rho):
     """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 /
     sigma^2)``.
 
@@ -74,13 +69,13 @@ def penetration_energy(
 
 
 def reference_surface_energies(
-    data: SurfaceInputs,
-    vertices: Tensor,
-    pelvis: Tensor,
-    root: Tensor,
-    log_scale: Tensor,
-    offset: Tensor,
-) -> tuple[Tensor, Tensor]:
+    data,
+    vertices,
+    pelvis,
+    root,
+    log_scale,
+    offset,
+):
     """Arguments and result as of ``surface_energies``."""
     scale = log_scale.exp()[:, None]
     zero = torch.zeros_like(offset)

@@ -23,7 +23,7 @@ from physic_core.engine.contact.partner import (
 )
 from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
-from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
+from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
@@ -32,28 +32,26 @@ BACK = torch.tensor([0.0, 0.0, -1.0])
 
 
 def distances_of(
-    normals: torch.Tensor,
-    surface: SurfaceDistances,
-    parts: SceneParts,
-    skin: SkinDistances,
-    objects: ObjectDistances | None,
-) -> Distances:
+    normals,
+    surface,
+    parts,
+    skin,
+    objects,
+):
     """Distances of people to whom the skin of others is as near as their own."""
     nothing = torch.zeros_like(normals)
     hidden = torch.zeros(normals.shape[:2], dtype=torch.bool)
     return Distances(normals, surface, parts, skin, skin, objects, nothing, hidden)
 
 
-def square(height: float, x: float = 0.0) -> torch.Tensor:
+def square(height, x=0.0):
     """Points of a level square of 40 cm, 2 cm apart, at a height over y = 0; y is down."""
     steps = torch.arange(0, 0.4, 0.02)
     a, b = torch.meshgrid(steps, steps, indexing="xy")
     return torch.stack([a + x, torch.full_like(a, -height), b + 2], -1).reshape(-1, 3)
 
 
-def parts_of(
-    *squares: tuple[torch.Tensor, str, bool], normal: torch.Tensor = UP
-) -> tuple[torch.Tensor, SceneParts]:
+def parts_of(*squares, normal=UP):
     points = torch.cat([points for points, _, _ in squares])
     label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
     seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
@@ -82,13 +80,13 @@ def test_hidden_points_get_the_nearest_visible_class_and_raised_ones_are_not_flo
 
 
 @pytest.mark.parametrize(("normal", "name"), [(UP, "unknown"), (BACK, "wall")])
-def test_a_surface_that_faces_up_is_no_wall_whatever_its_label(normal: torch.Tensor, name: str):
+def test_a_surface_that_faces_up_is_no_wall_whatever_its_label(normal, name):
     _, parts = parts_of((square(0.45), "wall", True), normal=normal)
     assert set(parts.label.tolist()) == {NAMES.index(name) or -1}
 
 
 @pytest.mark.parametrize(("height", "on_floor"), [(0.08, True), (0.3, False)])
-def test_nobody_stands_on_water(height: float, on_floor: bool):
+def test_nobody_stands_on_water(height, on_floor):
     """Wet sand is labelled so: beside the floor it is floor, and elsewhere it has no name."""
     _, parts = parts_of((square(height), "water", True))
     assert bool(parts.ground.all()) is on_floor
@@ -106,9 +104,7 @@ SEAT_PARTNER = ContactPartner("scene", "seat", id=2)
 SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0}, {})
 
 
-def assigned(
-    touched: list[int], scene: list[float], floor: list[float], point: list[int]
-) -> list[ContactPartner]:
+def assigned(touched, scene, floor, point):
     """Partners of vertices that touch things, near a floor and a seat, skin of person 1, and object
     4.
     """
@@ -147,9 +143,7 @@ def test_each_contact_vertex_has_its_partner():
 @pytest.mark.parametrize(
     ("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")]
 )
-def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(
-    label: str, facing: float, name: str
-):
+def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, name):
     _, parts = parts_of((square(0.45), label, True), normal=BACK)
     far = torch.full((1, 4), torch.inf)
     touched = torch.zeros(1, 4, dtype=torch.int64)
@@ -161,9 +155,7 @@ def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(
     assert [partner.surface for partner in table] == [name]
 
 
-def vertex_contacts(
-    index: torch.Tensor, likely: torch.Tensor | None, dent: torch.Tensor | None = None
-) -> VertexContacts:
+def vertex_contacts(index, likely, dent=None):
     nowhere = torch.full(index.shape, torch.nan)
     return VertexContacts(index, likely, nowhere if dent is None else dent)
 

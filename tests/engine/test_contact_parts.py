@@ -45,7 +45,7 @@ def contact(state):
     return contact_of(state, near_of(state, METHOD), METHOD)
 
 
-def raised(state, height: float):
+def raised(state, height):
     return with_scene(state, floor_offset=state.scene.floor.offset + height)
 
 

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distances import KINDS, ContactSurfaces, Distances
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.distances import KINDS, ContactSurfaces
 from physic_core.engine.contact.probability import ContactModel, part_gaps
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.contact.solve import contact_of, measure_distances
@@ -32,7 +31,7 @@ OWN_BODY = KINDS.index("own body")
 
 
 @given(st.floats(0, 3))
-def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside: float):
+def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside):
     columns = {"own body": {"constant": torch.ones(1, 1), "outside": torch.full((1, 1), outside)}}
     found = LINEAR.probabilities(columns)
     assert found.shape == (len(KINDS), 1, 1)
@@ -64,7 +63,7 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def alone(body, plane=None, stance=None) -> State:
+def alone(body, plane=None, stance=None):
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
     nowhere = torch.zeros(2, 2, dtype=torch.bool)
@@ -99,7 +98,7 @@ def alone(body, plane=None, stance=None) -> State:
     )
 
 
-def near_of(state: State, method: ContactMethod) -> Distances:
+def near_of(state, method):
     """Distances of people who are near no point of a scene."""
     empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
     none = torch.zeros(0, dtype=torch.int64)
@@ -113,9 +112,7 @@ def test_up_is_that_of_an_upright_camera_without_a_floor(body):
 
 
 @pytest.mark.parametrize(("scene", "kind"), [(0.1, OWN_BODY), (0.9, -1)])
-def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(
-    body, monkeypatch, scene: float, kind: int
-):
+def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypatch, scene, kind):
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)

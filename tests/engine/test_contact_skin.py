@@ -13,7 +13,7 @@ FRONT = torch.tensor([0.0, 0.0, -1.0])
 BACK = torch.tensor([0.0, 0.0, 1.0])
 
 
-def sheet(depth: float, normal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def sheet(depth, normal):
     """Points of a square of 20 cm, 1 cm apart, at a depth, and their normals."""
     steps = torch.arange(0, 0.2, 0.01)
     a, b = torch.meshgrid(steps, steps, indexing="xy")
@@ -21,14 +21,14 @@ def sheet(depth: float, normal: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
     return points, normal.expand_as(points)
 
 
-def two_people(depth: float, first: torch.Tensor, second: torch.Tensor):
+def two_people(depth, first, second):
     (a, along_a), (b, along_b) = sheet(0.0, first), sheet(depth, second)
     outer = torch.ones(len(a), dtype=torch.bool)
     return people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer, RADIUS_M)
 
 
 @pytest.mark.parametrize("depth", [0.03, -0.02])
-def test_the_distance_is_signed_along_the_normal_of_the_other_person(depth: float):
+def test_the_distance_is_signed_along_the_normal_of_the_other_person(depth):
     found = two_people(depth, BACK, FRONT)
     assert found.distance[0].tolist() == pytest.approx([depth] * 400, abs=1e-6)
     assert found.person[0].unique().tolist() == [1]
@@ -48,7 +48,7 @@ def test_people_whose_vertices_are_not_finite_touch_no_other_person():
     ).all()
 
 
-def own(rest_gap: float, part: int) -> torch.Tensor:
+def own(rest_gap, part):
     """Distances of two sheets of one body, 3 cm apart, and ``rest_gap`` in the rest pose."""
     (a, along_a), (b, along_b) = sheet(0.0, BACK), sheet(0.03, FRONT)
     vertices = torch.cat([a, b])

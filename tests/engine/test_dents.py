@@ -33,15 +33,13 @@ def test_only_named_classes_give_way():
     assert 0 < max(GIVE_M.values()) <= 0.1
 
 
-def dent(height: float, give: float) -> float:
+def dent(height, give):
     """Depth of the dent of a vertex at a height over a level surface."""
     return float(dent_depths(torch.tensor([[height]]).double(), torch.tensor([[give]]).double()))
 
 
 @given(st.floats(-0.14, 0.14), st.sampled_from([0.02, 0.08]))
-def test_a_dent_is_as_deep_as_the_vertex_and_no_deeper_than_the_surface_allows(
-    height: float, give: float
-):
+def test_a_dent_is_as_deep_as_the_vertex_and_no_deeper_than_the_surface_allows(height, give):
     assert dent(height, give) == pytest.approx(min(max(-height, 0.0), give))
 
 

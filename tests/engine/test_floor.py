@@ -5,17 +5,14 @@ none.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 import torch
-from torch import Tensor
 
 from physic_core.engine import floor as engine_floor
 from physic_core.engine.floor import FloorEvidence, GroundAtSoles
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
 
 ROWS = 180
@@ -31,19 +28,17 @@ PERSON = NONE.clone()
 PERSON[60:165, 100:130] = True
 
 
-def fit_floor(
-    points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Any
-) -> FloorSearch:
+def fit_floor(points, valid, normals=None, **evidence):
     return engine_floor.find_floor(points, valid, FloorEvidence(**evidence), normals)
 
 
-def noise(seed: int = 0) -> Tensor:
+def noise(seed=0):
     return torch.randn(
         ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
     )
 
 
-def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+def up(pitch_deg, roll_deg=0.0):
     """Normal of a level floor, seen by a camera that looks down by ``pitch_deg`` and is rolled by
     ``roll_deg``.
     """
@@ -54,13 +49,13 @@ def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
     return torch.tensor([side, -down, -math.sin(pitch)], dtype=torch.float64)
 
 
-def meet(normal: Tensor, offset: float) -> Tensor:
+def meet(normal, offset):
     """Depth (H, W) of a plane, inf where its rays never meet it."""
     steep = -(RAYS @ normal)
     return torch.where(steep > 1e-6, offset / steep.clamp(min=1e-6), math.inf)
 
 
-def room(normal: Tensor, camera_height: float = 1.5, wall: float = 6.0) -> tuple[Tensor, Tensor]:
+def room(normal, camera_height=1.5, wall=6.0):
     """Depth (H, W) of floor, far wall and furniture standing on it, and where the floor is seen."""
     floor = meet(normal, camera_height)
     depth = torch.minimum(floor, torch.full_like(floor, wall))
@@ -76,16 +71,14 @@ def room(normal: Tensor, camera_height: float = 1.5, wall: float = 6.0) -> tuple
     return depth, on_floor
 
 
-def angle_deg(a: Tensor, b: Tensor) -> float:
+def angle_deg(a, b):
     return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 @pytest.mark.parametrize("pitch", [5.0, 15.0, 35.0])
 @pytest.mark.parametrize("roll", [0.0, -12.0])
 @pytest.mark.parametrize("masked", [False, True])
-def test_the_floor_of_a_furnished_room_is_found_under_noise(
-    pitch: float, roll: float, masked: bool
-) -> None:
+def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked):
     normal = up(pitch, roll)
     depth, on_floor = room(normal)
     points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
@@ -100,7 +93,7 @@ def test_the_floor_of_a_furnished_room_is_found_under_noise(
 
 
 @pytest.mark.parametrize("factor", [1, 3])
-def test_the_resolution_does_not_matter(factor: int) -> None:
+def test_the_resolution_does_not_matter(factor):
     normal = up(12)
     depth, _ = room(normal)
     points = (RAYS * depth[..., None])[::factor, ::factor]
@@ -109,7 +102,7 @@ def test_the_resolution_does_not_matter(factor: int) -> None:
     assert found.inlier_share == pytest.approx(0.67, abs=0.05)
 
 
-def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
+def test_an_inpainted_bulge_where_the_people_were_moves_nothing():
     normal = up(12)
     depth, _ = room(normal)
     filled = torch.where(
@@ -120,7 +113,7 @@ def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
     assert plane.offset == pytest.approx(1.5, abs=0.02)
 
 
-def test_inpainted_pixels_weigh_less_than_visible_ones() -> None:
+def test_inpainted_pixels_weigh_less_than_visible_ones():
     normal = up(12)
     ground = meet(normal, 1.5).clamp(max=20)
     sunk = meet(normal, 1.9).clamp(max=20)
@@ -131,7 +124,7 @@ def test_inpainted_pixels_weigh_less_than_visible_ones() -> None:
     assert fit_floor(points, ALL, hole=hole).plane.offset == pytest.approx(1.5, abs=0.05)
 
 
-def test_feet_keep_the_horizon_and_set_the_height() -> None:
+def test_feet_keep_the_horizon_and_set_the_height():
     normal = up(12)
     seen = meet(normal, 1.8).clamp(max=20)
     near_feet = (slice(120, 160), slice(90, 140))
@@ -148,7 +141,7 @@ def test_feet_keep_the_horizon_and_set_the_height() -> None:
     assert torch.equal(plain.normal, moved.normal)
 
 
-def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
+def test_feet_that_contradict_the_floor_by_far_do_not_move_it():
     normal = up(12)
     seen = meet(normal, 1.5).clamp(max=20)
     feet = torch.tensor([[112.0, 142.0], [-50.0, 900.0]])
@@ -160,7 +153,7 @@ def test_feet_that_contradict_the_floor_by_far_do_not_move_it() -> None:
     assert plane.reanchored == 1.0
 
 
-def test_a_floor_that_furniture_mostly_hides_is_found() -> None:
+def test_a_floor_that_furniture_mostly_hides_is_found():
     normal = up(20)
     depth = meet(normal, 1.5).clamp(max=8)
     # a row of cupboards, no two at one depth
@@ -173,7 +166,7 @@ def test_a_floor_that_furniture_mostly_hides_is_found() -> None:
     assert angle_deg(found.plane.normal, normal) < 0.5
 
 
-def test_a_mask_on_a_table_is_not_followed() -> None:
+def test_a_mask_on_a_table_is_not_followed():
     normal = up(25)
     table = meet(normal, 0.7)
     floor = meet(normal, 1.5).clamp(max=12)
@@ -186,14 +179,14 @@ def test_a_mask_on_a_table_is_not_followed() -> None:
     assert found.plane.source == "lower image"
 
 
-def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch):
     points = RAYS * meet(up(15, 40), 1.5).clamp(max=8)[..., None]
     assert fit_floor(points, ALL).plane is None
     monkeypatch.setattr(floor, "MAX_ROLL_DEG", 50.0)
     assert fit_floor(points, ALL).plane is not None
 
 
-def test_points_at_infinity_and_wrong_validity_change_nothing() -> None:
+def test_points_at_infinity_and_wrong_validity_change_nothing():
     normal = up(12)
     points = RAYS * meet(normal, 1.5)[..., None]  # inf above the horizon
     points[170:, :5] = math.nan
@@ -202,9 +195,7 @@ def test_points_at_infinity_and_wrong_validity_change_nothing() -> None:
     assert not plane.inliers[0].any()
 
 
-def walled(
-    normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0
-) -> tuple[Tensor, Tensor]:
+def walled(normal, camera_height=1.5, askew_deg=20.0):
     """Depth (H, W) of a floor between two upright walls that stand square to each other, and where
     the floor is.
     """
@@ -220,7 +211,7 @@ def walled(
 
 
 @pytest.mark.parametrize("spills", [False, True])
-def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills: bool) -> None:
+def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills):
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     on_floor = depth < 20
@@ -237,7 +228,7 @@ def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills: bool)
     assert angle_deg(plane.normal, normal) < 0.1
 
 
-def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
+def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them():
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     mask = depth < 20
@@ -259,8 +250,8 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them() -> None:
 
 
 def test_the_floor_is_looked_at_within_a_window_round_the_feet(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     mask = depth < 20
@@ -276,7 +267,7 @@ def test_the_floor_is_looked_at_within_a_window_round_the_feet(
 
 
 @pytest.mark.parametrize("pitch", [15.0, 25.0])
-def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) -> None:
+def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch):
     normal = up(pitch)
     depth, on_floor = walled(normal)
     on_table = NONE.clone()
@@ -297,9 +288,7 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) ->
 @pytest.mark.parametrize(
     ("pitch", "roll", "masked"), [(55, 0, True), (50, -15, True), (55, 5, False)]
 )
-def test_a_camera_that_looks_down_steeply_sees_the_floor(
-    pitch: float, roll: float, masked: bool
-) -> None:
+def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch, roll, masked):
     """The up direction is first looked for round the camera's own, and finds the walls' there."""
     depth, on_floor = walled(up(pitch, roll), 3.0)
     points = RAYS * (depth + 0.004 * depth * noise())[..., None]
@@ -308,7 +297,7 @@ def test_a_camera_that_looks_down_steeply_sees_the_floor(
     assert found.plane.offset == pytest.approx(3.0, rel=0.03)
 
 
-def two_levels() -> tuple[Tensor, Tensor]:
+def two_levels():
     """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below,
     and the sand.
     """
@@ -319,14 +308,14 @@ def two_levels() -> tuple[Tensor, Tensor]:
     return RAYS * depth[..., None], sand
 
 
-def beside(column: int, stands: float = 0.85) -> GroundAtSoles:
+def beside(column, stands=0.85):
     rows, columns = torch.meshgrid(
         torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij"
     )
     return GroundAtSoles(rows.flatten(), columns.flatten(), stands)
 
 
-def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label() -> None:
+def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label():
     points, sand = two_levels()
     labels = {"no_ground": sand}
     feet = torch.tensor([[175.0, 140.0], [205.0, 140.0]])
@@ -335,7 +324,7 @@ def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label() -> 
     assert found.plane.offset == pytest.approx(1.5, abs=0.05)
 
 
-def test_ground_beside_people_who_do_not_stand_moves_no_floor() -> None:
+def test_ground_beside_people_who_do_not_stand_moves_no_floor():
     points, sand = two_levels()
     labels = {"no_ground": sand}
     found = fit_floor(
@@ -344,7 +333,7 @@ def test_ground_beside_people_who_do_not_stand_moves_no_floor() -> None:
     assert found.plane.offset == pytest.approx(1.9, abs=0.05)
 
 
-def test_the_floor_is_moved_to_the_ground_beside_soles() -> None:
+def test_the_floor_is_moved_to_the_ground_beside_soles():
     """The ground rises under the people: they stand on what is seen there."""
     normal = up(12)
     depth = meet(normal, 1.8).clamp(max=20)

@@ -50,20 +50,20 @@ ANKLES = [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", 
 NOBODY = KnownPeople()
 
 
-def rays() -> np.ndarray:
+def rays():
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     return np.stack(
         [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1
     )
 
 
-def as_pointmap(depth_m: np.ndarray) -> Pointmap:
+def as_pointmap(depth_m):
     points = (rays() * (depth_m / UNIT)[..., None]).astype(np.float32)
     valid = np.isfinite(depth_m)
     return Pointmap(points, valid, "inverse_scale_shift", CAMERA, people_farther=(0.0, 0.1))
 
 
-def level_floor(height_m: float, score: float = 5.0) -> FloorCandidate:
+def level_floor(height_m, score=5.0):
     nothing = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
     fit = PlaneFit(
         torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image"
@@ -148,7 +148,7 @@ class World:
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world():
     return World([(-0.6, 3.0), (0.7, 3.8)])
 
 
@@ -349,14 +349,14 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     )
 
 
-def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> People:
+def labelled(world, floor, *others):
     ground = np.zeros((HEIGHT, WIDTH), np.uint8)
     ground[120:] = 1
     surfaces = SurfaceLabels(ground, ("unknown", "floor"))
     return replace(world.given.people, floor=floor, surfaces=surfaces, floor_candidates=others)
 
 
-def soles_of(world: World) -> Keypoints:
+def soles_of(world):
     """Heels and big toes of people with their soles in sight."""
     parameters = world.given.bodies.parameters
     model = load_body("embedded")

@@ -15,7 +15,7 @@ RADIUS = 0.15
 AWAY = 2.0
 
 
-def ball() -> tuple[torch.Tensor, torch.Tensor]:
+def ball():
     """Mask (1, H, W) and depth (H, W) of a ball on the optical axis, in front of a wall."""
     row, column = torch.meshgrid(torch.arange(100.0), torch.arange(120.0), indexing="ij")
     x = ((column - 60) / 200).double()
@@ -26,7 +26,7 @@ def ball() -> tuple[torch.Tensor, torch.Tensor]:
     return (root > 0)[None], depth
 
 
-def distances(points: list[list[float]], ratio: float = 1.0) -> list[float]:
+def distances(points, ratio=1.0):
     mask, depth = ball()
     vertices = torch.tensor([points], dtype=torch.float64)
     objects = HeldObjects(mask, depth, torch.tensor([ratio], dtype=torch.float64), K)
@@ -66,7 +66,7 @@ def test_a_vertex_in_the_first_column_of_the_picture_can_be_inside_an_object():
     assert float(object_distances(vertices, right_half, 0.15).distance) < 0
 
 
-def people(*objects: tuple[int, int]) -> tuple[People, Keypoints]:
+def people(*objects):
     """A person 40 px wide with a wrist at (60, 50), and objects of 6 px at (x, y)."""
     masks = np.zeros((1, 100, 120), bool)
     masks[0, 10:90, 40:60] = True

@@ -26,7 +26,6 @@ from physic_core.engine.placement.terms import (
     closed_form_translation,
     gauss_newton,
 )
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_core.types import Pointmap
 from physic_paper import outliers, translation
@@ -40,7 +39,7 @@ AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
 UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 
 
-def sphere(count: int = 2500) -> Tensor:
+def sphere(count=2500):
     """(count, 3) points spread evenly over the unit sphere."""
     k = torch.arange(count, dtype=torch.float64) + 0.5
     polar = torch.acos(1 - 2 * k / count)
@@ -127,7 +126,7 @@ class Picture:
         return Placed(start + torch.stack([fit.x[:3] for fit in fits]), fits)
 
 
-def depth_offsets(placed: Placed) -> list[float]:
+def depth_offsets(placed):
     return [math.exp(fit.x[3]) for fit in placed.fits]
 
 
@@ -138,19 +137,19 @@ class FreePlacement(PaperPlacement):
         return fit.x
 
 
-def error_cm(placement: Placed) -> Tensor:
+def error_cm(placement):
     return 100 * (placement.transl - TRUE).norm(dim=-1)
 
 
 @pytest.mark.parametrize("columns", [160, 320, 800])
-def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None:
+def test_bodies_return_to_the_millimetre_at_any_resolution(columns):
     placed = Picture(columns).place()
     assert error_cm(placed).max() < 0.1
     assert depth_offsets(placed) == [1.0, 1.0]
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed: int) -> None:
+def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed):
     """The best fit to half of the keypoints and to points off by thousands of pixels is a body
     without a size.
     """
@@ -162,13 +161,13 @@ def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed: int) 
     assert error_cm(placed)[1] < 100
 
 
-def test_the_papers_solver_finds_the_place_too() -> None:
+def test_the_papers_solver_finds_the_place_too():
     placed = Picture(160, settings=PAPER).place(PAPER)
     assert error_cm(placed).max() < 3
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) -> None:
+def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed):
     """Points that lie elsewhere than the keypoints say, from starts that are far off and from
     starts that fit.
     """
@@ -180,7 +179,7 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) ->
     spread = torch.tensor([[0.2], [0.002]], dtype=torch.float64)
     came = TRUE + spread * torch.randn(TRUE.shape, generator=draws, dtype=torch.float64)
 
-    def misses(transl: Tensor) -> Tensor:
+    def misses(transl):
         """(2, 2) px of each person: root mean square and median."""
         off = (project(LANDMARKS + transl[:, None], picture.K) - picture.keypoints) / torch.tensor(
             [4.0, 3.0]
@@ -196,7 +195,7 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) ->
     assert (free > 1.5 * before).any()
 
 
-def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
+def test_standing_people_keep_their_place_if_depth_is_too_far():
     picture = Picture(farther=1.15)
     stands = picture.place(floor=FLOOR)
     assert error_cm(stands).max() < 0.5
@@ -208,19 +207,19 @@ def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
     assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
 
 
-def test_only_people_with_visible_feet_have_a_depth_offset() -> None:
+def test_only_people_with_visible_feet_have_a_depth_offset():
     placed = Picture(farther=1.15).place(floor=FLOOR, feet_seen=(True, False))
     assert depth_offsets(placed)[0] == pytest.approx(1 / 1.15, rel=2e-3)
     assert depth_offsets(placed)[1] == 1.0
 
 
-def test_a_foot_in_the_air_is_not_pulled_down() -> None:
+def test_a_foot_in_the_air_is_not_pulled_down():
     high = torch.cat((UP, FLOOR[3:] + 0.8))
     assert error_cm(Picture().place(floor=high)).max() < 3
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
-def test_a_person_that_fails_does_not_change_the_other(settings: method.PlacementMethod) -> None:
+def test_a_person_that_fails_does_not_change_the_other(settings):
     picture = Picture(160, settings=settings)
     good = picture.place(settings).transl[1]
     broken = VERTICES + START[:, None]
@@ -233,8 +232,8 @@ def test_a_person_that_fails_does_not_change_the_other(settings: method.Placemen
 
 
 def test_the_union_of_masks_and_the_released_reprojection_place_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     released = engine_preset("release").placement
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
@@ -251,7 +250,7 @@ def test_the_union_of_masks_and_the_released_reprojection_place_too(
         assert alone.fits[i].seen.sum() <= placed.fits[i].seen.sum()
 
 
-def test_few_keypoints_leave_it_to_the_points() -> None:
+def test_few_keypoints_leave_it_to_the_points():
     picture = Picture()
     picture.confidence[0, 2:] = 0.1
     picture.keypoints[0, 5] = math.nan
@@ -262,7 +261,7 @@ def test_few_keypoints_leave_it_to_the_points() -> None:
     assert error_cm(placed)[1] < 0.1
 
 
-def test_few_points_leave_it_to_the_keypoints() -> None:
+def test_few_points_leave_it_to_the_keypoints():
     picture = Picture()
     picture.points[0] = picture.points[0][:10]
     placed = picture.place()
@@ -270,7 +269,7 @@ def test_few_points_leave_it_to_the_keypoints() -> None:
     assert error_cm(placed).max() < 0.1
 
 
-def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera() -> None:
+def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera():
     picture = Picture()
     mirrored = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
     picture.keypoints = mirrored
@@ -279,14 +278,14 @@ def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera(
     assert (placed.transl[:, 2] > 0.1).all()
 
 
-def subject() -> PlacementProblem:
+def subject():
     picture = Picture()
     picture.confidence = picture.confidence * torch.linspace(0.3, 1, 17)
     return picture.person(0, START, torch.cat((UP, torch.tensor([1.3]))))
 
 
 @pytest.mark.parametrize("kind", ["reprojection", "chamfer", "standing"])
-def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
+def test_slopes_are_the_derivatives_of_the_errors(kind):
     person = subject()
     term = {
         "reprojection": lambda: DEFAULT.reprojection_term(person),
@@ -304,7 +303,7 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
             )
 
 
-def test_closed_form_is_exact_for_exact_keypoints() -> None:
+def test_closed_form_is_exact_for_exact_keypoints():
     person = subject()
     found = closed_form_translation(person)
     torch.testing.assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
@@ -312,13 +311,13 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
 
 
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     monkeypatch.setattr(terms, "ITERATIONS", 1)
     person = subject()
     term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
 
-    def energy(x: Tensor) -> float:
+    def energy(x):
         return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
 
     values = []
@@ -341,13 +340,13 @@ BACKGROUND = torch.minimum(
 EVERYWHERE = torch.ones_like(PERSON)
 
 
-def align(points: Tensor, scene: Tensor, people: Tensor = PERSON, **options: object) -> Alignment:
+def align(points, scene, people=PERSON, **options):
     """Align a photo of unknown scale to a scene, both valid everywhere."""
     photo = Pointmap(points.numpy(), EVERYWHERE.numpy(), "scale")
-    return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, **options)  # type: ignore[arg-type]
+    return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, **options)
 
 
-def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> None:
+def test_the_photo_is_aligned_outside_its_people_and_carries_them_along():
     photo = torch.where(PERSON, 2.0, BACKGROUND)
     relative = RAYS * (photo / 3.0)[..., None]
     # The network smears the person's rim, beyond the mask.
@@ -361,14 +360,14 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> Non
     )
 
 
-def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -> None:
+def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides():
     scene = BACKGROUND.clone()
     photo = torch.where(PERSON, 4.2, scene)
     # the far wall, most of the picture, came out farther
     photo = torch.where(photo > 5, photo * 1.3, photo)
     assert float((photo > 5).double().mean()) > 0.5
 
-    def scale(settings: method.PlacementMethod) -> float:
+    def scale(settings):
         scene_points = RAYS * scene[..., None]
         return align(RAYS * photo[..., None], scene_points, method=settings).scale
 
@@ -376,14 +375,14 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
     assert scale(PAPER) == pytest.approx(1 / 1.3, abs=0.01)
 
 
-def test_far_background_takes_no_part_where_that_is_wanted() -> None:
+def test_far_background_takes_no_part_where_that_is_wanted():
     scene = BACKGROUND.clone()
     wrong = torch.where(scene > 5, scene * 1.5, scene)
     found = align(RAYS * wrong[..., None], RAYS * scene[..., None], far=5.0)
     assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
 
 
-def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
+def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera():
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     scene = RAYS * BACKGROUND[..., None]
     found = align(scene / 2, scene)
@@ -392,7 +391,7 @@ def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     torch.testing.assert_close(placed, expected)
 
 
-def test_without_a_common_background_no_person_has_points() -> None:
+def test_without_a_common_background_no_person_has_points():
     scene = RAYS * BACKGROUND[..., None]
     found = align(scene, scene, people=EVERYWHERE)
     assert found.inlier_share == 0
@@ -401,7 +400,7 @@ def test_without_a_common_background_no_person_has_points() -> None:
     )
 
 
-def test_points_that_float_at_the_rim_are_no_human_points() -> None:
+def test_points_that_float_at_the_rim_are_no_human_points():
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[20:80, 45] = 3.0  # mixed pixels inside the mask
     points = human_points(
@@ -412,8 +411,8 @@ def test_points_that_float_at_the_rim_are_no_human_points() -> None:
 
 
 def test_a_speck_of_background_in_the_mask_is_no_human_point(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[50:52, 60:62] = 5.0
     monkeypatch.setattr(outliers, "KNN_SHARE", 0.1)
@@ -422,7 +421,7 @@ def test_a_speck_of_background_in_the_mask_is_no_human_point(
         assert points[:, 2].max() == 2.0
 
 
-def test_no_more_points_than_the_limit_spread_over_the_person() -> None:
+def test_no_more_points_than_the_limit_spread_over_the_person():
     points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
     assert points.shape == (100, 3)
     every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000))

@@ -17,7 +17,7 @@ WALL = 2 + 3 * (1 - ROWS / 120) + 0.2 * np.sin(COLUMNS / 20)
 RAMP = np.linspace(1, 1.1, 160)[None]
 
 
-def pointmap(depth: np.ndarray, unknown: str = "inverse_scale_shift") -> Pointmap:
+def pointmap(depth, unknown="inverse_scale_shift"):
     rays = np.stack(
         [(COLUMNS - CAMERA.cx) / CAMERA.fx, (ROWS - CAMERA.cy) / CAMERA.fy, np.ones((120, 160))], -1
     )
@@ -30,12 +30,12 @@ def pointmap(depth: np.ndarray, unknown: str = "inverse_scale_shift") -> Pointma
     )
 
 
-def measured(depth: np.ndarray) -> DepthMap:
+def measured(depth):
     return DepthMap(np.asarray(depth, np.float32), None, 0.01)
 
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
-def test_the_shape_is_that_of_the_measured_depth(unknown: str) -> None:
+def test_the_shape_is_that_of_the_measured_depth(unknown):
     truth = WALL * RAMP
     found = with_measured_shape(pointmap(1 / (0.7 / WALL + 0.1), unknown), measured(truth), CAMERA)
     assert np.abs(found.points[..., 2] / truth - 1).max() < 0.0101
@@ -45,7 +45,7 @@ def test_the_shape_is_that_of_the_measured_depth(unknown: str) -> None:
     assert found.points[..., 0] == pytest.approx(across, abs=1e-4)
 
 
-def test_steps_of_a_coarse_sensor_are_smoothed() -> None:
+def test_steps_of_a_coarse_sensor_are_smoothed():
     coarse = WALL[ROWS // 2 * 2, COLUMNS // 2 * 2]
     found = with_measured_shape(pointmap(WALL / 3), measured(coarse), CAMERA)
     assert (
@@ -54,14 +54,14 @@ def test_steps_of_a_coarse_sensor_are_smoothed() -> None:
     )
 
 
-def test_the_trend_continues_where_the_depth_is_unknown() -> None:
+def test_the_trend_continues_where_the_depth_is_unknown():
     truth = WALL * RAMP
     known = np.where((ROWS > 40) & (ROWS < 80) & (COLUMNS > 60) & (COLUMNS < 100), np.nan, truth)
     found = with_measured_shape(pointmap(WALL / 3, "scale"), measured(known), CAMERA)
     assert np.abs(found.points[..., 2] / truth - 1).max() < 0.015
 
 
-def test_pixels_that_the_point_map_lacks_have_the_measured_depth() -> None:
+def test_pixels_that_the_point_map_lacks_have_the_measured_depth():
     lacking = pointmap(WALL / 3)
     lacking.valid[:20] = False
     found = with_measured_shape(lacking, measured(WALL), CAMERA)
@@ -69,7 +69,7 @@ def test_pixels_that_the_point_map_lacks_have_the_measured_depth() -> None:
     assert found.points[:20, :, 2] == pytest.approx(WALL[:20], rel=1e-5)
 
 
-def test_a_depth_shows_people_or_the_scene_behind_them() -> None:
+def test_a_depth_shows_people_or_the_scene_behind_them():
     masks = np.zeros((1, 120, 160), bool)
     masks[0, 30:100, 60:90] = True
     with_person = np.where(masks[0], 2.0, WALL + 1)
@@ -79,6 +79,6 @@ def test_a_depth_shows_people_or_the_scene_behind_them() -> None:
     assert not shows_people(measured(WALL + 1), photo, scene, masks)
 
 
-def test_a_disparity_is_told_from_a_depth() -> None:
+def test_a_disparity_is_told_from_a_depth():
     assert is_inverse(measured(30 / WALL), pointmap(WALL))
     assert not is_inverse(measured(WALL * RAMP), pointmap(WALL))

@@ -32,7 +32,7 @@ def add_people(energy):
     return energy.add_terms([PeopleTerm(inside.contact, inside.penetration, energy.sampling)])
 
 
-def beside(make_stage, x: float, z: float):
+def beside(make_stage, x, z):
     """Two people, 2 x metres beside and z metres behind each other, of whom the photo shows
     nothing.
     """
@@ -111,7 +111,7 @@ def test_pairs_are_those_of_an_exhaustive_search(crossing):
     assert found.distance.min() < -0.01
 
 
-def settings(inside: float, contact: float):
+def settings(inside, contact):
     return adjusted(
         DEFAULT,
         depth__weight=0.0,
@@ -120,7 +120,7 @@ def settings(inside: float, contact: float):
     )
 
 
-def distances(stage, result) -> torch.Tensor:
+def distances(stage, result):
     return pairs_of(stage, result.vertices)[3].distance
 
 

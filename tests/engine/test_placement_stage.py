@@ -66,7 +66,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
 
 
 @pytest.fixture
-def known(given) -> KnownGeometry:
+def known(given):
     """A known height of the camera, a tenth above the estimated one."""
     nothing = KnownDistances(
         torch.zeros(0),

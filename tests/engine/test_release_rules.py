@@ -45,7 +45,7 @@ def weights(skeleton, confidence, points=None):
     )[0].tolist()
 
 
-def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_nothing() -> None:
+def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_nothing():
     names = SKELETONS["coco_wholebody133"].names
     confidence = [0.9] * len(names)
     confidence[3], confidence[40] = 0.49, 0.5
@@ -62,7 +62,7 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
-def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
+def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton):
     names = SKELETONS[skeleton].names
     left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or  # noqa: E501
             n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip
@@ -76,7 +76,7 @@ def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
 
 
 @pytest.mark.parametrize("preset", ["paper", "release"])
-def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
+def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset):
     state = released(standing.state, transl=standing.state.transl - torch.tensor([0.0, 0.03, 0.0]))
     sure, less = (
         replace(state, contact_prior=share * state.contact_prior.clamp(max=1.0))
@@ -90,7 +90,7 @@ def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: 
     assert values[0] == values[1]
 
 
-def test_a_part_is_seen_where_rays_meet_it_first() -> None:
+def test_a_part_is_seen_where_rays_meet_it_first():
     """A square of four vertices before another of the same outline, and one vertex beside both."""
     square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     near = 0.6 * square + torch.tensor([0.0, 0, 2])
@@ -105,7 +105,7 @@ def test_a_part_is_seen_where_rays_meet_it_first() -> None:
     assert float(shares[1]) <= 0.2
 
 
-def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
+def test_a_floor_of_samples_is_touched_where_its_samples_are(standing):
     state = released(standing.state)
     state = with_scene(state, valid=torch.zeros_like(state.scene.valid))
     height = state.scene.floor.offset - 0.01
@@ -118,7 +118,7 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
         assert (distance[0] < 0.02).tolist() == expected
 
 
-def test_floor_samples_span_the_scene_in_x_and_z() -> None:
+def test_floor_samples_span_the_scene_in_x_and_z():
     normal = torch.tensor([0.0, -0.8, -0.6])
     x = torch.arange(100.0)
     points = torch.stack([x, torch.zeros(100), 2 * x], -1)
@@ -130,7 +130,7 @@ def test_floor_samples_span_the_scene_in_x_and_z() -> None:
     assert not len(published_floor_grid(normal, 1.5, points[:0], 3))
 
 
-def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
+def test_normals_are_those_of_four_crosses_and_look_at_the_camera():
     """A plane that falls off to the right by 45 degrees, and one pixel of it that is not valid."""
     v, u = torch.meshgrid(torch.arange(7.0), torch.arange(9.0), indexing="ij")
     points = torch.stack([u, v, 20 + u], -1)

@@ -11,7 +11,7 @@ from physic_core.engine.sizes.evidence import KNOWN_SCALE_SIGMA, ScaleEvidence, 
 from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
 
 
-def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess() -> None:
+def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess():
     known = [ScaleEvidence.by_known_size(metres, 1.0) for metres in (2.0, 2.1)]
     both = combine(known)
     assert math.exp(both.log_scale) == pytest.approx(math.sqrt(2.0 * 2.1))
@@ -27,7 +27,7 @@ def vote(scales, sigma=0.06, sure=0.9, shared=0.0):
     return vote_on_scale([Witnesses(scales, every, every * sigma, every * sure, shared)])
 
 
-def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature() -> None:
+def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature():
     scales = [1.0, 1.3, 1.3, np.nan]
     assert vote(scales).scale.scale == pytest.approx(1.3, rel=0.02)
     sigma = np.array([0.005, 0.06, 0.06, 0.06])
@@ -35,14 +35,14 @@ def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature() -> N
     assert vote(scales, sigma, sure).scale.scale == pytest.approx(1.0, rel=0.02)
 
 
-def test_an_error_that_all_share_does_not_shrink_with_their_number() -> None:
+def test_an_error_that_all_share_does_not_shrink_with_their_number():
     few, many = (vote([2.0] * count, 0.06, 1.0, 0.05).scale for count in (1, 25))
     assert few.sigma == pytest.approx(math.hypot(0.06, 0.05), rel=0.05)
     assert many.sigma == pytest.approx(math.hypot(0.06 / 5, 0.05), rel=0.05)
     assert [few.scale, many.scale] == pytest.approx([2.0, 2.0])
 
 
-def test_what_all_share_may_be_far_off() -> None:
+def test_what_all_share_may_be_far_off():
     one = np.ones(3)
     map_depth = Witnesses(one, one, one * 0.1, one, 0.1, shared_wrong=0.1)
     soles = Witnesses(one * 5, one, one * 0.1, one * 0.9, 0.0)
@@ -50,11 +50,11 @@ def test_what_all_share_may_be_far_off() -> None:
     assert vote_on_scale([map_depth]).scale.scale == pytest.approx(1.0, rel=0.05)
 
 
-def test_a_witness_who_is_far_off_counts_little() -> None:
+def test_a_witness_who_is_far_off_counts_little():
     assert vote([1.0, 1.0, 1.0, 3.0]).scale.scale == pytest.approx(1.0, rel=0.02)
 
 
-def test_kinds_of_witnesses_are_weighed_by_their_errors() -> None:
+def test_kinds_of_witnesses_are_weighed_by_their_errors():
     one = np.ones(1)
     soles = 0.08
     torsos = 0.2
@@ -66,7 +66,7 @@ def test_kinds_of_witnesses_are_weighed_by_their_errors() -> None:
     assert math.log(found.scale) == pytest.approx((1 - share) * math.log(1.2), abs=0.002)
 
 
-def test_a_plane_at_which_the_witnesses_agree_is_more_likely() -> None:
+def test_a_plane_at_which_the_witnesses_agree_is_more_likely():
     one = np.ones(1)
     torso = Witnesses(one, one, one * 0.1, one, 0.0)
     planes = [[Witnesses(one * m, one, one * 0.1, one * 0.9, 0.0)] for m in (1.0, 2.0)]
@@ -75,6 +75,6 @@ def test_a_plane_at_which_the_witnesses_agree_is_more_likely() -> None:
     assert found.weights.sum() == pytest.approx(1)
 
 
-def test_the_scale_is_unknown_if_no_witness_says_anything() -> None:
+def test_the_scale_is_unknown_if_no_witness_says_anything():
     assert vote([np.nan]) is None
     assert vote_on_scale([]) is None

@@ -8,19 +8,16 @@ import math
 
 import pytest
 import torch
-from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.floor import FloorEvidence, find_floor
 from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import SceneInput
-from physic_core.engine.scene.state import SceneState
 from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
-from physic_core.types import AffineAmbiguity
 
 pytestmark = pytest.mark.quick
 
@@ -30,7 +27,7 @@ HEIGHT_M = 1.5
 PAPER = engine_preset("paper").scene
 
 
-def camera(focal: float = 140.0, rows: int = ROWS, columns: int = COLUMNS) -> Tensor:
+def camera(focal=140.0, rows=ROWS, columns=COLUMNS):
     middle = (columns - 1) / 2, (rows - 1) / 2
     return intrinsics_matrix(focal, focal, *middle, torch.zeros((), dtype=torch.float64))
 
@@ -47,13 +44,13 @@ ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 FEET = torch.tensor([[60.0, 100.0], [75.0, 102.0]])
 
 
-def noise(seed: int = 0) -> Tensor:
+def noise(seed=0):
     return torch.randn(
         ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
     )
 
 
-def relative(unknown: AffineAmbiguity) -> Tensor:
+def relative(unknown):
     points = RAYS * DEPTH[..., None]
     if unknown == "scale":
         return points / 2
@@ -62,15 +59,13 @@ def relative(unknown: AffineAmbiguity) -> Tensor:
     return RAYS * (2 / (1 / DEPTH - 0.05))[..., None]
 
 
-def angle_deg(a: Tensor, b: Tensor) -> float:
+def angle_deg(a, b):
     return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_metric_scale_is_recovered_for_each_kind_of_unknown(
-    unknown: AffineAmbiguity, preset: str
-) -> None:
+def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown, preset):
     noisy = DEPTH * (1 + 0.02 * noise())
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
@@ -88,30 +83,30 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(
 
 
 def build_scene(
-    points: Tensor,
-    valid: Tensor,
-    unknown: AffineAmbiguity,
-    metric_depth: Tensor,
+    points,
+    valid,
+    unknown,
+    metric_depth,
     *,
-    K: Tensor | None = None,
-    K_metric: Tensor | None = None,
-    K_pointmap: Tensor | None = None,
-    floor_mask: Tensor | None = None,
-    feet_px: Tensor | None = None,
-    settings: SceneMethod | None = None,
-) -> SceneState:
+    K=None,
+    K_metric=None,
+    K_pointmap=None,
+    floor_mask=None,
+    feet_px=None,
+    settings=None,
+):
     cameras = Cameras(K, K_metric, K_pointmap)
     floor = FloorEvidence(mask=floor_mask, feet_px=feet_px)
     given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
     return solve.build_scene(given, settings or SceneMethod())
 
 
-def scene(**options: object) -> SceneState:
+def scene(**options):
     given: dict[str, object] = {"K_metric": K, "floor_mask": ON_FLOOR}
-    return build_scene(RAYS * DEPTH[..., None] / 2, ALL, "scale", DEPTH, **(given | options))  # type: ignore[arg-type]
+    return build_scene(RAYS * DEPTH[..., None] / 2, ALL, "scale", DEPTH, **(given | options))
 
 
-def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera() -> None:
+def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera():
     mine = camera(200.0)
     state = scene(K=mine)
     assert torch.equal(state.K, mine)
@@ -119,20 +114,20 @@ def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera() -> None:
 
 
 @pytest.mark.parametrize("focal", [100.0, 140.0, 200.0])
-def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal: float) -> None:
+def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal):
     """Pixels times Z / f: with a longer focal length the same things are farther away."""
     state = scene(K=camera(focal))
     torch.testing.assert_close(state.points[..., 2], DEPTH * focal / 140.0)
     torch.testing.assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
 
 
-def test_a_depth_of_unknown_camera_is_unchanged() -> None:
+def test_a_depth_of_unknown_camera_is_unchanged():
     state = scene(K=camera(200.0), K_metric=None)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
 
 
 @pytest.mark.parametrize("seen", [100.0, 196.0])
-def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
+def test_of_two_estimated_cameras_the_mean_is_taken(seen):
     state = scene(K_pointmap=camera(seen))
     mean = (140.0 * seen) ** 0.5
     assert state.K[0, 0] == state.K[1, 1] == pytest.approx(mean)
@@ -143,7 +138,7 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
     assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
 
 
-def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth() -> None:
+def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth():
     own = camera(100.0)
     given = camera(200.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
@@ -152,25 +147,25 @@ def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth() -> None:
     assert torch.equal(converted[..., 2], DEPTH)
 
 
-def test_the_metric_depths_camera_comes_before_the_point_maps() -> None:
+def test_the_metric_depths_camera_comes_before_the_point_maps():
     wide = camera(100.0)
     assert torch.equal(scene(K_metric=wide).K, wide)
     assert scene(K_metric=wide, settings=PAPER).K[0, 0] == pytest.approx(140.0)
 
 
-def test_shift_is_found_by_depth_alone_without_a_known_camera() -> None:
+def test_shift_is_found_by_depth_alone_without_a_known_camera():
     state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
     assert state.alignment.shift == pytest.approx(0.3)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
 
 
-def test_pixels_beyond_the_maximum_depth_are_invalid() -> None:
+def test_pixels_beyond_the_maximum_depth_are_invalid():
     state = scene(settings=SceneMethod(far_m=5.0))
     assert not state.valid[DEPTH > 5].any()
     assert state.valid[DEPTH < 4.9].double().mean() > 0.98
 
 
-def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
+def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal():
     state = scene()
     assert not state.valid[50, 99:101].any()
     assert state.valid[50, [97, 102]].all()
@@ -179,7 +174,7 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
     )
 
 
-def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
     without = build_scene(
         RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off")
     )
@@ -195,7 +190,7 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.Monk
     assert without.floor is None
 
 
-def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
+def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes():
     wall = RAYS * 3.0
     state = build_scene(wall, ALL, "scale", wall[..., 2], K=K)
     assert state.floor is None
@@ -204,13 +199,13 @@ def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
 
 
-def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
+def test_a_floor_mask_that_is_no_floor_is_reported():
     state = scene(floor_mask=BOX)
     assert angle_deg(state.floor.normal, UP) < 0.5
     assert state.diagnostics["floor"]["in_mask"] is False
 
 
-def test_disagreement_with_the_metric_depth_is_reported() -> None:
+def test_disagreement_with_the_metric_depth_is_reported():
     wrong = torch.where(
         torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7,
         DEPTH * 3,
@@ -223,14 +218,14 @@ def test_disagreement_with_the_metric_depth_is_reported() -> None:
     assert state.diagnostics["alignment"]["inlier_share"] == pytest.approx(share)
 
 
-def test_relative_floor_has_the_units_of_the_map() -> None:
+def test_relative_floor_has_the_units_of_the_map():
     fit = find_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
     assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
     assert angle_deg(fit.normal, UP) < 0.1
     assert find_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None
 
 
-def test_floor_points_are_densest_where_the_feet_are() -> None:
+def test_floor_points_are_densest_where_the_feet_are():
     state = scene(feet_px=FEET)
     foot = RAYS[100, 60] * FLOOR[100, 60]
     near = (state.floor_points - foot).norm(dim=-1) < 0.2
@@ -239,7 +234,7 @@ def test_floor_points_are_densest_where_the_feet_are() -> None:
     assert len(scene(settings=PAPER).floor_points) == 10_000
 
 
-def test_the_same_slope_is_an_edge_at_every_resolution() -> None:
+def test_the_same_slope_is_an_edge_at_every_resolution():
     assert edge_ratio(768, 1024) == pytest.approx(1.05)
     assert edge_ratio(1536, 2048) == pytest.approx(1.05**0.5)
     assert edge_ratio(100, 100) == pytest.approx(1.05**2)

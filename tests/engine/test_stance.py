@@ -40,8 +40,8 @@ RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
 
 
 def person(
-    left: dict[str, tuple[float, float]] | None = None,
-    both: dict[str, tuple[float, float]] | None = None,
+    left=None,
+    both=None,
 ):
     """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides
     changed.

@@ -48,13 +48,13 @@ def sunk(make_stage):
     return in_float64(state)
 
 
-def somewhere(energy: JointEnergy) -> None:
+def somewhere(energy):
     here = energy.variables.pack()
     noise = torch.randn(len(here), generator=torch.Generator().manual_seed(3), dtype=here.dtype)
     energy.variables.load(here + 0.1 * noise)
 
 
-def slopes(energy: JointEnergy, value: torch.Tensor) -> list[torch.Tensor]:
+def slopes(energy, value):
     parameters = energy.variables.parameters()
     weights = torch.tensor(UNALIKE, dtype=value.dtype)[: len(value)]
     found = torch.autograd.grad(
@@ -63,12 +63,12 @@ def slopes(energy: JointEnergy, value: torch.Tensor) -> list[torch.Tensor]:
     return [torch.zeros_like(p) if g is None else g for g, p in zip(found, parameters, strict=True)]
 
 
-def surface_of(energy: JointEnergy) -> SurfaceTerms:
+def surface_of(energy):
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
     return surface
 
 
-def assert_alike(energy: JointEnergy) -> dict[str, torch.Tensor]:
+def assert_alike(energy):
     """Fused and reference energies have the same values and gradients; the fused ones."""
     somewhere(energy)
     surface = surface_of(energy)

@@ -10,9 +10,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,11 +23,11 @@ pytestmark = [
 ]
 
 
-def test_writers_wait_for_each_other(tmp_path: Path):
+def test_writers_wait_for_each_other(tmp_path):
     inside = 0
     most = 0
 
-    def write() -> None:
+    def write():
         nonlocal inside, most
         for _ in range(5):
             with atomic_write(tmp_path) as temporary:
@@ -48,14 +46,14 @@ def test_writers_wait_for_each_other(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
-def _hold(folder: str, ready: Any) -> None:
+def _hold(folder, ready):
     with atomic_write(Path(folder)) as temporary:
         temporary("a").write_text("a")
         ready.set()
         time.sleep(60)
 
 
-def test_a_lock_ends_with_its_process(tmp_path: Path):
+def test_a_lock_ends_with_its_process(tmp_path):
     context = multiprocessing.get_context("spawn")
     ready = context.Event()
     process = context.Process(target=_hold, args=(str(tmp_path), ready))
@@ -69,10 +67,10 @@ def test_a_lock_ends_with_its_process(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
 
 
-def test_where_nothing_can_be_locked_writes_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_where_nothing_can_be_locked_writes_go_on(tmp_path, monkeypatch):
     """As on a network file system whose server has no lock service."""
 
-    def refuse(file: int, kind: int) -> None:
+    def refuse(file, kind):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr("fcntl.flock", refuse)
@@ -86,7 +84,7 @@ LONG = "x" * 1_000_000
 
 
 @pytest.mark.parametrize("text", [f"{MARK}{LONG}", MARK])
-def test_a_file_with_the_mark_at_its_start_may_be_replaced(tmp_path: Path, text: str):
+def test_a_file_with_the_mark_at_its_start_may_be_replaced(tmp_path, text):
     (tmp_path / "table.txt").write_text(text)
     check_own(tmp_path / "table.txt", tmp_path / "missing.txt")
 
@@ -103,16 +101,14 @@ def test_a_file_with_the_mark_at_its_start_may_be_replaced(tmp_path: Path, text:
     ],
     ids=["text", "empty", "middle", "folder", "link to nothing", "link to an own file"],
 )
-def test_a_file_without_the_mark_at_an_end_belongs_to_the_user(
-    tmp_path: Path, make: Callable[[Path], None]
-):
+def test_a_file_without_the_mark_at_an_end_belongs_to_the_user(tmp_path, make):
     (tmp_path / "own").write_text(MARK)
     make(path := tmp_path / "table.txt")
     with pytest.raises(OutputError, match=f"cannot write {path}: a file that PhySIC did not write"):
         check_own(tmp_path / "own", path)
 
 
-def test_a_file_is_appended_to_and_a_link_is_not(tmp_path: Path):
+def test_a_file_is_appended_to_and_a_link_is_not(tmp_path):
     for text in (b"a", b"b"):
         with open_to_append(tmp_path / "log") as file:
             file.write(text)

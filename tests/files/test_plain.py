@@ -10,7 +10,6 @@ import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -61,7 +60,7 @@ VALUE = Value(
 )
 
 
-def stored(value: object) -> tuple[Any, dict[str, Any]]:
+def stored(value):
     arrays: dict[str, Any] = {}
     return json.loads(json.dumps(split(value, arrays), allow_nan=False)), arrays
 
@@ -96,9 +95,7 @@ def test_a_value_is_restored_by_the_types_of_its_fields():
         ({}, {"name": np.ones(3)}, "name is an array"),
     ],
 )
-def test_a_value_that_does_not_fit_its_field_is_named(
-    entries: dict[str, Any], new_arrays: dict[str, Any], word: str
-):
+def test_a_value_that_does_not_fit_its_field_is_named(entries, new_arrays, word):
     document, arrays = stored(VALUE)
     arrays = {name: array for name, array in (arrays | new_arrays).items() if array is not None}
     with pytest.raises((TypeError, ValueError), match=word):
@@ -110,7 +107,7 @@ def test_an_object_of_another_class_is_not_stored():
         stored(replace(VALUE, anything=[{1, 2}]))
 
 
-def test_a_file_reads_back_as_it_was_written(tmp_path: Path):
+def test_a_file_reads_back_as_it_was_written(tmp_path):
     path = tmp_path / "new" / "a.npz"
     write_value(path, VALUE, {"name": "a"})
     assert repr(read_value(path, [Value, Inner], {"name": "a"})) == repr(VALUE)
@@ -125,7 +122,7 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path):
         read_value(tmp_path / "c.npz", [Value])
 
 
-def test_every_flipped_byte_and_every_cut_is_noticed_or_harmless(tmp_path: Path):
+def test_every_flipped_byte_and_every_cut_is_noticed_or_harmless(tmp_path):
     write_value(tmp_path / "a.npz", VALUE)
     whole = (tmp_path / "a.npz").read_bytes()
     broken = tmp_path / "b.npz"
@@ -142,7 +139,7 @@ def test_every_flipped_byte_and_every_cut_is_noticed_or_harmless(tmp_path: Path)
     assert refused > len(whole) / 20
 
 
-def test_a_pickle_is_never_opened(tmp_path: Path):
+def test_a_pickle_is_never_opened(tmp_path):
     class Bomb:
         def __reduce__(self):
             return (pytest.fail, ("a pickle was opened",))

@@ -11,7 +11,6 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from torch import Tensor
 
 from physic_core.geometry.alignment import (
     Alignment,
@@ -33,11 +32,11 @@ RAYS = pixel_rays(
 KINDS: tuple[AffineAmbiguity, ...] = ("scale", "scale_shift", "inverse_scale_shift")
 
 
-def random(*shape: int, seed: int = 0) -> Tensor:
+def random(*shape, seed=0):
     return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
 
 
-def room() -> Tensor:
+def room():
     """(H, W, 3) metres: a floor, a wall at 6 m and boxes."""
     depth = torch.minimum(
         1.5 / RAYS[..., 1].clamp(min=0.05), torch.full((ROWS, COLUMNS), 6.0, dtype=torch.float64)
@@ -47,7 +46,7 @@ def room() -> Tensor:
     return RAYS * depth[..., None]
 
 
-def relative(points: Tensor, unknown: AffineAmbiguity, scale: float, shift: float) -> Tensor:
+def relative(points, unknown, scale, shift):
     """The relative map that ``scale`` and ``shift`` bring back to ``points``."""
     z = points[..., 2]
     if unknown == "scale":
@@ -59,8 +58,8 @@ def relative(points: Tensor, unknown: AffineAmbiguity, scale: float, shift: floa
 
 @pytest.mark.parametrize("unknown", KINDS)
 def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(
-    unknown: AffineAmbiguity,
-) -> None:
+    unknown,
+):
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     clean = relative(target, unknown, 2.5, shift)
@@ -86,9 +85,7 @@ AXES = st.sampled_from(["xyz", "z"])
     st.floats(0.01, 100),
     st.floats(0, 0.9),
 )
-def test_any_scale_and_shift_is_recovered(
-    unknown: AffineAmbiguity, residual: str, axes: str, scale: float, shift: float
-) -> None:
+def test_any_scale_and_shift_is_recovered(unknown, residual, axes, scale, shift):
     target = room()
     if unknown == "scale":
         shift = 0.0
@@ -99,7 +96,7 @@ def test_any_scale_and_shift_is_recovered(
     seen = target if axes == "xyz" else torch.where(torch.tensor([False, False, True]), target, 0.0)
     found = fit_alignment(
         source, seen, ALL, unknown, options=AlignmentOptions(residual=residual, axes=axes)
-    )  # type: ignore[arg-type]
+    )
     torch.testing.assert_close(apply_alignment(source, found), target, rtol=1e-5, atol=1e-6)
     assert found.scale == pytest.approx(scale, rel=1e-4)
     assert found.shift == pytest.approx(shift, abs=1e-4)
@@ -107,7 +104,7 @@ def test_any_scale_and_shift_is_recovered(
     assert found.residual < 1e-6
 
 
-def test_x_and_y_tell_scale_from_shift_where_depth_is_flat() -> None:
+def test_x_and_y_tell_scale_from_shift_where_depth_is_flat():
     target = RAYS * 4.0
     source = relative(target, "scale_shift", 2.0, 1.0)
     found = fit_alignment(source, target, ALL, "scale_shift")
@@ -120,7 +117,7 @@ def test_x_and_y_tell_scale_from_shift_where_depth_is_flat() -> None:
     )
 
 
-def test_metric_residuals_are_the_papers_least_squares() -> None:
+def test_metric_residuals_are_the_papers_least_squares():
     target = room()
     noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
     source = relative(target, "scale_shift", 2.0, 0.5) + noise
@@ -140,7 +137,7 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
     assert found.shift == pytest.approx(shift, abs=2e-3)
 
 
-def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
+def test_pixels_that_either_map_does_not_know_count_for_nothing():
     target = room()
     source = room() / 3
     valid = ALL.clone()
@@ -151,7 +148,7 @@ def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
     assert fit_alignment(source, target, valid, "scale").scale == pytest.approx(3.0)
 
 
-def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
+def test_a_mirrored_map_has_a_low_share_and_a_positive_scale():
     target = room()
     z = target[..., 2]
     found = fit_alignment(
@@ -161,7 +158,7 @@ def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
     assert found.inlier_share < 0.6
 
 
-def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
+def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity():
     found = Alignment(1.0, -0.1, "inverse_scale_shift", 1.0, 0.0)
     points = torch.tensor(
         [[1.0, 2.0, 5.0], [1.0, 2.0, 10.0], [1.0, 2.0, 20.0]], dtype=torch.float64
@@ -172,7 +169,7 @@ def test_inverse_shift_keeps_each_point_on_its_ray_and_tells_infinity() -> None:
     assert torch.isinf(placed[1:]).all()
 
 
-def test_weights_decide_between_two_halves_that_disagree() -> None:
+def test_weights_decide_between_two_halves_that_disagree():
     target = room()
     source = room() / 2
     source[:, 40:] /= 1.5

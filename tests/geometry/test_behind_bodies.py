@@ -9,7 +9,6 @@ import torch
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
 from physic_core.geometry.visibility import move_behind_bodies
 
@@ -20,15 +19,15 @@ _BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
 FACES = torch.from_numpy(_BALL.faces.copy()).long()
 
 
-def ball(*centre: float) -> Tensor:
+def ball(*centre):
     return torch.from_numpy(_BALL.vertices.copy()) + torch.tensor(centre, dtype=torch.float64)
 
 
-def nowhere(points: Tensor, bodies: int = 1) -> Tensor:
+def nowhere(points, bodies=1):
     return torch.zeros((bodies, len(points)), dtype=torch.bool)
 
 
-def points(seed: int, count: int = 400) -> Tensor:
+def points(seed, count=400):
     """Round a ball at (0.1, 0, 3), within and without."""
     generator = torch.Generator().manual_seed(seed)
     spread = 2 * torch.rand(count, 3, generator=generator, dtype=torch.float64) - 1
@@ -37,7 +36,7 @@ def points(seed: int, count: int = 400) -> Tensor:
 
 @given(st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
-def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed: int) -> None:
+def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed):
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     before = points(seed)
     after, moved = move_behind_bodies(
@@ -53,7 +52,7 @@ def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(se
     torch.testing.assert_close(after[moved], before[moved] * farther[:, None])
 
 
-def test_out_of_one_body_and_into_the_next_is_out_of_both() -> None:
+def test_out_of_one_body_and_into_the_next_is_out_of_both():
     both = torch.stack([ball(0.0, 0.0, 3.3), ball(0.0, 0.0, 3.0)])
     inside = torch.tensor([[0.0, 0.0, 2.9]], dtype=torch.float64)
     after, moved = move_behind_bodies(inside, both, FACES, nowhere(inside, 2), 1.0)
@@ -61,7 +60,7 @@ def test_out_of_one_body_and_into_the_next_is_out_of_both() -> None:
     assert after[0, 2].item() == pytest.approx(3.3 + RADIUS, abs=2e-3)
 
 
-def test_what_hides_a_body_that_the_photo_shows_moves_behind_it() -> None:
+def test_what_hides_a_body_that_the_photo_shows_moves_behind_it():
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     rays = (points(1) - torch.tensor([0.0, 0.0, 0.1])) / 3.0
     before = rays * 2.2
@@ -76,7 +75,7 @@ def test_what_hides_a_body_that_the_photo_shows_moves_behind_it() -> None:
     assert (after[moved].norm(dim=-1) > nearest[moved].norm(dim=-1)).all()
 
 
-def test_what_would_have_to_move_too_far_stays() -> None:
+def test_what_would_have_to_move_too_far_stays():
     front = torch.tensor([[0.0, 0.0, 2.8]], dtype=torch.float64)
     assert move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.5)[1].all()
     after, moved = move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.4)

@@ -16,7 +16,7 @@ K = torch.tensor([[800.0, 0.0, 319.5], [0.0, 820.0, 239.5], [0.0, 0.0, 1.0]], dt
 number = st.floats(-3.0, 3.0, allow_nan=False)
 
 
-def test_projection_of_a_point_computed_by_hand() -> None:
+def test_projection_of_a_point_computed_by_hand():
     # 800 * 0.5 / 2 + 319.5 and 820 * -0.25 / 2 + 239.5
     assert project(torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64), K).tolist() == [
         519.5,
@@ -24,7 +24,7 @@ def test_projection_of_a_point_computed_by_hand() -> None:
     ]
 
 
-def test_the_axis_meets_the_middle_between_the_four_central_pixels() -> None:
+def test_the_axis_meets_the_middle_between_the_four_central_pixels():
     camera = torch.as_tensor(Intrinsics.from_focal(500.0, 4, 2).matrix)
     assert project(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64), camera).tolist() == [
         1.5,
@@ -35,14 +35,14 @@ def test_the_axis_meets_the_middle_between_the_four_central_pixels() -> None:
     assert rays[0, 0].tolist() == [-1.5 / 500, -0.5 / 500, 1.0]
 
 
-def test_pixel_grid_is_x_first_and_starts_at_the_first_pixels_centre() -> None:
+def test_pixel_grid_is_x_first_and_starts_at_the_first_pixels_centre():
     grid = pixel_grid(2, 3, torch.zeros(()))
     assert grid.shape == (2, 3, 2)
     assert grid[1, 2].tolist() == [2.0, 1.0]
     assert grid[0, 0].tolist() == [0.0, 0.0]
 
 
-def test_a_resized_camera_sees_the_same_point_on_the_same_spot_of_the_picture() -> None:
+def test_a_resized_camera_sees_the_same_point_on_the_same_spot_of_the_picture():
     camera = Intrinsics(800.0, 820.0, 319.5, 239.5, 640, 480)
     point = torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64)
     small = camera.resized(320, 120)
@@ -53,13 +53,13 @@ def test_a_resized_camera_sees_the_same_point_on_the_same_spot_of_the_picture() 
 
 
 @given(number, number, st.floats(0.05, 60.0))
-def test_unprojected_pixels_project_back(x: float, y: float, z: float) -> None:
+def test_unprojected_pixels_project_back(x, y, z):
     point = torch.tensor([x, y, z], dtype=torch.float64)
     again = unproject(project(point, K), point[2], K)
     torch.testing.assert_close(again, point)
 
 
-def test_gradients_of_projection_and_unprojection_are_those_of_finite_differences() -> None:
+def test_gradients_of_projection_and_unprojection_are_those_of_finite_differences():
     point = torch.tensor(
         [[0.3, -0.2, 2.0], [-1.1, 0.7, 5.0]], dtype=torch.float64, requires_grad=True
     )
@@ -70,7 +70,7 @@ def test_gradients_of_projection_and_unprojection_are_those_of_finite_difference
     assert torch.autograd.gradcheck(unproject, (uv, depth, camera))
 
 
-def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite() -> None:
+def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite():
     points = torch.tensor(
         [[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True
     )

@@ -18,9 +18,7 @@ pytestmark = pytest.mark.quick
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.5), st.integers(1, 3))
 @settings(max_examples=25, deadline=None)
-def test_each_cell_of_a_part_has_one_that_stands_for_it(
-    seed: int, spacing: float, parts: int
-) -> None:
+def test_each_cell_of_a_part_has_one_that_stands_for_it(seed, spacing, parts):
     generator = torch.Generator().manual_seed(seed)
     points = torch.randn(200, 3, generator=generator)
     part = torch.randint(parts, (200,), generator=generator)
@@ -34,7 +32,7 @@ def test_each_cell_of_a_part_has_one_that_stands_for_it(
     assert len(chosen) == len(plain)
 
 
-def test_a_sphere_keeps_its_surface_and_its_outside() -> None:
+def test_a_sphere_keeps_its_surface_and_its_outside():
     ball = trimesh.creation.icosphere(5, 1.0)
     vertices = torch.from_numpy(ball.vertices.copy())
     faces = torch.from_numpy(ball.faces.copy())
@@ -45,7 +43,7 @@ def test_a_sphere_keeps_its_surface_and_its_outside() -> None:
     assert few.volume == pytest.approx(ball.volume, rel=0.02)
 
 
-def test_it_hides_the_limbs_that_the_whole_mesh_hides() -> None:
+def test_it_hides_the_limbs_that_the_whole_mesh_hides():
     model = load_body("embedded")
     generator = torch.Generator().manual_seed(3)
     turns = 0.5 * torch.randn(12, 55, 3, generator=generator)

@@ -22,7 +22,7 @@ K = torch.from_numpy(CAMERA.matrix)
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
-def test_free_space_equals_the_visibility_of_the_benchmark(seed: int) -> None:
+def test_free_space_equals_the_visibility_of_the_benchmark(seed):
     draw = np.random.default_rng(seed)
     depth = draw.uniform(1.0, 4.0, (24, 32))
     depth[draw.random((24, 32)) < 0.2] = np.nan
@@ -33,7 +33,7 @@ def test_free_space_equals_the_visibility_of_the_benchmark(seed: int) -> None:
     )
 
 
-def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() -> None:
+def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not():
     """A seat 0.4 m over the floor from z = 2 m on, under a camera 1.2 m over the floor."""
     wide = torch.tensor([[20.0, 0.0, 15.5], [0.0, 20.0, 11.5], [0.0, 0.0, 1.0]])
     down = ((torch.arange(24.0) - 11.5) / 20)[:, None].expand(24, 32)
@@ -47,7 +47,7 @@ def test_a_calf_before_a_seat_is_in_the_open_and_a_thigh_in_the_seat_is_not() ->
     assert free.tolist() == [True, False]
 
 
-def test_nothing_is_known_outside_the_picture_and_behind_the_camera() -> None:
+def test_nothing_is_known_outside_the_picture_and_behind_the_camera():
     wall = front_depth(torch.ones(24, 32))
     points = torch.tensor([[0.0, 0.0, 2.0], [5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
     assert in_free_space(points, wall, K).tolist() == [False, True, True, True]

@@ -8,14 +8,13 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
 from physic_core.geometry.plane import estimate_up
 
 pytestmark = pytest.mark.quick
 
 
-def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+def camera(pitch_deg, roll_deg=0.0):
     """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down
     and is rolled.
     """
@@ -30,20 +29,20 @@ def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
     return torch.tensor(rolled, dtype=torch.float64) @ torch.tensor(down, dtype=torch.float64)
 
 
-def up(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
+def up(pitch_deg, roll_deg=0.0):
     return camera(pitch_deg, roll_deg) @ torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 
 
 def surfaces(
-    turned: Tensor,
-    floor: int = 2000,
-    ceiling: int = 600,
-    facing: int = 1500,
-    side: int = 1200,
-    clutter: int = 1200,
-    noise_deg: float = 4.0,
-    seed: int = 0,
-) -> Tensor:
+    turned,
+    floor=2000,
+    ceiling=600,
+    facing=1500,
+    side=1200,
+    clutter=1200,
+    noise_deg=4.0,
+    seed=0,
+):
     """(M, 3) normals of as many pixels of floor, ceiling, two walls that stand askew and clutter,
     camera frame.
     """
@@ -63,13 +62,13 @@ def surfaces(
     return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 
 
-def angle_deg(a: Tensor, b: Tensor) -> float:
+def angle_deg(a, b):
     return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 @given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
 @settings(max_examples=30, deadline=None)
-def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed: int) -> None:
+def test_up_is_found_for_any_camera_held_by_hand(pitch, roll, seed):
     estimate = estimate_up(surfaces(camera(pitch, roll), seed=seed))
     assert angle_deg(estimate.up, up(pitch, roll)) < 1.0
     assert estimate.up.dtype == torch.float64
@@ -77,24 +76,24 @@ def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed
     assert 0 < estimate.confidence < 1
 
 
-def test_up_is_found_from_the_floor_alone() -> None:
+def test_up_is_found_from_the_floor_alone():
     estimate = estimate_up(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
     assert angle_deg(estimate.up, up(20.0)) < 0.5
 
 
-def test_up_is_found_from_walls_alone() -> None:
+def test_up_is_found_from_walls_alone():
     estimate = estimate_up(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
     assert angle_deg(estimate.up, up(20.0, -10.0)) < 0.5
     assert estimate.confidence > 0.2
 
 
-def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
+def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room():
     room = estimate_up(surfaces(camera(10.0)))
     wall = estimate_up(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
     assert wall.confidence < 0.25 * room.confidence
 
 
-def test_a_single_frontal_wall_gives_an_up_direction_without_confidence() -> None:
+def test_a_single_frontal_wall_gives_an_up_direction_without_confidence():
     estimate = estimate_up(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
     assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
     assert estimate.confidence == 0.0

@@ -11,7 +11,7 @@ from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 pytestmark = pytest.mark.quick
 
 
-def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+def room(count=20_000, seed=0):
     """Points of a floor and a wall, with their normals."""
     g = torch.Generator().manual_seed(seed)
     floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor(
@@ -27,7 +27,7 @@ def room(count: int = 20_000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor
     )
 
 
-def vertices(count: int = 500, seed: int = 1) -> torch.Tensor:
+def vertices(count=500, seed=1):
     g = torch.Generator().manual_seed(seed)
     box = torch.rand(2, count, 3, generator=g) * torch.tensor([1.0, 1.8, 1.0])
     return box + torch.tensor([-0.5, -0.5, 5.0])

@@ -8,7 +8,6 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from torch import Tensor
 
 from physic_core.geometry.plane import height_over_plane, plane_basis, sample_plane
 
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.quick
 UP = torch.tensor([0.0, -1.0, 0.0])
 
 
-def cloud(count: int = 4000, seed: int = 0) -> Tensor:
+def cloud(count=4000, seed=0):
     """Points of a room of 6 x 3 x 8 m in front of the camera."""
     generator = torch.Generator().manual_seed(seed)
     return torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 3.0, 8.0]) - torch.tensor(
@@ -25,11 +24,11 @@ def cloud(count: int = 4000, seed: int = 0) -> Tensor:
     )
 
 
-def unit(x: float, y: float, z: float) -> Tensor:
+def unit(x, y, z):
     return torch.nn.functional.normalize(torch.tensor([x, y, z], dtype=torch.float64), dim=0)
 
 
-def test_height_is_positive_above_and_the_camera_is_at_the_offset() -> None:
+def test_height_is_positive_above_and_the_camera_is_at_the_offset():
     points = torch.tensor([[0.0, 0.0, 0.0], [3.0, 1.5, 2.0], [0.0, 2.0, 5.0]])
     assert height_over_plane(points, UP, 1.5).tolist() == [1.5, 0.0, -0.5]
 
@@ -38,7 +37,7 @@ directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) 
 
 
 @given(directions)
-def test_basis_is_right_handed_and_orthonormal(direction: tuple[float, float, float]) -> None:
+def test_basis_is_right_handed_and_orthonormal(direction):
     normal = unit(*direction)
     first, second = plane_basis(normal)
     frame = torch.stack((first, second, normal))
@@ -47,16 +46,14 @@ def test_basis_is_right_handed_and_orthonormal(direction: tuple[float, float, fl
 
 
 @given(directions, st.floats(-2, 2))
-def test_samples_lie_on_any_plane_and_stay_within_the_bound(
-    direction: tuple[float, float, float], offset: float
-) -> None:
+def test_samples_lie_on_any_plane_and_stay_within_the_bound(direction, offset):
     normal = unit(*direction)
     points = sample_plane(normal, offset, cloud(300).double())
     assert 0 < len(points) <= 40_000
     assert height_over_plane(points, normal, offset).abs().max() < 1e-9
 
 
-def test_spacing_is_fine_near_the_people_and_the_count_bounded() -> None:
+def test_spacing_is_fine_near_the_people_and_the_count_bounded():
     centres = torch.tensor([[0.5, 1.5, 4.0], [-1.0, 1.5, 5.0]])
     points = sample_plane(UP, 1.5, cloud(), centres)
     assert 20_000 < len(points) <= 40_000
@@ -67,7 +64,7 @@ def test_spacing_is_fine_near_the_people_and_the_count_bounded() -> None:
     assert len(points.unique(dim=0)) == len(points)
 
 
-def test_extent_is_that_of_the_scene_without_its_stragglers() -> None:
+def test_extent_is_that_of_the_scene_without_its_stragglers():
     scene = torch.cat((cloud(), torch.tensor([[500.0, 0.0, 900.0]])))
     points = sample_plane(UP, 1.5, scene)
     assert points.amax(0)[0] == pytest.approx(2.9, abs=0.2)

@@ -9,7 +9,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from torch import Tensor
 
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.pointmap import (
@@ -31,31 +30,29 @@ K = intrinsics_matrix(
 RAYS = pixel_rays(ROWS, COLUMNS, K)
 
 
-def random(*shape: int, seed: int = 0) -> Tensor:
+def random(*shape, seed=0):
     return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
 
 
-def plane_depth(normal: Tensor, offset: float) -> Tensor:
+def plane_depth(normal, offset):
     """Depth (H, W) at which each ray meets n . X + o = 0."""
     return -offset / (RAYS @ normal)
 
 
-def test_every_point_projects_onto_its_own_pixel() -> None:
+def test_every_point_projects_onto_its_own_pixel():
     points = depth_to_pointmap(1 + 5 * random(ROWS, COLUMNS), K)
     torch.testing.assert_close(project(points, K), pixel_grid(ROWS, COLUMNS, points))
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(1e-6, 1e6))
-def test_a_plane_has_its_exact_normal_up_to_the_border_in_any_unit(
-    x: float, y: float, unit: float
-) -> None:
+def test_a_plane_has_its_exact_normal_up_to_the_border_in_any_unit(x, y, unit):
     normal = torch.nn.functional.normalize(torch.tensor([x, y, -1.0], dtype=torch.float64), dim=0)
     points = depth_to_pointmap(plane_depth(normal, unit), K)
     found = pointmap_normals(points, ALL)
     torch.testing.assert_close(found, normal.expand(ROWS, COLUMNS, 3), atol=1e-6, rtol=0)
 
 
-def test_normals_of_float32_points_are_right_to_the_last_digit() -> None:
+def test_normals_of_float32_points_are_right_to_the_last_digit():
     # Then all CPUs agree about them, whatever the order of their sums.
     points = depth_to_pointmap(1 + random(ROWS, COLUMNS), K).float()
     found = pointmap_normals(points, ALL)
@@ -63,7 +60,7 @@ def test_normals_of_float32_points_are_right_to_the_last_digit() -> None:
     assert torch.equal(found, pointmap_normals(points.double(), ALL).float())
 
 
-def test_beside_a_depth_edge_each_surface_keeps_its_own_normal() -> None:
+def test_beside_a_depth_edge_each_surface_keeps_its_own_normal():
     left = torch.nn.functional.normalize(torch.tensor([0.3, 0.0, -1.0], dtype=torch.float64), dim=0)
     right = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
     depth = plane_depth(left, 1.0)
@@ -73,7 +70,7 @@ def test_beside_a_depth_edge_each_surface_keeps_its_own_normal() -> None:
     torch.testing.assert_close(found[:, 32:], right.expand(ROWS, 32, 3))
 
 
-def test_a_point_that_floats_between_two_surfaces_has_no_normal() -> None:
+def test_a_point_that_floats_between_two_surfaces_has_no_normal():
     depth = torch.full((ROWS, COLUMNS), 2.0, dtype=torch.float64)
     depth[:, 32:] = 4.0
     depth[:, 32] = 3.0
@@ -82,7 +79,7 @@ def test_a_point_that_floats_between_two_surfaces_has_no_normal() -> None:
     assert (torch.linalg.vector_norm(found[:, 31], dim=-1) - 1).abs().max() < 1e-12
 
 
-def test_invalid_pixels_neither_get_a_normal_nor_spoil_a_neighbours() -> None:
+def test_invalid_pixels_neither_get_a_normal_nor_spoil_a_neighbours():
     depth = torch.full((ROWS, COLUMNS), 2.0, dtype=torch.float64)
     depth[10, 10] = math.nan
     valid = ALL.clone()
@@ -98,13 +95,13 @@ depths = arrays("float64", (6, 7), elements=st.sampled_from([1.0, 1.02, 1.04, 1.
 masks = arrays("bool", (6, 7))
 
 
-def window(y: int, x: int, reach: int) -> tuple[slice, slice]:
+def window(y, x, reach):
     return slice(max(0, y - reach), y + reach + 1), slice(max(0, x - reach), x + reach + 1)
 
 
 @given(depths, masks)
 @settings(max_examples=50)
-def test_depth_edges_are_those_of_a_plain_loop(depth_array: object, valid_array: object) -> None:
+def test_depth_edges_are_those_of_a_plain_loop(depth_array, valid_array):
     depth = torch.as_tensor(depth_array)
     valid = torch.as_tensor(valid_array)
     found = depth_edges(depth, valid, 1.05)
@@ -117,9 +114,7 @@ def test_depth_edges_are_those_of_a_plain_loop(depth_array: object, valid_array:
 
 @given(depths, masks)
 @settings(max_examples=50)
-def test_unsupported_pixels_are_those_of_a_plain_loop(
-    depth_array: object, valid_array: object
-) -> None:
+def test_unsupported_pixels_are_those_of_a_plain_loop(depth_array, valid_array):
     depth = torch.as_tensor(depth_array)
     valid = torch.as_tensor(valid_array)
     found = isolated_pixels(depth, valid, 1.05)
@@ -145,7 +140,7 @@ def test_unsupported_pixels_are_those_of_a_plain_loop(
             assert bool(found[y, x]) == (bool(valid[y, x]) and min(support.values()) < 2), (y, x)
 
 
-def test_a_speck_goes_and_a_pole_and_a_corner_stay() -> None:
+def test_a_speck_goes_and_a_pole_and_a_corner_stay():
     depth = torch.full((ROWS, COLUMNS), 5.0)
     depth[10:12, 10:12] = 2.0
     depth[:, 40:42] = 2.0
@@ -154,7 +149,7 @@ def test_a_speck_goes_and_a_pole_and_a_corner_stay() -> None:
     assert int(lonely.sum()) == 4
 
 
-def test_the_camera_of_a_point_map_is_recovered_among_outliers() -> None:
+def test_the_camera_of_a_point_map_is_recovered_among_outliers():
     points = depth_to_pointmap(1 + 5 * random(ROWS, COLUMNS), K)
     bad = random(ROWS, COLUMNS, seed=1) < 0.3
     points = torch.where(bad[..., None], points + random(ROWS, COLUMNS, 3, seed=2) - 0.5, points)

@@ -33,7 +33,7 @@ def posed_body():
     return posed.vertices[0].double().numpy(), model.faces.numpy()
 
 
-def relief(side: int = 80):
+def relief(side=80):
     """A rough surface in front of the camera, one vertex a pixel, as a point map is meshed."""
     y, x = np.mgrid[:side, :side]
     z = 3 + 0.3 * np.sin(x / 5) + np.random.default_rng(0).normal(0, 0.02, x.shape)

@@ -70,23 +70,23 @@ INTERFACES: dict[type, tuple[Any, dict[str, Any]]] = {
 }
 
 
-def found_in(result: Any, **context: Any) -> list[str]:
+def found_in(result, **context):
     interface, usual = INTERFACES[type(result)]
     return violations(interface, result, **usual | context)
 
 
-def nan_at(array: np.ndarray, *index: Any) -> np.ndarray:
+def nan_at(array, *index):
     """A copy with NaN at an index, everywhere without one."""
     copy = np.array(array)
     copy[index or ...] = np.nan
     return copy
 
 
-def mesh(*values: Any) -> dict[str, Mesh]:
+def mesh(*values):
     return {"mesh": Mesh("mhr", *values)}
 
 
-def parameters(**values: Any) -> dict[str, BodyParameters]:
+def parameters(**values):
     return {"parameters": replace(PARAMETERS, **values)}
 
 
@@ -134,7 +134,7 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (CONTACT, {"probability": nan_at(CONTACT.probability, 1)}),
     ],
 )
-def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -> None:
+def test_valid_results_have_no_violation(result, changes):
     assert found_in(replace(result, **changes)) == []
 
 
@@ -296,9 +296,7 @@ def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -
         ),
     ],
 )
-def test_a_violation_says_what_was_expected_and_what_came(
-    result: Any, changes: dict[str, Any], expected: list[Any]
-) -> None:
+def test_a_violation_says_what_was_expected_and_what_came(result, changes, expected):
     """``...`` stands for the end of a text, or for further violations."""
     found = found_in(replace(result, **changes))
     if expected[-1] is ...:
@@ -309,13 +307,13 @@ def test_a_violation_says_what_was_expected_and_what_came(
         assert text.startswith(wanted[:-3]) if wanted.endswith("...") else text == wanted
 
 
-def test_keypoints_of_another_number_of_people() -> None:
+def test_keypoints_of_another_number_of_people():
     points, confidence = found_in(replace(KEYPOINTS, world=None), people=3)
     assert "(3, 17, 2), got (2, 17, 2)" in points
     assert "(3, 17), got (2, 17)" in confidence
 
 
-def test_the_mask_of_surfaces_takes_every_name_of_the_vocabulary() -> None:
+def test_the_mask_of_surfaces_takes_every_name_of_the_vocabulary():
     labels = SurfaceLabels(np.array([[0, 1], [1, 2]], np.uint8), ("wall", "floor", "rug"))
     assert labels.mask("floor", "rug", "bed").tolist() == [[False, True], [True, True]]
     with pytest.raises(ValueError, match=r"^no surface is named 'lava'"):

@@ -117,7 +117,7 @@ def test_a_backend_that_cannot_be_loaded():
 
 
 @pytest.mark.parametrize("shape", [(64, 80), (64, 80, 1), (64, 80, 4)])
-def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape: tuple[int, ...]):
+def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape):
     array = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
     given = read_photo(array)
     image = read_photo(Image.fromarray(array.squeeze()))

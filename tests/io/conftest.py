@@ -1,18 +1,16 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from typing import Any
 
 import numpy as np
 import pytest
 
 
 @pytest.fixture(scope="session")
-def assert_same() -> Callable[..., None]:
+def assert_same():
     """``assert_same(left, right)``: results are equal to the last bit."""
 
-    def check(left: Any, right: Any, where: str = "reconstruction") -> None:
+    def check(left, right, where="reconstruction"):
         assert type(left) is type(right), where
         if is_dataclass(left):
             for field in fields(left):

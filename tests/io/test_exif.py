@@ -110,7 +110,7 @@ BLOCKS = [
 @pytest.mark.parametrize(
     ("tags", "size", "sensor_mm", "is_known"), [b[1:] for b in BLOCKS], ids=[b[0] for b in BLOCKS]
 )
-def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known) -> None:
+def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known):
     camera, note = intrinsics_from_exif(
         {_TAGS[name]: value for name, value in tags.items()}, size, *size
     )
@@ -125,9 +125,7 @@ def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known) -
 @pytest.mark.parametrize(
     ("software", "sigma"), [("ILCE-7M3 v3.10", None), ("Adobe Photoshop Lightroom 10.0", 0.05)]
 )
-def test_the_lens_of_a_file_that_an_editor_saved_is_an_estimate(
-    software: str, sigma: float | None
-) -> None:
+def test_the_lens_of_a_file_that_an_editor_saved_is_an_estimate(software, sigma):
     tags = {_TAGS[name]: value for name, value in {**ALPHA_7M3, "software": software}.items()}
     camera, note = intrinsics_from_exif(tags, (6000, 4000), 6000, 4000)
     assert camera is not None

@@ -6,23 +6,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from physic_core.errors import InputError
-from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
+from physic_core.io.keypoint_file import read_keypoints
 
 FILES = Path(__file__).parent / "keypoints"
 SLOPE = 720, 1280
 
 
-def read(name: str, size: tuple[int, int] = SLOPE, photo: str = "") -> GivenKeypoints:
+def read(name, size=SLOPE, photo=""):
     return read_keypoints(str(FILES / f"{name}.json"), *size, photo)
 
 
-def place(given: GivenKeypoints, joint: str) -> list[float]:
+def place(given, joint):
     points = given.points[[name == joint for name in given.joint]]
     assert len(points) == 1
     return [float(value) for value in points[0]]
@@ -40,7 +39,7 @@ WRITTEN = [
 
 
 @pytest.mark.parametrize("name", ["openpose", "mmpose", "labelstudio", *WRITTEN])
-def test_one_pose_arrives_at_the_same_place_from_each_tool(name: str) -> None:
+def test_one_pose_arrives_at_the_same_place_from_each_tool(name):
     given = read(name)
     assert place(given, "nose") == pytest.approx([524.26, 490.55], abs=1.0)
     assert place(given, "left_shoulder") == pytest.approx([537.58, 543.36], abs=1.0)
@@ -56,34 +55,32 @@ def test_one_pose_arrives_at_the_same_place_from_each_tool(name: str) -> None:
         ("coco_wholebody_dataset", "nose", (100, 90)),
     ],
 )
-def test_a_joint_of_each_skeleton_is_named_as_its_tool_means_it(
-    name: str, joint: str, at: tuple[float, float]
-) -> None:
+def test_a_joint_of_each_skeleton_is_named_as_its_tool_means_it(name, joint, at):
     assert place(read(name), joint) == pytest.approx(at)
 
 
-def test_the_feet_of_coco_wholebody_are_read_from_their_part() -> None:
+def test_the_feet_of_coco_wholebody_are_read_from_their_part():
     given = read("coco_wholebody_dataset")
     assert {"left_big_toe", "right_heel"} <= set(given.joint)
 
 
-def test_results_with_133_joints_are_read() -> None:
+def test_results_with_133_joints_are_read():
     assert "left_index1" in read("results_133").joint
 
 
-def test_scores_are_confidences_and_low_ones_are_left_out_with_a_note() -> None:
+def test_scores_are_confidences_and_low_ones_are_left_out_with_a_note():
     given = read("couple_low_scores", (1920, 1278))
     assert len(given.joint) == 30
     assert given.confidence == pytest.approx(np.full(30, 0.9))
     assert "4" in given.notes[0]
 
 
-def test_zero_zero_of_a_detector_is_no_place() -> None:
+def test_zero_zero_of_a_detector_is_no_place():
     given = read("results_zero_xy_low_score")
     assert (given.points > 0).all()
 
 
-def test_a_file_for_a_smaller_copy_is_scaled_with_a_note() -> None:
+def test_a_file_for_a_smaller_copy_is_scaled_with_a_note():
     given = read("couple_dataset_1728", (1920, 1278))
     stated = json.loads((FILES / "couple_dataset_1728.json").read_text())
     x, y, _ = stated["annotations"][0]["keypoints"][:3]
@@ -93,25 +90,25 @@ def test_a_file_for_a_smaller_copy_is_scaled_with_a_note() -> None:
     assert "1728 x 1150" in given.notes[0]
 
 
-def test_a_file_for_a_turned_picture_is_refused() -> None:
+def test_a_file_for_a_turned_picture_is_refused():
     with pytest.raises(InputError, match="neither cropped nor turned"):
         read("couple_dataset_1728", (1278, 1920))
 
 
-def test_a_joint_outside_of_the_photo_is_left_out_with_a_note() -> None:
+def test_a_joint_outside_of_the_photo_is_left_out_with_a_note():
     given = read("detector_one_outside")
     assert "nose" not in given.joint
     assert len(given.joint) == 16
     assert "outside" in given.notes[0]
 
 
-def test_of_two_images_that_of_the_photo_is_read() -> None:
+def test_of_two_images_that_of_the_photo_is_read():
     assert len(read("dataset_two_images", photo="slope.jpg").joint) > 0
     with pytest.raises(InputError, match="2 images"):
         read("dataset_two_images", photo="other.jpg")
 
 
-def written(folder: Path, document: Any) -> str:
+def written(folder, document):
     file = folder / "given.json"
     file.write_text(json.dumps(document))
     return str(file)
@@ -138,23 +135,23 @@ SCORES = [0.9] * 16 + [0.1]
     ],
     ids=["transformers", "rtmlib", "mmpose predictions", "mmpose file of an image"],
 )
-def test_points_and_scores_apart_are_read(tmp_path: Path, document: Any) -> None:
+def test_points_and_scores_apart_are_read(tmp_path, document):
     given = read_keypoints(written(tmp_path, document), *SLOPE)
     assert given.points == pytest.approx(np.array(POINTS[:16]))
     assert given.joint[-1] == "left_ankle"
 
 
-def test_an_unknown_form_is_refused_with_what_it_has(tmp_path: Path) -> None:
+def test_an_unknown_form_is_refused_with_what_it_has(tmp_path):
     with pytest.raises(InputError, match="shapes"):
         read_keypoints(written(tmp_path, {"shapes": [], "version": "5"}), *SLOPE)
 
 
-def test_a_file_most_of_whose_points_lie_outside_is_refused() -> None:
+def test_a_file_most_of_whose_points_lie_outside_is_refused():
     with pytest.raises(InputError, match="another picture"):
         read("couple_low_scores", (400, 300))
 
 
-def annotation(image: int, third: float) -> dict[str, Any]:
+def annotation(image, third):
     flat = [number for x, y in POINTS for number in (x, y, third)]
     return {"image_id": image, "category_id": 1, "keypoints": flat}
 
@@ -162,7 +159,7 @@ def annotation(image: int, third: float) -> dict[str, Any]:
 IMAGES = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "b.jpg"}]
 
 
-def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path: Path) -> None:
+def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path):
     file = written(tmp_path, {"images": IMAGES, "annotations": [annotation(2, 2)]})
     with pytest.raises(InputError, match="no keypoints"):
         read_keypoints(file, *SLOPE, "a.jpg")
@@ -170,7 +167,7 @@ def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path
         read_keypoints(file, *SLOPE)
 
 
-def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path: Path) -> None:
+def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path):
     file = written(
         tmp_path, {"images": IMAGES, "annotations": [annotation(1, 1), annotation(2, 0.4)]}
     )
@@ -179,13 +176,13 @@ def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path
 
 
 @pytest.mark.parametrize("label", [-1, 17])
-def test_a_label_of_no_joint_is_refused(tmp_path: Path, label: int) -> None:
+def test_a_label_of_no_joint_is_refused(tmp_path, label):
     document = [{"keypoints": [[100.0, 200.0]], "scores": [0.9], "labels": [label]}]
     with pytest.raises(InputError, match=f"label {label}"):
         read_keypoints(written(tmp_path, document), *SLOPE)
 
 
-def test_scores_above_1_count_as_1_with_a_note(tmp_path: Path) -> None:
+def test_scores_above_1_count_as_1_with_a_note(tmp_path):
     given = read_keypoints(
         written(tmp_path, {"keypoints": [POINTS], "scores": [[5.1] * 17]}), *SLOPE
     )
@@ -194,7 +191,7 @@ def test_scores_above_1_count_as_1_with_a_note(tmp_path: Path) -> None:
     assert "5.1" in given.notes[-1]
 
 
-def test_a_single_joint_as_a_share_of_the_picture_is_refused(tmp_path: Path) -> None:
+def test_a_single_joint_as_a_share_of_the_picture_is_refused(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("person,joint,x,y\n0,nose,0.4,0.5\n")
     with pytest.raises(InputError, match="shares"):

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -24,24 +22,24 @@ from physic_core.io.results import save_reconstruction
 
 
 @pytest.fixture
-def photo(tmp_path: Path) -> Path:
+def photo(tmp_path):
     path = tmp_path / "photo.png"
     path.write_bytes(b"a photo")
     return path
 
 
 @pytest.fixture
-def out(tmp_path: Path) -> Path:
+def out(tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
     return folder
 
 
-def check_overwrite(folder: Path, photo: str, *, overwrite: bool = False) -> None:
+def check_overwrite(folder, photo, *, overwrite=False):
     check(folder, Replaced(photo, overwrite), FILES)
 
 
-def refusal(folder: Path, photo: str, **settings: bool) -> str:
+def refusal(folder, photo, **settings):
     with pytest.raises(OutputError) as caught:
         check_overwrite(folder, photo, **settings)
     start = f"cannot write results to {folder}: "
@@ -49,7 +47,7 @@ def refusal(folder: Path, photo: str, **settings: bool) -> str:
     return str(caught.value).removeprefix(start)
 
 
-def result(folder: Path, photo: str, files: tuple[str, ...] = FILES) -> None:
+def result(folder, photo, files=FILES):
     folder.mkdir(exist_ok=True)
     for name in files:
         (folder / name).write_text("ours")
@@ -58,7 +56,7 @@ def result(folder: Path, photo: str, files: tuple[str, ...] = FILES) -> None:
     (folder / "reconstruction.json").write_text(json.dumps(document))
 
 
-def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out: Path, photo: Path):
+def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out, photo):
     check_overwrite(out / "new", file_digest(photo))
     check_overwrite(out, file_digest(photo))
     (out / "notes.txt").write_text("mine")
@@ -70,21 +68,19 @@ def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out: Path, p
     "place", [shutil.copy, os.link, os.symlink], ids=lambda place: place.__name__
 )
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_the_photo_is_never_overwritten(
-    out: Path, photo: Path, place: Callable[[Path, Path], None], overwrite: bool
-):
+def test_the_photo_is_never_overwritten(out, photo, place, overwrite):
     place(photo, out / "preview.png")
     for photos in (file_digest(photo), f"sha256:0 {file_digest(photo)}"):
         assert "preview.png there is the photo itself" in refusal(out, photos, overwrite=overwrite)
 
 
-def test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten(out: Path):
+def test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten(out):
     result(out, "sha256:0")
     (out / "preview.png").write_text("a picture that is used as a photo now")
     assert "the photo itself" in refusal(out, file_digest(out / "preview.png"), overwrite=True)
 
 
-def test_every_foreign_file_is_named_at_once(out: Path, photo: Path):
+def test_every_foreign_file_is_named_at_once(out, photo):
     shutil.copy(photo, out / "preview.png")
     (out / "combined.glb").write_text("mine")
     (out / "people.csv").mkdir()
@@ -97,7 +93,7 @@ def test_every_foreign_file_is_named_at_once(out: Path, photo: Path):
 @pytest.mark.parametrize(
     "text", ["{}", "a letter", "[" * 100_000, '{"schema": "other", "files": {"combined.glb": ""}}']
 )
-def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
+def test_another_document_makes_no_result(out, photo, text):
     (out / "reconstruction.json").write_text(text)
     (out / "combined.glb").write_text("mine")
     assert photo_identity_of_result(out) is None
@@ -107,7 +103,7 @@ def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
-def test_a_named_pipe_does_not_block(out: Path, photo: Path):
+def test_a_named_pipe_does_not_block(out, photo):
     os.mkfifo(out / "combined.glb")
     assert "combined.glb there is not of an earlier run" in refusal(out, file_digest(photo))
     assert (
@@ -115,7 +111,7 @@ def test_a_named_pipe_does_not_block(out: Path, photo: Path):
     )
 
 
-def test_saving_replaces_the_same_photos_result_alone(out: Path, reconstruction: Reconstruction):
+def test_saving_replaces_the_same_photos_result_alone(out, reconstruction):
     first, other = (replace(reconstruction, photo=f"sha256:{number}") for number in (1, 2))
     for _ in range(2):
         first.save(str(out), "numbers")
@@ -131,11 +127,11 @@ def test_saving_replaces_the_same_photos_result_alone(out: Path, reconstruction:
     assert (out / "preview.png").read_text() == "mine"
 
 
-def edited(path: Path) -> None:
+def edited(path):
     path.write_text("mine")
 
 
-def to_a_link(path: Path) -> None:
+def to_a_link(path):
     path.unlink()
     path.symlink_to("nowhere")
 
@@ -143,7 +139,7 @@ def to_a_link(path: Path) -> None:
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("change", [edited, to_a_link], ids=lambda change: change.__name__)
 def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
-    out: Path, reconstruction: Reconstruction, change: Callable[[Path], None], overwrite: bool
+    out, reconstruction, change, overwrite
 ):
     reconstruction.save(str(out))
     for number in ("", "-2"):
@@ -157,18 +153,14 @@ def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
     assert len(list(out.glob("*.edited*"))) == 2
 
 
-def test_a_result_states_the_digest_of_each_file_but_its_own(
-    out: Path, reconstruction: Reconstruction
-):
+def test_a_result_states_the_digest_of_each_file_but_its_own(out, reconstruction):
     reconstruction.save(str(out))
     files = json.loads((out / "reconstruction.json").read_text())["files"]
     assert set(files) == {path.name for path in out.iterdir()} - {"reconstruction.json"}
     assert files == {name: file_digest(out / name) for name in files}
 
 
-def test_an_edited_file_that_the_next_result_has_not_is_kept_too(
-    out: Path, reconstruction: Reconstruction
-):
+def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out, reconstruction):
     reconstruction.save(str(out))
     (out / "combined.glb").write_text("mine")
     reconstruction.save(str(out), "numbers")
@@ -178,9 +170,7 @@ def test_an_edited_file_that_the_next_result_has_not_is_kept_too(
 
 
 @pytest.mark.parametrize("is_link", [True, False])
-def test_a_link_or_folder_in_place_of_the_document_is_of_the_user(
-    out: Path, reconstruction: Reconstruction, is_link: bool
-):
+def test_a_link_or_folder_in_place_of_the_document_is_of_the_user(out, reconstruction, is_link):
     save_reconstruction(reconstruction, out, "numbers")
     document = out / "reconstruction.json"
     document.rename(out / "mine.json")
@@ -195,9 +185,9 @@ def test_a_link_or_folder_in_place_of_the_document_is_of_the_user(
 
 
 def test_a_file_that_the_user_writes_while_pictures_are_made_is_kept(
-    out: Path, reconstruction: Reconstruction, monkeypatch: pytest.MonkeyPatch
+    out, reconstruction, monkeypatch
 ):
-    def mesh(result: Reconstruction) -> bytes:
+    def mesh(result):
         (out / "combined.glb").write_text("mine")
         return b"mesh"
 
@@ -208,7 +198,7 @@ def test_a_file_that_the_user_writes_while_pictures_are_made_is_kept(
     assert [(path.name, path.read_text()) for path in out.iterdir()] == [("combined.glb", "mine")]
 
 
-def test_a_folder_that_is_a_link_is_written_to(tmp_path: Path, reconstruction: Reconstruction):
+def test_a_folder_that_is_a_link_is_written_to(tmp_path, reconstruction):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "out").symlink_to("elsewhere")
     reconstruction.save(str(tmp_path / "out"), "numbers")
@@ -216,10 +206,8 @@ def test_a_folder_that_is_a_link_is_written_to(tmp_path: Path, reconstruction: R
     assert (tmp_path / "elsewhere" / "reconstruction.json").is_file()
 
 
-def test_earlier_pictures_are_known_where_the_new_ones_fail(
-    out: Path, reconstruction: Reconstruction, monkeypatch: pytest.MonkeyPatch
-):
-    def fail(reconstruction: Reconstruction) -> bytes:
+def test_earlier_pictures_are_known_where_the_new_ones_fail(out, reconstruction, monkeypatch):
+    def fail(reconstruction):
         raise MemoryError
 
     reconstruction.save(str(out))

@@ -29,7 +29,7 @@ WIDTH = 96
 HEIGHT = 72
 
 
-def corners(width=WIDTH, height=HEIGHT) -> np.ndarray:
+def corners(width=WIDTH, height=HEIGHT):
     """Red top left, green top right, blue bottom left, white bottom right."""
     image = np.zeros((height, width, 3), np.uint8)
     image[: height // 2, : width // 2, 0] = 255
@@ -39,12 +39,12 @@ def corners(width=WIDTH, height=HEIGHT) -> np.ndarray:
     return image
 
 
-def saved(picture: np.ndarray, path: Path, **options) -> Path:
+def saved(picture, path, **options):
     Image.fromarray(picture).save(path, **options)
     return path
 
 
-def message_of(path) -> str:
+def message_of(path):
     with pytest.raises(InputError) as caught:
         read_photo(path)
     return str(caught.value)
@@ -73,16 +73,16 @@ def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), software="", **tag
 NOISE = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
 
 
-def truncated(path: Path) -> None:
+def truncated(path):
     whole = saved(NOISE, path).read_bytes()
     path.write_bytes(whole[: len(whole) * 6 // 10])
 
 
-def sparse(path: Path) -> None:
+def sparse(path):
     os.truncate(saved(NOISE, path), 400_000_001)
 
 
-def huge(path: Path) -> None:
+def huge(path):
     def chunk(kind, data):
         return (
             struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -183,7 +183,7 @@ def test_a_pipe_that_takes_the_place_of_a_file_is_refused_without_waiting(tmp_pa
         ("Übung 写真.jpg", "Übung 写真.jpg"),
     ],
 )
-def test_names_cannot_change_a_message(name: str, shown: str, tmp_path: Path):
+def test_names_cannot_change_a_message(name, shown, tmp_path):
     assert f"{tmp_path}/{shown}: " in message_of(tmp_path / name)
     Image.fromarray(corners()).save(os.fsencode(tmp_path / name), "PNG")
     assert read_photo(tmp_path / name).image.shape == (HEIGHT, WIDTH, 3)
@@ -192,7 +192,7 @@ def test_names_cannot_change_a_message(name: str, shown: str, tmp_path: Path):
 @pytest.mark.parametrize(
     ("path", "shown"), [("a\0b.jpg", r"a\x00b.jpg"), ("\ud800.jpg", r"\ud800.jpg")]
 )
-def test_a_path_that_no_file_can_have_is_refused(path: str, shown: str):
+def test_a_path_that_no_file_can_have_is_refused(path, shown):
     assert f"{shown}: the path has characters" in message_of(path)
 
 
@@ -205,7 +205,7 @@ JPEG_KINDS = [
 ]
 
 
-def jpeg(path, **options) -> bytes:
+def jpeg(path, **options):
     """A JPEG of a picture with plains, edges and noise; its file's content."""
     image = np.zeros((120, 200, 3), np.uint8)
     image[:60, :100] = NOISE[:60, :100]

@@ -152,6 +152,6 @@ def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(
     assert not (folder / "report.html").exists()
 
 
-def cards(folder: Path) -> list[dict]:
+def cards(folder):
     page = (folder / "contact-sheet.html").read_text(encoding="utf-8")
     return json.loads(page.split('id="data" type="application/json">')[1].split("</script>")[0])

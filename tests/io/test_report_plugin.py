@@ -4,9 +4,6 @@ physic-viewer.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from physic_core import InputError, save_reconstruction
@@ -28,24 +25,24 @@ PLAIN = f"return '{PAGE_MARK}<h1>' + title + '</h1>' + str(result)"
 
 
 @pytest.fixture
-def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def hidden(monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
 
 
 @pytest.fixture
-def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(make, tmp_path, monkeypatch):
     """The folder of a result, in the current one."""
     monkeypatch.chdir(tmp_path)
     save_reconstruction(make(people=0), tmp_path / "results" / "a", "numbers")
     return tmp_path / "results" / "a"
 
 
-def install(site: Any, body: str) -> None:
+def install(site, body):
     site.install("physic-page", PAGE.format(body=body))
 
 
 @pytest.mark.usefixtures("hidden")
-def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path, physic):
+def test_without_a_plugin_each_way_to_a_page_names_it(make, folder, physic):
     result = make(people=0)
     for way in (
         lambda: report_html(result),
@@ -66,14 +63,12 @@ def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path, p
 
 
 @pytest.mark.usefixtures("hidden")
-def test_a_contact_sheet_needs_no_plugin(folder: Path, physic):
+def test_a_contact_sheet_needs_no_plugin(folder, physic):
     done = physic("report", "results")
     assert (done.exit_code, done.stdout) == (0, "wrote results/contact-sheet.html\n")
 
 
-def test_the_page_of_another_plugin_is_written(
-    folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch, physic
-):
+def test_the_page_of_another_plugin_is_written(folder, site, monkeypatch, physic):
     install(site, PLAIN)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
@@ -97,9 +92,7 @@ def test_the_page_of_another_plugin_is_written(
     ],
     ids=["no text", "no generator", "fails"],
 )
-def test_a_page_that_breaks_the_contract_is_refused(
-    make: Any, site: Any, monkeypatch: pytest.MonkeyPatch, body: str, words: str
-):
+def test_a_page_that_breaks_the_contract_is_refused(make, site, monkeypatch, body, words):
     install(site, body)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     with pytest.raises(PluginError, match=f"'plain' of physic-page 1.0 .*{words}"):

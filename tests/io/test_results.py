@@ -10,7 +10,6 @@ import re
 import struct
 import tracemalloc
 import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 import pytest
 
 import physic_core.io.results as results
-from physic_core import Reconstruction, load_people, load_reconstruction, save_reconstruction
+from physic_core import load_people, load_reconstruction, save_reconstruction
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import digest_of
@@ -31,8 +30,8 @@ pytestmark = pytest.mark.quick
 ROOT = Path(__file__).parents[2]
 
 
-def document_of(folder: Path) -> dict[str, Any]:
-    def refuse(word: str) -> None:
+def document_of(folder):
+    def refuse(word):
         raise AssertionError(f"{word} is not JSON")
 
     document: dict[str, Any] = json.loads(
@@ -41,7 +40,7 @@ def document_of(folder: Path) -> dict[str, Any]:
     return document
 
 
-def on_rays(result: Reconstruction) -> Reconstruction:
+def on_rays(result):
     """Return a result whose points lie on the rays of their pixels, as those of the engine do."""
     K = result.intrinsics
     z = result.scene.points[..., 2].astype(np.float32)
@@ -204,7 +203,7 @@ def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, a
     before = load_reconstruction(tmp_path)
     write = Path.write_bytes
 
-    def full(path: Path, content: bytes) -> int:
+    def full(path, content):
         if "reconstruction.json" in path.name:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(path, content)
@@ -230,7 +229,7 @@ def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
 # -------------------------------------------------------------------------------------
 
 
-def message_of(folder: Path) -> str:
+def message_of(folder):
     with pytest.raises(InputError) as caught:
         load_reconstruction(folder)
     message = str(caught.value)
@@ -240,14 +239,14 @@ def message_of(folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def saved(make, tmp_path_factory) -> Path:
+def saved(make, tmp_path_factory):
     folder: Path = tmp_path_factory.mktemp("saved")
     save_reconstruction(make(people=2), folder, "numbers")
     return folder
 
 
 @pytest.fixture
-def folder(saved: Path, tmp_path: Path) -> Path:
+def folder(saved, tmp_path):
     for path in saved.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     return tmp_path
@@ -300,9 +299,7 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(folder, reconst
     assert {path.name for path in folder.iterdir()} == FILES["numbers"]
 
 
-def change_arrays(
-    folder: Path, change: Callable[[dict[str, Any]], Any], *, restated: bool = True
-) -> None:
+def change_arrays(folder, change, *, restated=True):
     path = folder / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
@@ -333,7 +330,7 @@ def test_invalid_or_missing_arrays_are_refused(folder, change, word):
     assert word in message_of(folder)
 
 
-def double(arrays: dict[str, Any]) -> None:
+def double(arrays):
     arrays["people.0.vertices"] *= 2
 
 

@@ -18,7 +18,7 @@ from physic_core.metrics import (
 pytestmark = pytest.mark.quick
 
 
-def mean_of_groups(drawn: list[list[float]]) -> float:
+def mean_of_groups(drawn):
     return float(np.mean([value for stratum in drawn for value in stratum]))
 
 
@@ -42,7 +42,7 @@ def test_the_interval_of_a_mean_is_two_standard_errors_to_either_side():
 
 
 @pytest.mark.parametrize("strata", [[], [[1.0, 2.0], [3.0]]])
-def test_a_stratum_of_one_group_gives_no_interval(strata: list[list[float]]):
+def test_a_stratum_of_one_group_gives_no_interval(strata):
     assert all(map(math.isnan, resampled_interval(strata, mean_of_groups)))
 
 

@@ -16,8 +16,7 @@ from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.types import skeleton_named
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.types import Person, Reconstruction
+    pass
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class PersonConsistency:
     lean_deg: float
 
 
-def consistency(result: Reconstruction, model: BodyModel) -> list[PersonConsistency]:
+def consistency(result, model):
     """Measure every person of a result."""
     soles = np.concatenate(
         [model.contact_sets[f"{side}_sole"].numpy() for side in ("left", "right")]
@@ -61,7 +60,7 @@ def consistency(result: Reconstruction, model: BodyModel) -> list[PersonConsiste
     return found
 
 
-def keypoint_error_px(person: Person, result: Reconstruction, model: BodyModel) -> float:
+def keypoint_error_px(person, result, model):
     """Mean distance of the projected landmarks from the keypoints of some confidence inside the
     photo.
     """

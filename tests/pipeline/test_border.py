@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core import Reconstruction, reconstruct
+from physic_core import reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
 from physic_core.pipeline.border import find_inside
@@ -27,13 +27,13 @@ BORDERS = {
 }
 
 
-def textured(height: int, width: int, seed: int = 0) -> np.ndarray:
+def textured(height, width, seed=0):
     """A picture of smooth patches between 40 and 215."""
     small = np.random.default_rng(seed).uniform(40, 215, (height // 20, width // 20, 3))
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.uint8)
 
 
-def with_border(image: np.ndarray, name: str) -> tuple[np.ndarray, tuple[slice, slice]]:
+def with_border(image, name):
     *shares, colour = BORDERS[name]
     height, width = image.shape[:2]
     top, bottom, left, right = (
@@ -46,14 +46,14 @@ def with_border(image: np.ndarray, name: str) -> tuple[np.ndarray, tuple[slice, 
     return whole, inside
 
 
-def as_jpeg(image: np.ndarray) -> np.ndarray:
+def as_jpeg(image):
     file = io.BytesIO()
     Image.fromarray(image).save(file, "JPEG", quality=85)
     return np.asarray(Image.open(file))
 
 
 @pytest.mark.parametrize("name", BORDERS)
-def test_a_border_is_found_also_in_a_jpeg(name: str) -> None:
+def test_a_border_is_found_also_in_a_jpeg(name):
     whole, inside = with_border(textured(240, 320), name)
     assert find_inside(whole) == inside
     found = find_inside(as_jpeg(whole))
@@ -63,7 +63,7 @@ def test_a_border_is_found_also_in_a_jpeg(name: str) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("ground", [0, 255])
-def test_a_person_on_plain_ground_is_not_cut(ground: int, seed: int) -> None:
+def test_a_person_on_plain_ground_is_not_cut(ground, seed):
     rng = np.random.default_rng(seed)
     person = np.zeros((480, 360), np.uint8)
     shoulders = rng.integers(60, 150)
@@ -76,13 +76,13 @@ def test_a_person_on_plain_ground_is_not_cut(ground: int, seed: int) -> None:
     assert find_inside(as_jpeg(photo)) is None
 
 
-def test_a_sky_over_a_straight_horizon_is_not_cut() -> None:
+def test_a_sky_over_a_straight_horizon_is_not_cut():
     photo = textured(240, 320)
     photo[:60] = 225 + np.random.default_rng(0).integers(-12, 13, (60, 320, 1))
     assert find_inside(photo) is None
 
 
-def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
+def test_the_users_pixels_are_those_of_the_whole_photo():
     whole, (rows, columns) = with_border(textured(240, 320), "a frame of 10 %")
     y = rows.start
     x = columns.start
@@ -107,16 +107,14 @@ def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
 
 
 @pytest.fixture(scope="module")
-def plain(few_steps: None) -> Reconstruction:
+def plain(few_steps):
     """The result of a photo without a border."""
     return reconstruct(load_world("stand").image, "mock")
 
 
 @pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("name", BORDERS)
-def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(
-    plain: Reconstruction, name: str
-) -> None:
+def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(plain, name):
     whole, inside = with_border(plain.image, name)
     found = reconstruct(whole, "mock")
     np.testing.assert_array_equal(found.image, whole)
@@ -141,7 +139,7 @@ def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(
     assert offset == pytest.approx((left, top))
 
 
-def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo() -> None:
+def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo():
     share = np.linspace(0.1, 1, 240)[:, None, None]
     whole, inside = with_border(
         (255 - share * (255 - textured(240, 320))).astype(np.uint8), "a frame of 10 %"
@@ -149,14 +147,14 @@ def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo() -> N
     assert find_inside(whole) == inside
 
 
-def test_a_white_frame_of_a_photo_with_white_parts_at_its_edge_is_cut_at_the_photo() -> None:
+def test_a_white_frame_of_a_photo_with_white_parts_at_its_edge_is_cut_at_the_photo():
     photo = textured(240, 320)
     photo[-4:, ::3] = 255
     whole, inside = with_border(photo, "a frame of 10 %")
     assert find_inside(whole) == inside
 
 
-def test_a_large_photo_is_downscaled_by_the_picture_inside() -> None:
+def test_a_large_photo_is_downscaled_by_the_picture_inside():
     whole, _ = with_border(textured(480, 640), "a frame of 10 %")
     prepared = prepare_photo(Photo(whole), PhotoSettings(max_side=320), None, None)
     height, width = prepared.photo.image.shape[:2]

@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,12 +41,12 @@ class Counts:
         self.most_open = 0
 
 
-def count(patch: pytest.MonkeyPatch) -> Counts:
+def count(patch):
     """Counts from now on what happens to every installed backend."""
     counts = Counts()
     for kind in dict.fromkeys(map(load_class, list_backends())):
 
-        def infer(self, *arguments, _infer=kind.infer):  # type: ignore[attr-defined]
+        def infer(self, *arguments, _infer=kind.infer):
             counts.asked[self.interface] += 1
             return _infer(self, *arguments)
 
@@ -68,12 +67,12 @@ def count(patch: pytest.MonkeyPatch) -> Counts:
 
 
 @pytest.fixture
-def counts(monkeypatch: pytest.MonkeyPatch) -> Counts:
+def counts(monkeypatch):
     return count(monkeypatch)
 
 
 @pytest.fixture(scope="module")
-def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def photo(tmp_path_factory):
     path = tmp_path_factory.mktemp("photo") / "stand.png"
     Image.fromarray(load_world("stand").image).save(path)
     return path
@@ -88,7 +87,7 @@ def _same_code():
 
 
 @pytest.fixture(scope="module")
-def first(few_steps: None, photo: Path, tmp_path_factory: pytest.TempPathFactory):
+def first(few_steps, photo, tmp_path_factory):
     """The first run, of the preset mock: its cache, its result, and what happened."""
     folder = tmp_path_factory.mktemp("first")
     with pytest.MonkeyPatch.context() as patch:
@@ -98,7 +97,7 @@ def first(few_steps: None, photo: Path, tmp_path_factory: pytest.TempPathFactory
 
 
 @pytest.fixture
-def warm(first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def warm(first, tmp_path, monkeypatch):
     """The folder of answers in a copy of the cache that the first run left."""
     folder = tmp_path / "cache"
     shutil.copytree(first[0], folder)
@@ -106,14 +105,14 @@ def warm(first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder / "results"
 
 
-def by_file(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+def by_file(photo, folder, swap):
     """The swap in a config file, on the command line."""
     tables = "".join(f'[{name}]\nbackend = "{backend}"\n' for name, backend in swap.items())
     (folder / "mine.toml").write_text(f'extends = "mock"\n{tables}')
     physic("run", str(photo), "--config", str(folder / "mine.toml"), "-o", str(folder / "out"))
 
 
-def by_set(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+def by_set(photo, folder, swap):
     """The swap by --set, on the command line."""
     sets = [
         word for name, backend in swap.items() for word in ("--set", f"{name}.backend={backend}")
@@ -121,7 +120,7 @@ def by_set(photo: Path, folder: Path, swap: dict[str, str]) -> None:
     physic("run", str(photo), "--preset", "mock", *sets, "-o", str(folder / "out"))
 
 
-def by_python(photo: Path, folder: Path, swap: dict[str, str]) -> None:
+def by_python(photo, folder, swap):
     """The swap in Python."""
     tables = {name: {"backend": "mock"} for name in INTERFACES} | {
         n: {"backend": b} for n, b in swap.items()
@@ -129,13 +128,13 @@ def by_python(photo: Path, folder: Path, swap: dict[str, str]) -> None:
     reconstruct(read_photo(photo).image, tables)
 
 
-def physic(*arguments: str) -> str:
+def physic(*arguments):
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 0, done.output
     return done.stdout
 
 
-def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
+def test_a_first_run_calls_loads_and_closes_every_backend(first):
     _, result, counts = first
     assert counts.asked == EVERYBODY
     assert counts.loaded == counts.closed == ONCE
@@ -144,8 +143,8 @@ def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
 
 
 def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
-    first, warm: Path, counts: Counts, photo: Path, tmp_path: Path
-) -> None:
+    first, warm, counts, photo, tmp_path
+):
     again = reconstruct(read_photo(photo).image, "mock")
     assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
@@ -178,13 +177,13 @@ DEPENDENTS = [
 
 @pytest.mark.parametrize(("swap", "asked"), DEPENDENTS, ids=lambda value: next(iter(value)))
 def test_swapping_a_backend_calls_it_and_what_depends_on_it(
-    warm: Path,
-    counts: Counts,
-    photo: Path,
-    tmp_path: Path,
-    swap: dict[str, str],
-    asked: dict[str, int],
-) -> None:
+    warm,
+    counts,
+    photo,
+    tmp_path,
+    swap,
+    asked,
+):
     by_set(photo, tmp_path, swap)
     assert counts.asked == Counter(asked)
     assert counts.loaded == Counter(dict.fromkeys(asked, 1))
@@ -200,9 +199,7 @@ def test_swapping_a_backend_calls_it_and_what_depends_on_it(
     )
 
 
-def test_file_set_and_python_give_one_cache_key(
-    warm: Path, counts: Counts, photo: Path, tmp_path: Path
-) -> None:
+def test_file_set_and_python_give_one_cache_key(warm, counts, photo, tmp_path):
     for way in (by_file, by_set, by_python):
         way(photo, tmp_path, {"metric_depth": "embedded"})
     assert counts.asked == Counter(["metric_depth"])
@@ -221,17 +218,13 @@ def test_file_set_and_python_give_one_cache_key(
         ("metric_depth", Counter(["metric_depth"])),
     ],
 )
-def test_options_of_a_backend_are_part_of_the_cache_key(
-    warm: Path, counts: Counts, photo: Path, interface: str, asked: Counter[str]
-) -> None:
+def test_options_of_a_backend_are_part_of_the_cache_key(warm, counts, photo, interface, asked):
     config = load_config(preset="mock", overrides=[f"{interface}.options.noise=3"])
     reconstruct(read_photo(photo).image, config)
     assert counts.asked == asked
 
 
-def test_a_backend_that_is_not_cacheable_is_called_each_time(
-    warm: Path, counts: Counts, photo: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_backend_that_is_not_cacheable_is_called_each_time(warm, counts, photo, monkeypatch):
     monkeypatch.setattr(load_class(find_backend("hand_estimator", "mock")), "cacheable", False)
     result = reconstruct(read_photo(photo).image, "mock")
     assert counts.asked == Counter(["hand_estimator"])
@@ -239,8 +232,8 @@ def test_a_backend_that_is_not_cacheable_is_called_each_time(
 
 
 def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
-    warm: Path, counts: Counts, photo: Path, tmp_path: Path
-) -> None:
+    warm, counts, photo, tmp_path
+):
     before = {path: path.stat().st_mtime_ns for path in warm.iterdir()}
     said = physic("run", str(photo), "--preset", "mock", "--no-cache", "-o", str(tmp_path / "out"))
     assert counts.asked == EVERYBODY
@@ -248,7 +241,7 @@ def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
     assert {path: path.stat().st_mtime_ns for path in warm.iterdir()} == before
 
 
-def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
+def test_the_summary_says_what_came_from_the_cache(warm, photo, tmp_path):
     said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")).splitlines()
     assert (
         said[1]
@@ -264,7 +257,7 @@ def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_
     )
 
 
-def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path) -> None:
+def test_the_config_bounds_what_is_kept(warm, counts, photo):
     """Half of what one run keeps: it makes room for its own answers, the longest unused first."""
     whole = sum(path.stat().st_size for path in warm.iterdir())
     limit = int(whole / 1e6 / 2)
@@ -281,9 +274,7 @@ def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path)
     assert min(path.stat().st_mtime for path in left) > 9
 
 
-def test_where_memory_is_short_one_backend_is_open_at_a_time(
-    first, counts: Counts, photo: Path, tmp_path: Path
-) -> None:
+def test_where_memory_is_short_one_backend_is_open_at_a_time(first, counts, photo, tmp_path):
     assert first[2].most_open == 1
     physic("run", str(photo), "--preset", "mock", "--low-memory", "-o", str(tmp_path / "out"))
     assert counts.loaded == counts.closed == ONCE

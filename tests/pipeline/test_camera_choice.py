@@ -14,9 +14,8 @@ from physic_core.body import load_body
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.settings import with_overrides
-from physic_core.engine.state import Estimates
 from physic_core.pipeline.estimate import run_backends
-from physic_core.pipeline.optimise import Solution, run_engine
+from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import load_world
@@ -29,7 +28,7 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 
 
 @pytest.fixture(scope="module")
-def evidence() -> Estimates:
+def evidence():
     world = load_world("stand", SIZE)
     plan = resolve(load_config(preset="mock"))
     return run_backends(
@@ -37,9 +36,7 @@ def evidence() -> Estimates:
     )
 
 
-def with_cameras(
-    evidence: Estimates, pointmap: Intrinsics | None, metric: Intrinsics | None
-) -> Solution:
+def with_cameras(evidence, pointmap, metric):
     seen = replace(
         evidence,
         intrinsics=pointmap or evidence.intrinsics,
@@ -49,11 +46,11 @@ def with_cameras(
     return run_engine(seen, QUICK, load_body("embedded"), StageRunner("cpu", 8))
 
 
-def known(camera: Intrinsics) -> Intrinsics:
+def known(camera):
     return replace(camera, source="a phone", trust=CameraTrust.KNOWN)
 
 
-def guessed(camera: Intrinsics) -> Intrinsics:
+def guessed(camera):
     return replace(camera, source="1.2 sides", trust=CameraTrust.GUESSED)
 
 
@@ -69,19 +66,19 @@ def guessed(camera: Intrinsics) -> Intrinsics:
     ],
 )
 def test_known_cameras_precede_estimated_and_guessed_ones(
-    evidence: Estimates, pointmap: Intrinsics, metric: Intrinsics | None, focal: float, source: str
-) -> None:
+    evidence, pointmap, metric, focal, source
+):
     camera = with_cameras(evidence, pointmap, metric).intrinsics
     assert (camera.fx, camera.fy) == pytest.approx((focal, focal))
     assert camera.source == source
 
 
-def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Estimates) -> None:
+def test_depths_follow_the_focal_length_unless_they_were_measured(evidence):
     own = evidence.scene.intrinsics
     longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")
     agreed = with_cameras(evidence, own, replace(own, source="a network")).scene
 
-    def ratio(metric: Intrinsics) -> float:
+    def ratio(metric):
         scene = with_cameras(evidence, own, metric).scene
         both = agreed.valid & scene.valid
         return float(np.median(scene.points[both][:, 2] / agreed.points[both][:, 2]))

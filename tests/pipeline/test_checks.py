@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +47,7 @@ FAR = dict.fromkeys(("left_foot", "right_foot", "left_hand", "right_hand", "seat
 """Probability of contact of people who touch nothing."""
 
 
-def standing(lean_deg: float = 0.0) -> np.ndarray:
+def standing(lean_deg=0.0):
     """(55, 3) joints of one who stands 4 m away; leaning towards the camera by an angle."""
     joints = np.zeros((55, 3))
     for side in (0, 1):
@@ -60,14 +59,14 @@ def standing(lean_deg: float = 0.0) -> np.ndarray:
     return np.stack([joints[:, 0], 1.5 - foot - up * math.cos(tilt), 4.0 - up * math.sin(tilt)], -1)
 
 
-def bent(lean_deg: float = 0.0) -> np.ndarray:
+def bent(lean_deg=0.0):
     """(55, 3) joints of one whose left knee is bent."""
     joints = standing(lean_deg)
     joints[7] = joints[4] + [0.0, 0.0, 0.4]
     return joints
 
 
-def with_bent_trunk(degrees: float) -> np.ndarray:
+def with_bent_trunk(degrees):
     """A person on straight legs, whose neck and shoulders are turned towards the camera about the
     hips.
     """
@@ -81,14 +80,12 @@ def with_bent_trunk(degrees: float) -> np.ndarray:
     return joints
 
 
-def stranger(height: float, left: float = 310.0) -> UnposedPerson:
+def stranger(height, left=310.0):
     """A box without a body; that of the person is 400 px high."""
     return UnposedPerson((left, 0.0, left + 50, height), 0.5, "no pose fits the box")
 
 
-def keypoints_at(
-    joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0
-) -> Any:
+def keypoints_at(joints, camera, off_px=0.0, moved=0):
     """COCO keypoints at the projected joints, ``moved`` of the limbs' displaced."""
     skeleton = skeleton_named("coco17")
     points = np.zeros((1, 17, 2))
@@ -104,7 +101,7 @@ def keypoints_at(
     return SimpleNamespace(points=points, confidence=np.ones((1, 17)), skeleton="coco17")
 
 
-def case(**changes: Any) -> tuple[Any, Any]:
+def case(**changes):
     """Estimates and solution of one person where all is well, but for the changes."""
     known = {
         "report": {},
@@ -168,7 +165,7 @@ def case(**changes: Any) -> tuple[Any, Any]:
     return evidence, solution
 
 
-def test_nothing_fails_where_all_is_well() -> None:
+def test_nothing_fails_where_all_is_well():
     found = run_checks(*case())
     assert [d.name for d in found] == [name for name, check in CHECKS.items() if not check.optional]
     assert not any(d.failed for d in found)
@@ -208,9 +205,7 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 person"),
     ],
 )
-def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
-    changes: dict[str, Any], name: str, value: float, word: str
-) -> None:
+def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(changes, name, value, word):
     (failed,) = [d for d in run_checks(*case(**changes)) if d.failed]
     assert (failed.name, failed.person) == (name, None)
     assert failed.value == pytest.approx(value)
@@ -218,7 +213,7 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
     assert word in failed.message
 
 
-def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -> None:
+def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
     estimates, solution = case(unposed=(stranger(199), stranger(400, left=0.0)))
     estimates.people.masks[0, :400, :26] = True
     assert not [check for check in run_checks(estimates, solution) if check.failed]
@@ -259,16 +254,14 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],
 )
-def test_a_fault_of_a_person_fails_its_checks(
-    changes: dict[str, Any], names: tuple[str, ...]
-) -> None:
+def test_a_fault_of_a_person_fails_its_checks(changes, names):
     found = run_checks(*case(**changes))
     assert failed_checks(found, 0) == names
     assert [d.name for d in found if d.failed] == list(names)
     assert failed_checks(found, 1) == ()
 
 
-def test_a_mask_with_the_head_of_another_person_is_never_good() -> None:
+def test_a_mask_with_the_head_of_another_person_is_never_good():
     evidence, solution = case()
     keypoints = evidence.keypoints
     beside = keypoints.points + np.array([150.0, 0.0])
@@ -288,31 +281,31 @@ def test_a_mask_with_the_head_of_another_person_is_never_good() -> None:
     assert warning_messages(found) == (f"person 0: {found[0].message}",)
 
 
-def test_people_lean_without_a_floor_against_the_picture() -> None:
+def test_people_lean_without_a_floor_against_the_picture():
     found = run_checks(*case(lean=16.0, floor="no_consensus"))
     assert failed_checks(found, 0) == ("lean",)
 
 
-def test_one_seen_ankle_is_enough_of_a_leg() -> None:
+def test_one_seen_ankle_is_enough_of_a_leg():
     evidence, solution = case(legs=False, report={"sole_height_m": 0.25})
     evidence.bodies.observed[0, 7] = True
     assert failed_checks(run_checks(evidence, solution), 0) == ("sole_height",)
 
 
-def test_joints_that_another_photo_of_the_moment_shows_are_visible() -> None:
+def test_joints_that_another_photo_of_the_moment_shows_are_visible():
     evidence, solution = case(legs=False, report={"sole_height_m": 0.25})
     evidence.views = (SimpleNamespace(observed=torch.ones((1, 55), dtype=torch.bool)),)
     assert failed_checks(run_checks(evidence, solution), 0) == ("sole_height",)
 
 
-def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
+def test_failed_checks_of_a_body_are_no_warnings_of_the_result():
     found = run_checks(*case(report={"body_in_mask_share": 0.5, "clearance_m": 0.5}, lean=20.0))
     assert warning_messages(found) == ()
     report = {d.name: d.message for d in found if d.failed}
     assert "this person leans 20 degrees towards the camera" in report["lean"]
 
 
-def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
+def test_a_value_at_its_bound_holds_and_beyond_it_does_not():
     for name, check in CHECKS.items():
         beyond = check.threshold + (1e-6 if check.direction == "at most" else -1e-6)
         assert check.compare(check.threshold).state == "ok"
@@ -371,9 +364,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ),
     ],
 )
-def test_an_unmeasured_check_is_unknown_with_its_reason(
-    changes: dict[str, Any], names: tuple[str, ...], reason: str
-) -> None:
+def test_an_unmeasured_check_is_unknown_with_its_reason(changes, names, reason):
     found = {d.name: d for d in run_checks(*case(**changes))}
     for name in names:
         assert (found[name].state, found[name].value) == (CheckState.UNKNOWN, None)
@@ -381,9 +372,7 @@ def test_an_unmeasured_check_is_unknown_with_its_reason(
 
 
 @pytest.mark.parametrize(("pitch_deg", "failed"), [(12.0, False), (19.0, True), (-40.0, False)])
-def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(
-    pitch_deg: float, failed: bool
-) -> None:
+def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg, failed):
     estimates, solution = case()
     pitch = math.radians(pitch_deg)
     solution.scene.floor = Plane(np.array([0.0, -math.cos(pitch), math.sin(pitch)]), 1.5)
@@ -412,9 +401,7 @@ def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(
         ),
     ],
 )
-def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
-    known: dict[str, Any], sigmas: float, message: str
-) -> None:
+def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, sigmas, message):
     report = {"given_stature_m": 1.15, "shown_stature_m": 1.7, "stature_sigmas": sigmas}
     estimates, solution = case(report=report)
     vars(estimates).update(known)
@@ -431,9 +418,7 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
         (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
     ],
 )
-def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(
-    far: float, message: str
-) -> None:
+def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far, message):
     report = {"given_keypoints_px": {"nose": 9.0, "right_wrist": far}, "stature_px": 500.0}
     estimates, solution = case(report=report)
     vars(estimates)["file_px"] = 1.5
@@ -444,7 +429,7 @@ def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(
     assert bool(warning_messages([found])) == (far > 25)
 
 
-def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
+def test_a_person_lists_what_failed_and_what_is_unknown():
     found = run_checks(
         *case(floor="no_consensus", report={"body_in_mask_share": 0.5, "low_depth_ratio": 1.0})
     )
@@ -474,7 +459,7 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
         ("sole_height", None, "Lower sole off the floor: not measured"),
     ],
 )
-def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, text: str) -> None:
+def test_a_check_reads_as_label_value_and_bound(name, value, text):
     check = CHECKS[name].compare((value, "advice or reason"))
     assert str(check) == text
     assert check.message == (
@@ -513,9 +498,7 @@ class Body:
     ("distance", "height", "gap"),
     [(0.3, 0.2, 0.2), (0.1, 0.2, 0.1), (math.inf, 0.2, 0.2), (0.1, -2.3, 0), (-0.1, 1, 0)],
 )
-def test_the_nearest_surface_is_the_scene_or_the_floor(
-    distance: float, height: float, gap: float
-) -> None:
+def test_the_nearest_surface_is_the_scene_or_the_floor(distance, height, gap):
     distances = torch.tensor([distance, math.inf])
     heights = torch.tensor([9.0, height])
     assert clearance(distances, heights) == pytest.approx(gap)
@@ -524,7 +507,7 @@ def test_the_nearest_surface_is_the_scene_or_the_floor(
     )
 
 
-def test_a_depth_map_half_as_far_again_is_found() -> None:
+def test_a_depth_map_half_as_far_again_is_found():
     body = Body()
     mask = torch.ones((480, 640), dtype=torch.bool)
     ratio = depth_ratio(

@@ -13,7 +13,6 @@ from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.known_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
-from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -21,14 +20,14 @@ HEIGHT = 60
 WIDTH = 100
 
 
-def rectangle(x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
+def rectangle(x0, y0, x1, y1):
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[y0:y1, x0:x1] = True
     return mask
 
 
 @pytest.fixture
-def people() -> People:
+def people():
     """Return a person on the left with a hidden right half, and one on the right; keypoints are the
     person's number.
     """
@@ -41,19 +40,19 @@ def people() -> People:
     )
 
 
-def test_points_and_boxes_select_in_the_order_of_the_prompts(people: People) -> None:
+def test_points_and_boxes_select_in_the_order_of_the_prompts(people):
     chosen = select_chosen(people, PeoplePrompt(points=((70, 20),), boxes=((8, 8, 28, 52),)))
     assert chosen.scores.tolist() == pytest.approx([0.8, 0.9])
     assert chosen.keypoints.points[:, 0, 0].tolist() == [1, 0]
     assert np.array_equal(chosen.masks, people.masks[::-1])
 
 
-def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people: People) -> None:
+def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people):
     chosen = select_chosen(people, PeoplePrompt(points=((28, 20),)))
     assert np.array_equal(chosen.masks, people.masks[:1])
 
 
-def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people: People) -> None:
+def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people):
     boxes = np.array([[10, 10, 30, 50], [30, 10, 50, 50]], np.float32)
     unmasked = replace(people, masks=np.zeros_like(people.masks), boxes=boxes)
     assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [
@@ -64,7 +63,7 @@ def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people
     ]
 
 
-def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People) -> None:
+def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people):
     mine = rectangle(70, 10, 100, 60)
     chosen = select_chosen(people, PeoplePrompt(points=((65, 20),), masks=mine[None]))
     assert np.array_equal(chosen.masks, np.stack([rectangle(60, 10, 70, 50), mine]))
@@ -75,7 +74,7 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People
     assert found.keypoints.points[:, 0, 0].tolist() == [1]
 
 
-def test_a_prompt_that_hits_no_person_is_named(people: People) -> None:
+def test_a_prompt_that_hits_no_person_is_named(people):
     with pytest.raises(
         NoPersonError,
         match=r"^no person was found at point 2 \(50, 30\), in px of the photo at 100 x",
@@ -85,7 +84,7 @@ def test_a_prompt_that_hits_no_person_is_named(people: People) -> None:
         select_chosen(people, PeoplePrompt(boxes=((40, 10, 55, 50),)))
 
 
-def test_two_prompts_on_one_person_are_refused(people: People) -> None:
+def test_two_prompts_on_one_person_are_refused(people):
     with pytest.raises(
         NoPersonError, match=r"^point 1 \(70, 20\) and point 2 \(72, 40\) hit the same person"
     ):
@@ -110,7 +109,7 @@ class Disobedient(Prompted):
 
 
 @pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
-def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
+def test_a_run_reconstructs_the_chosen_person(world, kind):
     y, x = np.argwhere(world.masks[0])[len(np.argwhere(world.masks[0])) // 2]
     own = {"segmenter": kind}
     result = reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((x, y),)))
@@ -124,7 +123,7 @@ def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
         reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((9999, 1),)))
 
 
-def test_a_segmenter_that_takes_prompts_has_to_obey_them(world: World) -> None:
+def test_a_segmenter_that_takes_prompts_has_to_obey_them(world):
     prompt = PeoplePrompt(points=((1, 1),))
     with pytest.raises(
         BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"
@@ -132,7 +131,7 @@ def test_a_segmenter_that_takes_prompts_has_to_obey_them(world: World) -> None:
         reconstruct(world.image, "mock", backends={"segmenter": Disobedient}, people=prompt)
 
 
-def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one() -> None:
+def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one():
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     assert SegmenterRequest(image).arguments == (image,)
     prompt = PeoplePrompt(points=((1, 1),))

@@ -26,13 +26,13 @@ BARREL = (-0.28, 0.09, 0.0012, -0.0007, 0.004)
 PINCUSHION = (0.12, -0.03, -0.001, 0.0015, 0.0)
 
 
-def picture(seed: int = 0) -> np.ndarray:
+def picture(seed=0):
     noise = np.random.default_rng(seed).integers(0, 256, (240, 320, 3), dtype=np.uint8)
     return np.ascontiguousarray(cv2.GaussianBlur(noise, (0, 0), 3))
 
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
-def test_the_picture_is_that_of_opencv(distortion: tuple[float, ...]) -> None:
+def test_the_picture_is_that_of_opencv(distortion):
     own = undistort_image(picture(), CAMERA, distortion).astype(int)
     maps = cv2.initUndistortRectifyMap(
         CAMERA.matrix, np.array(distortion), None, CAMERA.matrix, (320, 240), cv2.CV_32F
@@ -47,8 +47,8 @@ def test_the_picture_is_that_of_opencv(distortion: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
 def test_pixels_are_those_of_opencv_and_map_back(
-    distortion: tuple[float, float, float, float, float],
-) -> None:
+    distortion,
+):
     rng = np.random.default_rng(1)
     seen = rng.uniform([0, 0], [320, 240], (50, 2))
     own = undistort_pixels(seen, CAMERA, distortion)
@@ -60,7 +60,7 @@ def test_pixels_are_those_of_opencv_and_map_back(
     np.testing.assert_allclose(Lens(CAMERA, distortion).file_pixels(own, CAMERA), seen, atol=1e-3)
 
 
-def test_prompts_and_lengths_move_with_the_picture() -> None:
+def test_prompts_and_lengths_move_with_the_picture():
     mask = np.zeros((1, 240, 320), bool)
     mask[0, 20:60, 30:70] = True
     prompt = PeoplePrompt(((30.0, 20.0),), ((30.0, 20.0, 70.0, 60.0),), mask)
@@ -77,7 +77,7 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
     assert photo.intrinsics == CAMERA
 
 
-def test_a_distortion_that_folds_the_picture_is_refused() -> None:
+def test_a_distortion_that_folds_the_picture_is_refused():
     with pytest.raises(
         ConfigError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"
     ):
@@ -85,7 +85,7 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
     check_distortion(CAMERA, BARREL)
 
 
-def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
+def test_a_result_states_the_lens_and_keeps_it(tmp_path):
     world = load_world("stand", (160, 120))
     K = [world.intrinsics.fx, world.intrinsics.fy, world.intrinsics.cx, world.intrinsics.cy]
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]

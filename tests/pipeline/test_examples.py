@@ -4,18 +4,16 @@ serves all tests; those of more than a photo of one person and one of two are sl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.same_photo.changes import change
 from benchmarks.same_photo.variants import PHOTO, Variant, answer_of
-from physic_core import Pipeline, Reconstruction, load_config
+from physic_core import Pipeline, load_config
 from physic_core.batch.process import batch_config
 from physic_core.body import load_body
 from physic_core.engine.contact.method import ContactMethod
@@ -30,7 +28,7 @@ MIRRORED_AND_CROPPED = Variant("mirrored and cropped", mirrored=True, margin=0.0
 
 
 @pytest.fixture(scope="module")
-def pipeline() -> Iterator[Pipeline]:
+def pipeline():
     with Pipeline(batch_config(load_config(preset="embedded"), cache=False)) as pipeline:
         yield pipeline
 
@@ -41,16 +39,14 @@ QUICK = ("couple", "slope")
 
 
 @pytest.fixture(scope="module")
-def result_of(pipeline: Pipeline) -> Callable[[str], Reconstruction]:
+def result_of(pipeline):
     """A function that gives the result of a photo by its name."""
     return cache(lambda name: pipeline(PHOTOS[name]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
-def test_a_false_person_within_a_person_moves_nobody(
-    pipeline: Pipeline, top: float, bottom: float
-) -> None:
+def test_a_false_person_within_a_person_moves_nobody(pipeline, top, bottom):
     photo = EXAMPLES / "slope.jpg"
     man = (395.0, 420.0, 589.0, 1044.0)
     within = (man[0] + 20, man[1] + top * 624, man[2] - 20, man[1] + bottom * 624)
@@ -70,9 +66,7 @@ def test_a_false_person_within_a_person_moves_nobody(
         for file in sorted(NUMBERS.glob("*.json"))
     ],
 )
-def test_pictures_and_pages_show_the_numbers_of_the_result(
-    result_of: Callable[[str], Reconstruction], name: str, module_at: Any
-) -> None:
+def test_pictures_and_pages_show_the_numbers_of_the_result(result_of, name, module_at):
     docs: ModuleType = module_at("tools/docs_numbers.py")
     shown = docs.read_numbers()[name]
     if name in PHOTOS:
@@ -86,9 +80,7 @@ def test_pictures_and_pages_show_the_numbers_of_the_result(
 
 
 @pytest.mark.slow
-def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
-    result_of: Callable[[str], Reconstruction], pipeline: Pipeline
-) -> None:
+def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(result_of, pipeline):
     changes = []
     for result in map(result_of, PHOTOS):
         height, width = result.image.shape[:2]
@@ -114,18 +106,18 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
 
 
 @pytest.fixture
-def result(result_of: Callable[[str], Reconstruction]) -> Reconstruction:
+def result(result_of):
     return result_of("basketball")
 
 
-def whole_and_cut(result: Reconstruction) -> tuple[int, int]:
+def whole_and_cut(result):
     """The man on the left of the photo, and the one on its right."""
     first, second = np.argsort([person.box[0] for person in result.people])
     return int(first), int(second)
 
 
 @pytest.mark.slow
-def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> None:
+def test_both_people_of_the_example_photo_are_found(result):
     assert len(result.people) == 2
     whole, cut = whole_and_cut(result)
     assert not result.people[whole].failed_checks
@@ -134,7 +126,7 @@ def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> N
 
 
 @pytest.mark.slow
-def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) -> None:
+def test_the_man_who_is_not_cut_off_stands_on_the_floor(result):
     whole, _ = whole_and_cut(result)
     measured = consistency(result, load_body())[whole]
     assert abs(measured.sole_height) < 0.03
@@ -151,7 +143,7 @@ def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) 
 
 
 @pytest.mark.slow
-def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
+def test_his_soles_touch_and_his_head_does_not(result):
     whole, cut = whole_and_cut(result)
     model = load_body()
     contact = result.people[whole].contact

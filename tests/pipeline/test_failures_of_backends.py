@@ -4,26 +4,22 @@ name.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.errors import BackendOutputError
-from physic_core.types import Bodies, Reconstruction
+from physic_core.types import Reconstruction
 from physic_mock import backends
-from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 FILE = "tests/pipeline/test_failures_of_backends.py"
 
 
-def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) -> Reconstruction:
+def run(world, interface, base, change):
     """The mocks, one of whose answers is changed."""
 
     def infer(self, *arguments):
@@ -34,18 +30,18 @@ def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) 
     )
 
 
-def fail(answer: object) -> object:
+def fail(answer):
     raise RuntimeError("no weights\nin w.pt")
 
 
-def nans(*names: str) -> Callable[[Any], Any]:
+def nans(*names):
     """The fields of an answer, NaN everywhere."""
     return lambda answer: replace(
         answer, **{name: np.full_like(getattr(answer, name), np.nan) for name in names}
     )
 
 
-def nan_parameters(answer: Bodies) -> Bodies:
+def nan_parameters(answer):
     return replace(answer, parameters=nans("body_pose", "transl")(answer.parameters))
 
 
@@ -68,8 +64,8 @@ def nan_parameters(answer: Bodies) -> Bodies:
     ids=["segmenter", "body_estimator"],
 )
 def test_an_invalid_result_of_a_required_backend_stops_a_run(
-    world: World, interface: str, base: type, change: Callable[[Any], Any], faults: list[str]
-) -> None:
+    world, interface, base, change, faults
+):
     with pytest.raises(BackendOutputError) as error:
         run(world, interface, base, change)
     assert all(fault in str(error.value) for fault in faults)
@@ -102,12 +98,12 @@ FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno
     ],
 )
 def test_a_run_goes_on_without_an_optional_backend_that_fails(
-    world: World,
-    optional: tuple[str, type, str, str],
-    change: Callable[[Any], Any],
-    reason: str,
-    tmp_path: Path,
-) -> None:
+    world,
+    optional,
+    change,
+    reason,
+    tmp_path,
+):
     interface, base, stage, consequence = optional
     result = run(world, interface, base, change)
     assert any(

@@ -5,7 +5,6 @@ others.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,10 +19,10 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_keypoints,
     real_people,
 )
-from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Person, Reconstruction
+from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -32,28 +31,28 @@ KEPT = 1
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world():
     return load_world("hug", (160, 120))
 
 
 @pytest.fixture(scope="module")
-def sound(world: World) -> Reconstruction:
+def sound(world):
     return reconstruct(world.image, "mock")
 
 
 @pytest.fixture(scope="module")
-def alone(world: World) -> Person:
+def alone(world):
     """The person who is kept, in a run that finds no one else."""
     result = run(world, SeeOne, "segmenter")
     assert len(result.people) == 1
     return result.people[0]
 
 
-def run(world: World, kind: type, interface: str) -> Reconstruction:
+def run(world, kind, interface):
     return reconstruct(world.image, "mock", backends={interface: kind})
 
 
-def spoilt(values: np.ndarray) -> np.ndarray:
+def spoilt(values):
     values = values.copy()
     values[LOST] = np.nan
     return values
@@ -93,28 +92,26 @@ class LoseContact(backends.MockContactPrior):
         return replace(answer, probability=spoilt(answer.probability))
 
 
-def apart(a: Person, b: Person) -> float:
+def apart(a, b):
     """Mean distance of the vertices, as a share of the person's distance to the camera."""
     return float(
         np.linalg.norm(a.vertices - b.vertices, axis=-1).mean() / np.linalg.norm(b.joints[0])
     )
 
 
-def check_unspoilt(kept: Person, sound: Reconstruction, alone: Person, world: World) -> None:
+def check_unspoilt(kept, sound, alone, world):
     """As near to the truth as with both people or with this one alone."""
     errors = [error_m(person, world) for person in (kept, sound.people[KEPT], alone)]
     assert errors[0] < 1.1 * max(errors[1:])
 
 
-def error_m(person: Person, world: World) -> float:
+def error_m(person, world):
     return min(
         float(np.linalg.norm(person.vertices - truth, axis=-1).mean()) for truth in world.vertices
     )
 
 
-def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
-    world: World, sound: Reconstruction, alone: Person, tmp_path: Path
-) -> None:
+def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, alone, tmp_path):
     result = run(world, LoseBody, "body_estimator")
     lost = result.people[LOST]
     kept = result.people[KEPT]
@@ -156,8 +153,8 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     ],
 )
 def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
-    world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
-) -> None:
+    world, sound, alone, kind, interface
+):
     result = run(world, kind, interface)
     failed = [c for c in result.checks if c.name == "placed" and c.failed]
     assert [(c.person, c.value) for c in failed] == [(LOST, 0)]
@@ -172,8 +169,8 @@ def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
 
 
 def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
-    world: World, sound: Reconstruction, alone: Person, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    world, sound, alone, monkeypatch
+):
     plain = joint._finite_energy
 
     def one_is_not(energy):
@@ -193,7 +190,7 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
-def test_invalid_rows_become_the_values_for_unknown() -> None:
+def test_invalid_rows_become_the_values_for_unknown():
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
     keypoints, lost = discard_invalid_keypoints(
@@ -224,7 +221,7 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
 
 
 @pytest.mark.parametrize(("on_own", "real"), [(4, False), (7, True)])
-def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own: int, real: bool) -> None:
+def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     """Of 17 joints 7 on the own mask are a person behind another one; a mask that the user gives is
     followed.
     """

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,10 +16,9 @@ from physic_core.io.photo import read_photo
 from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
-from physic_testing.worlds import World
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray
+    pass
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -29,24 +27,24 @@ LEFT_WRIST = NAMES.index("left_wrist")
 LEFT_ELBOW = NAMES.index("left_elbow")
 
 
-def run(world: World, file: Path):
+def run(world, file):
     config = {"extends": "mock", "run": {"cache": False}, "photo": {"keypoints": str(file)}}
     config["keypoint_detector"] = {"options": {"skeleton": "coco17"}}
     return reconstruct(world.image, config)
 
 
-def written(folder: Path, text: str, name: str = "keypoints.csv") -> Path:
+def written(folder, text, name="keypoints.csv"):
     file = folder / name
     file.write_text(text)
     return file
 
 
-def detected(world: World, folder: Path):
+def detected(world, folder):
     """The result with a keypoint of the corner, of no weight for the others."""
     return run(world, written(folder, "person,joint,x,y\n0,left_ear,0,0\n"))
 
 
-def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world: World) -> None:
+def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path, world):
     before = detected(world, tmp_path)
     found = run(
         world,
@@ -61,9 +59,7 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world:
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
 
 
-def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(
-    tmp_path: Path, world: World
-) -> None:
+def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, world):
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
     off_body, off_photo = (text for text in found.warnings if "given" in text)
     assert off_body.startswith("person 0: the given left wrist lies ")
@@ -72,7 +68,7 @@ def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(
     assert found.people[0].grade != "good"
 
 
-def annotation(points: np.ndarray, hidden: int | None = None) -> dict[str, Any]:
+def annotation(points, hidden=None):
     """An annotation of COCO with 17 points (17, 2), of which one is not marked."""
     shown = np.concatenate([points, np.full((17, 1), 2.0)], 1)
     if hidden is not None:
@@ -80,7 +76,7 @@ def annotation(points: np.ndarray, hidden: int | None = None) -> dict[str, Any]:
     return {"image_id": 7, "category_id": 1, "keypoints": shown.ravel().tolist()}
 
 
-def two_people() -> tuple[Keypoints, People]:
+def two_people():
     """A person in the left half of a picture, and one behind them, whose box is larger and whose
     mask is smaller.
     """
@@ -92,15 +88,13 @@ def two_people() -> tuple[Keypoints, People]:
     return Keypoints(points, np.full((2, 17), 0.9), "coco17"), People(masks, boxes, np.ones(2))
 
 
-def corrected(
-    folder: Path, annotations: list[dict[str, Any]]
-) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
+def corrected(folder, annotations):
     keypoints, people = two_people()
     file = written(folder, json.dumps({"annotations": annotations}), "coco.json")
     return corrected_keypoints(keypoints, read_keypoints(str(file), 160, 120), people)
 
 
-def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_path: Path) -> None:
+def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_path):
     before, _ = two_people()
     shown = before.points[1] + 1
     after, changed, notes = corrected(
@@ -114,7 +108,7 @@ def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_p
     assert len(notes) == 1
 
 
-def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path: Path) -> None:
+def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path):
     file, (keypoints, people) = (
         written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n"),
         two_people(),
@@ -138,9 +132,7 @@ def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_p
         ((155, 60), 86),  # from the mask
     ],
 )
-def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is_sure(
-    at: tuple[float, float], off: float
-) -> None:
+def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is_sure(at, off):
     before, people = two_people()
     before.points[0, [LEFT_WRIST, NAMES.index("right_wrist")]] = (50, 60), (100, 110)
     points = np.array(before.points)
@@ -154,9 +146,7 @@ def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is
     )
 
 
-def test_an_unsure_detector_contradicts_nothing_but_a_joint_far_outside_of_the_mask_is_contradicted() -> (  # noqa: E501
-    None
-):
+def test_an_unsure_detector_contradicts_only_a_joint_far_outside_of_the_mask():
     before, people = two_people()
     unsure = replace(before, confidence=np.full((2, 17), 0.2))
     points = np.array(before.points)
@@ -170,8 +160,8 @@ def test_an_unsure_detector_contradicts_nothing_but_a_joint_far_outside_of_the_m
 
 
 def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     before, _ = two_people()
     three = [annotation(points + 1) for points in (*before.points, before.points[0] + 5)]
     _, changed, notes = corrected(tmp_path, three)
@@ -179,7 +169,7 @@ def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(
     assert "annotation 2" in notes[-1]
 
 
-def test_annotations_that_are_of_nobody_are_refused(tmp_path: Path) -> None:
+def test_annotations_that_are_of_nobody_are_refused(tmp_path):
     keypoints, people = two_people()
     file = written(tmp_path, json.dumps([annotation(np.full((17, 2), 3.0))]), "coco.json")
     people = replace(people, boxes=people.boxes + np.array([80, 0, 0, 0]))
@@ -187,7 +177,7 @@ def test_annotations_that_are_of_nobody_are_refused(tmp_path: Path) -> None:
         corrected_keypoints(keypoints, read_keypoints(str(file), 160, 120), people)
 
 
-def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path: Path) -> None:
+def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path):
     before, _ = two_people()
     after, changed, (note,) = corrected(tmp_path, [annotation(before.points[0].round(2))])
     assert not changed.any()
@@ -215,9 +205,7 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path:
         ('[{"image_id": 1}, {"image_id": 2}]', "a.json", "2 images"),
     ],
 )
-def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(
-    tmp_path: Path, text: str, name: str, said: str
-) -> None:
+def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(tmp_path, text, name, said):
     file = written(tmp_path, text, name)
     with pytest.raises(InputError) as caught:
         read_keypoints(str(file), 160, 120)
@@ -228,14 +216,12 @@ def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(
 @pytest.mark.parametrize(
     ("row", "said"), [("3,nose", "1 people were found"), ("0,left_flipper", "right_ankle")]
 )
-def test_a_person_or_joint_that_is_not_there_is_refused(
-    tmp_path: Path, world: World, row: str, said: str
-) -> None:
+def test_a_person_or_joint_that_is_not_there_is_refused(tmp_path, world, row, said):
     with pytest.raises(InputError, match=said):
         run(world, written(tmp_path, f"person,joint,x,y\n{row},5,5\n"))
 
 
-def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path: Path) -> None:
+def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path):
     names = SKELETONS["blazepose33"].names
     points = np.arange(2 * 33 * 2, dtype=float).reshape(2, 33, 2)
     before = Keypoints(points, np.full((2, 33), 0.5), "blazepose33", np.zeros((2, 33, 3)))

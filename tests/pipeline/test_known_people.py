@@ -12,7 +12,7 @@ from physic_core.body.bones import parameters_from_rotations
 from physic_core.engine.sizes.stature import load_ages, resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 NAN = np.nan
 
@@ -71,7 +71,7 @@ def test_adults_and_people_without_a_body_keep_what_they_have():
     assert not notes
 
 
-def place_of_child(world: World) -> int:
+def place_of_child(world):
     """Count people from the left up to the child."""
     order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
     return int(np.isfinite(world.ages[order]).argmax())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
+from physic_core import KnownLength, KnownSizes, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, vertices_at_ray
@@ -24,45 +24,43 @@ from physic_core.engine.sizes.stature import (
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import known_people
 from physic_core.types import Bodies, People
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 SIZE = (160, 120)
 MODEL = load_body("embedded")
 
 
 @pytest.fixture(scope="module")
-def stand() -> World:
+def stand():
     return load_world("stand", SIZE)
 
 
-def run(world: World, known: KnownSizes, *overrides: str) -> Reconstruction:
+def run(world, known, *overrides):
     quick = ("run.cache=false", "engine.joint.optimiser.steps=20", *overrides)
     return reconstruct(world.image, load_config(preset="mock", overrides=quick), known=known)
 
 
 @pytest.fixture(scope="module")
-def free(stand: World) -> Reconstruction:
+def free(stand):
     """The result without any known size."""
     return run(stand, KnownSizes())
 
 
-def stature(result: Reconstruction) -> list[float]:
+def stature(result):
     betas = np.concatenate([p.parameters.betas for p in result.people])
     return [float(s) for s in MODEL.stature(torch.from_numpy(betas).float())]
 
 
-def given_and_result(result: Reconstruction) -> dict[str, tuple[float, float]]:
+def given_and_result(result):
     return {m["name"]: (m["given"], m["result"]) for m in result.diagnostics["known_sizes"]}
 
 
-def contradictions(result: Reconstruction) -> list[str]:
+def contradictions(result):
     return [w for w in result.warnings if "contradict" in w or "not used" in w]
 
 
 @pytest.mark.parametrize("height", [1.5, 1.95])
-def test_a_person_has_the_given_stature_and_the_scene_follows(
-    stand: World, free: Reconstruction, height: float
-) -> None:
+def test_a_person_has_the_given_stature_and_the_scene_follows(stand, free, height):
     held = run(stand, KnownSizes(stature=(height,)))
     assert stature(held)[0] == pytest.approx(height, rel=0.01)
     floor = held.scene.floor
@@ -77,7 +75,7 @@ def test_a_person_has_the_given_stature_and_the_scene_follows(
 
 
 @pytest.mark.parametrize(("preset", "height"), [("default", 1.2), ("paper", 1.6)])
-def test_the_camera_stands_at_the_given_height(stand: World, height: float, preset: str) -> None:
+def test_the_camera_stands_at_the_given_height(stand, height, preset):
     result = run(stand, KnownSizes(camera_height=height), f"engine.preset={preset}")
     assert result.scene.floor.offset == pytest.approx(height, rel=0.01)
     assert given_and_result(result)["the camera height"] == (
@@ -88,7 +86,7 @@ def test_the_camera_stands_at_the_given_height(stand: World, height: float, pres
     assert result.people[0].stature_sigma == pytest.approx(math.hypot(0.01, 0.05))
 
 
-def test_two_points_of_the_scene_are_as_far_apart_as_given(stand: World) -> None:
+def test_two_points_of_the_scene_are_as_far_apart_as_given(stand):
     length = KnownLength((10.0, 100.0), (150.0, 100.0), 2.0)
     result = run(stand, KnownSizes(lengths=(length,)))
     a, b = (result.scene.points[100, x] for x in (10, 150))
@@ -96,7 +94,7 @@ def test_two_points_of_the_scene_are_as_far_apart_as_given(stand: World) -> None
     assert np.linalg.norm(a - b) == pytest.approx(2.0, rel=0.01)
 
 
-def test_two_points_of_a_person_are_as_far_apart_as_given(stand: World) -> None:
+def test_two_points_of_a_person_are_as_far_apart_as_given(stand):
     head, ankle = (stand.joints[0, j] @ stand.intrinsics.matrix.T for j in (15, 7))
     start, end = (tuple(map(float, p[:2] / p[2])) for p in (head, ankle))
     result = run(stand, KnownSizes(lengths=(KnownLength(start, end, 1.2),)))  # 1.5 m in truth
@@ -138,16 +136,12 @@ WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
         ),
     ],
 )
-def test_a_contradiction_beyond_three_standard_errors_is_refused(
-    stand: World, known: KnownSizes, message: str
-) -> None:
+def test_a_contradiction_beyond_three_standard_errors_is_refused(stand, known, message):
     with pytest.raises(ConfigError, match=message):
         run(stand, known)
 
 
-def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(
-    stand: World, free: Reconstruction
-) -> None:
+def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(stand, free):
     a, b = (free.scene.points[100, x] for x in (10, 150))
     height = float(free.scene.floor.offset)
     length = float(np.linalg.norm(a - b))
@@ -161,13 +155,13 @@ def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warni
     assert result.scene.floor is not None
 
 
-def people(centres: list[float]) -> People:
+def people(centres):
     boxes = np.array([[c - 5, 0, c + 5, 20] for c in centres], np.float32)
     masks = np.zeros((len(centres), 20, 100), bool)
     return People(masks, boxes, np.ones(len(centres), np.float32), None)
 
 
-def test_statures_are_given_from_left_to_right() -> None:
+def test_statures_are_given_from_left_to_right():
     found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40])).stature
     np.testing.assert_equal(found, [1.8, 1.5, np.nan])
     np.testing.assert_equal(
@@ -175,7 +169,7 @@ def test_statures_are_given_from_left_to_right() -> None:
     )
 
 
-def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> None:
+def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
     found = run(load_world("hug", SIZE), KnownSizes(stature=(1.9, 1.55)))
     (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 0]
     assert check.ok
@@ -184,14 +178,14 @@ def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> Non
     assert "1.55 m" in warning
 
 
-def test_statures_of_chosen_people_are_in_their_order() -> None:
+def test_statures_of_chosen_people_are_in_their_order():
     found = known_people(
         KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True
     ).stature
     np.testing.assert_equal(found, [1.5, np.nan, 1.8])
 
 
-def test_too_many_statures_are_an_error() -> None:
+def test_too_many_statures_are_an_error():
     with pytest.raises(
         ConfigError,
         match=r"^2 statures were given, but 1 person was found: give one stature for all",
@@ -199,7 +193,7 @@ def test_too_many_statures_are_an_error() -> None:
         known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
 
 
-def test_a_body_of_another_stature_keeps_its_place_in_the_image() -> None:
+def test_a_body_of_another_stature_keeps_its_place_in_the_image():
     rotations, betas, transl = MODEL.zero_pose(2)
     transl[:, 2] = 4.0
     before = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", None)
@@ -223,14 +217,14 @@ def test_a_body_of_another_stature_keeps_its_place_in_the_image() -> None:
 
 
 @pytest.mark.parametrize("height", [1.2, 1.6, 2.1])
-def test_the_nearest_shape_of_a_stature(height: float) -> None:
+def test_the_nearest_shape_of_a_stature(height):
     betas = betas_with_stature(
         MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height)
     )
     torch.testing.assert_close(MODEL.stature(betas), torch.full((3,), height), atol=1e-4, rtol=0)
 
 
-def test_a_scene_and_the_prior_of_adults_share_a_difference() -> None:
+def test_a_scene_and_the_prior_of_adults_share_a_difference():
     stature = torch.tensor([1.7, 1.7, 1.7, 1.7])
     factor = stature_factor(torch.tensor([1.0, 1.05, 0.6, math.nan]), stature)
     assert factor[0] == 1
@@ -239,7 +233,7 @@ def test_a_scene_and_the_prior_of_adults_share_a_difference() -> None:
     assert factor[2] == pytest.approx(0.6, abs=0.005)  # a child
 
 
-def test_the_point_of_a_body_lies_on_the_ray() -> None:
+def test_the_point_of_a_body_lies_on_the_ray():
     grid = torch.stack(
         torch.meshgrid(torch.linspace(-1, 1, 21), torch.linspace(-1, 1, 21), indexing="ij"), -1
     )
@@ -267,12 +261,12 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
         ),
     ],
 )
-def test_an_impossible_size_is_refused(setting: str, message: str) -> None:
+def test_an_impossible_size_is_refused(setting, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
         load_config(preset="mock", overrides=[f"photo.{setting}"])
 
 
-def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World, physic) -> None:
+def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand, physic):
     from PIL import Image
 
     photo = tmp_path / "photo.png"
@@ -295,7 +289,7 @@ def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World, phy
     assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
 
 
-def test_chosen_people_keep_the_sizes_given_for_them() -> None:
+def test_chosen_people_keep_the_sizes_given_for_them():
 
     distances = KnownDistances(
         torch.tensor([1.0, 2.0]),

@@ -8,8 +8,7 @@ import re
 import threading
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from physic_core import (
     NoPersonError,
     PhysicError,
     Pipeline,
-    Reconstruction,
     load_config,
     reconstruct,
 )
@@ -30,7 +28,6 @@ from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
 from physic_core.types import CheckResult, DepthMap, People
 from physic_mock import backends
-from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -52,32 +49,30 @@ class CountedDepth(backends.MockMetricDepth):
 
 
 @pytest.fixture(autouse=True)
-def events(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+def events(monkeypatch):
     monkeypatch.setattr(CountedDepth, "events", Counter())
     return CountedDepth.events
 
 
 @pytest.fixture(scope="module")
-def result(world: World) -> Reconstruction:
+def result(world):
     return reconstruct(world.image, "mock")
 
 
 @pytest.fixture(scope="module")
-def photo(world: World, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def photo(world, tmp_path_factory):
     path = tmp_path_factory.mktemp("photo") / "stand.png"
     Image.fromarray(world.image).save(path)
     return path
 
 
-def same(one: Reconstruction, other: Reconstruction) -> bool:
+def same(one, other):
     return np.array_equal(one.people[0].vertices, other.people[0].vertices) and np.array_equal(
         one.scene.points, other.scene.points
     )
 
 
-def test_backends_are_loaded_once_and_closed_at_the_end(
-    world: World, result: Reconstruction, events: Counter[str]
-):
+def test_backends_are_loaded_once_and_closed_at_the_end(world, result, events):
     with Pipeline("mock", backends={"metric_depth": CountedDepth}) as pipeline:
         assert events == Counter()
         pipeline.warm_up()
@@ -92,7 +87,7 @@ def test_backends_are_loaded_once_and_closed_at_the_end(
         pipeline(world.image)
 
 
-def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
+def test_a_load_that_failed_is_tried_again(world, events):
     class Late(CountedDepth):
         def load(self, device="cpu"):
             super().load(device)
@@ -106,9 +101,7 @@ def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
     assert events == {"load": 2, "infer": 1, "close": 2}
 
 
-def test_every_kind_of_photo_gives_the_same_result(
-    photo: Path, world: World, result: Reconstruction
-):
+def test_every_kind_of_photo_gives_the_same_result(photo, world, result):
     image = Image.open(photo)
     read = {
         "path": photo,
@@ -128,7 +121,7 @@ def test_every_kind_of_photo_gives_the_same_result(
     assert (found.photo_name, result.photo_name) == (photo.name, "")
 
 
-def test_an_error_names_the_photo(photo: Path):
+def test_an_error_names_the_photo(photo):
     class Blind(backends.MockSegmenter):
         def infer(self, image):
             height, width = image.shape[:2]
@@ -148,7 +141,7 @@ def test_an_error_names_the_photo(photo: Path):
             )
 
 
-def test_settings_of_one_photo_hold_for_that_photo_only(world: World):
+def test_settings_of_one_photo_hold_for_that_photo_only(world):
     with Pipeline(
         {"extends": "mock", "photo": {"intrinsics": [400.0, 400.0, 160.0, 120.0]}}
     ) as pipeline:
@@ -172,9 +165,7 @@ class Flat(MetricDepth):
         return DepthMap(np.full(image.shape[:2], self.depth_m, np.float32))
 
 
-def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_an_instance_replaces_the_configs_choice_and_is_not_cached(world, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     # others weigh it beside the people
     own_scale = load_config(preset="mock", overrides=["engine.preset=paper"])
@@ -203,17 +194,17 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
     ],
     ids=["interface", "class", "name"],
 )
-def test_a_given_backend_of_the_wrong_kind(given: dict[str, Any], kind: type, message: str):
+def test_a_given_backend_of_the_wrong_kind(given, kind, message):
     with pytest.raises(kind, match=re.escape(message)):
         Pipeline("mock", backends=given)
 
 
-def test_a_second_thread_is_refused(world: World):
+def test_a_second_thread_is_refused(world):
     refused: list[str] = []
 
     class Slow(backends.MockInpainter):
         def infer(self, image, mask):
-            def second() -> None:
+            def second():
                 try:
                     pipeline(world.image)
                 except PhysicError as error:
@@ -229,7 +220,7 @@ def test_a_second_thread_is_refused(world: World):
     assert refused == ["the pipeline is running in another thread: create one per thread"]
 
 
-def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstruction):
+def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result):
     person = result.people[0]
     mesh = person.mesh()
     assert np.allclose(mesh.vertices, person.vertices)
@@ -246,7 +237,7 @@ def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstructi
         replace(person, faces=None).mesh()
 
 
-def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
+def test_a_summary_is_the_grade_and_flat_numbers(result):
     numbers = result.summary()
     assert numbers.pop("grade") == result.grade
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
@@ -264,9 +255,7 @@ def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
 @pytest.mark.parametrize(
     ("values", "worst"), [((0.5, 0.1), 0.1), ((0.5, 0.9), 0.5), ((None, 0.9), 0.9), ((None,), None)]
 )
-def test_a_check_of_several_people_counts_with_its_worst_value(
-    result: Reconstruction, values: tuple[float | None, ...], worst: float | None
-):
+def test_a_check_of_several_people_counts_with_its_worst_value(result, values, worst):
     states = ["unknown" if v is None else "ok" if v >= 0.4 else "failed" for v in values]
     checks = tuple(
         CheckResult("visible", state, v, 0.4, "at least", "share", "", person=0)

@@ -48,7 +48,7 @@ class Case:
 
 
 @pytest.fixture(scope="module")
-def cases() -> list[Case]:
+def cases():
     return [
         Case(
             world=(world := load_world(name)),
@@ -62,7 +62,7 @@ def cases() -> list[Case]:
     ]
 
 
-def start_of(world: World) -> np.ndarray:
+def start_of(world):
     backends = resolve(load_config(preset="mock", overrides=MOCK)).backends
     people = backends["segmenter"].backend.infer(world.image)
     keypoints = backends["keypoint_detector"].backend.infer(world.image, people)
@@ -77,7 +77,7 @@ def start_of(world: World) -> np.ndarray:
     return posed.vertices.numpy()
 
 
-def vertex_error_mm(vertices: np.ndarray, truth: np.ndarray) -> float:
+def vertex_error_mm(vertices, truth):
     return 1000 * float(np.linalg.norm(vertices - truth, axis=-1).mean())
 
 

@@ -20,24 +20,23 @@ from physic_core.pipeline.backend_results import discard_invalid_bodies
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_testing import violations
-from physic_testing.worlds import World
 
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 
 
-def parameters(people: int = 2) -> BodyParameters:
+def parameters(people=2):
     widths = (3, 63, 45, 45, 3, 3, 3, 10, 0, 3)
     return BodyParameters(*(np.zeros((people, width), np.float32) for width in widths))
 
 
-def bodies(people: int = 2) -> Bodies:
+def bodies(people=2):
     joints = np.zeros((people, 55, 3), np.float32)
     joints[:, 22:] = np.nan
     mesh = Mesh("mhr", np.zeros((people, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
     return Bodies(parameters(people), "mhr", None, joints, mesh)
 
 
-def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
+def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows():
     estimated = bodies()
     estimated.mesh.vertices[0, 2] = np.nan
     assert violations(BodyEstimator, estimated, people=2) == []
@@ -45,12 +44,12 @@ def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
     assert lost.tolist() == [True, False]
     for value in (kept.parameters.transl, kept.joints, kept.mesh.vertices):
         assert np.isnan(value[0]).all()
-    np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])  # type: ignore[index]
+    np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])
     assert np.isfinite(kept.mesh.vertices[1]).all()
     np.testing.assert_array_equal(kept.mesh.faces, FACES)
 
 
-def joints_of(estimated: Bodies) -> np.ndarray:
+def joints_of(estimated):
     model = load_body("embedded")
     p = estimated.parameters
     with torch.no_grad():
@@ -96,7 +95,7 @@ class Wrists(backends.MockHandEstimator):
         )
 
 
-def test_bodies_of_smpl_are_carried_over(world: World) -> None:
+def test_bodies_of_smpl_are_carried_over(world):
     # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain
     # it alike.
     sure = load_config(preset="mock", overrides=["relative_pointmap.options.noise=0"])
@@ -111,14 +110,14 @@ def test_bodies_of_smpl_are_carried_over(world: World) -> None:
     assert apart.max() < 0.03
 
 
-def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
+def test_bodies_with_too_few_joints_are_refused(world):
     with pytest.raises(
         BodyModelError, match="the body model 'smpl' with too few joints to convert them"
     ):
         reconstruct(world.image, "mock", backends={"body_estimator": TooFew})
 
 
-def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
+def test_contact_on_another_mesh_is_carried_over(world):
     result = reconstruct(world.image, "mock", backends={"contact_prior": OtherContact})
     plain = reconstruct(world.image, "mock")
     assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
@@ -127,7 +126,7 @@ def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
     assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
 
 
-def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:
+def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world):
     result, plain = (
         reconstruct(world.image, "mock", backends=given)
         for given in ({"hand_estimator": Wrists}, {})

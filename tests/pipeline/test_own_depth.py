@@ -12,7 +12,6 @@ import pytest
 from physic_core import KnownSizes, load_config, reconstruct
 from physic_core.errors import ConfigError
 from physic_mock.depths import MockRelativePointmap
-from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -21,23 +20,23 @@ EXACT = [
 ]
 
 
-def run(world: World, *settings: str, **known):
+def run(world, *settings, **known):
     config = load_config(preset="mock", overrides=["run.cache=false", *EXACT, *settings])
     return reconstruct(world.image, config, **known)
 
 
-def camera_height(result, world: World) -> float:
+def camera_height(result, world):
     return result.scene.floor.offset / world.floor.offset
 
 
-def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world: World) -> None:
+def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world):
     settings = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
     found = run(world, "metric_depth.options.stated_sigma=0.01", *settings)
     assert camera_height(found, world) == pytest.approx(1, abs=0.04)
     assert any("measured depth gives the scale" in note for note in found.notes)
 
 
-def test_people_follow_a_measured_depth(world: World) -> None:
+def test_people_follow_a_measured_depth(world):
     one, larger = (
         run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
         for scale in (1, 1.15)
@@ -50,7 +49,7 @@ def test_people_follow_a_measured_depth(world: World) -> None:
     assert larger.scene.scale_sigma == pytest.approx(0.01, abs=0.005)
 
 
-def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(world: World) -> None:
+def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(world):
     found = run(world, "metric_depth.options.stated_sigma=0.01", "metric_depth.options.scale=0.65")
     assert camera_height(found, world) == pytest.approx(0.65, abs=0.03)
     assert any("given depth" in warning for warning in found.warnings)
@@ -67,20 +66,18 @@ def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(worl
         (0.2, "optical axis"),
     ],
 )
-def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(
-    world: World, scale: float, unit: str
-) -> None:
+def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(world, scale, unit):
     with pytest.raises(ConfigError, match=unit):
         run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
 
 
-def test_people_correct_a_metric_depth_that_is_far_off(world: World) -> None:
+def test_people_correct_a_metric_depth_that_is_far_off(world):
     found = run(world, "metric_depth.options.scale=2")
     assert camera_height(found, world) == pytest.approx(1, abs=0.1)
     assert any("multiplied by 0.5" in note for note in found.notes)
 
 
-def test_a_known_age_makes_sizes_more_certain(world: World) -> None:
+def test_a_known_age_makes_sizes_more_certain(world):
     found = run(world)
     assert all(0.1 < person.stature_sigma < 0.15 for person in found.people)
     given = run(world, known=KnownSizes(age=(40.0,)))
@@ -96,7 +93,7 @@ class DoubtfulPointmap(MockRelativePointmap):
         return replace(super().infer(image, hints), warnings=("the background is a guess",))
 
 
-def test_the_warning_of_a_point_map_is_one_of_the_result(world: World) -> None:
+def test_the_warning_of_a_point_map_is_one_of_the_result(world):
     config = load_config(preset="mock", overrides=["run.cache=false"])
     found = reconstruct(world.image, config, backends={"relative_pointmap": DoubtfulPointmap})
     assert found.warnings.count("the background is a guess") == 1

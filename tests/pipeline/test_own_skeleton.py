@@ -15,7 +15,6 @@ from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_keypoints
-from physic_testing.worlds import World
 
 from .consistency import consistency
 
@@ -47,7 +46,7 @@ class MarkerDetector(MockKeypointDetector):
         return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)
 
 
-def test_truth_follows_the_skeletons_own_places(world: World) -> None:
+def test_truth_follows_the_skeletons_own_places(world):
     points, _ = world_keypoints(world, MARKERS)
     K = world.intrinsics.matrix
     joints = world.joints[0].astype(float)
@@ -59,7 +58,7 @@ def test_truth_follows_the_skeletons_own_places(world: World) -> None:
     )
 
 
-def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) -> None:
+def test_the_engine_fits_keypoints_of_a_custom_skeleton(world, tmp_path):
     sure = "metric_depth.options.noise=0"
     detector = f"keypoint_detector.backend={__name__}:MarkerDetector"
     found = reconstruct(world.image, load_config(preset="mock", overrides=[detector, sure]))
@@ -79,6 +78,6 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) 
     )
 
 
-def test_the_kit_accepts_a_skeleton_of_ones_own() -> None:
+def test_the_kit_accepts_a_skeleton_of_ones_own():
     report = check_backend(MarkerDetector(KeypointOptions()), "keypoint_detector")
     assert report.ok, str(report)

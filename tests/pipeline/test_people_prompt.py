@@ -25,12 +25,12 @@ from physic_core.types import PeoplePrompt
         (PeoplePrompt(masks=np.ones((30, 40), np.uint8)), r"\(30, 40\) uint8"),
     ],
 )
-def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, words: str) -> None:
+def test_a_choice_that_cannot_be_meant_is_refused(prompt, words):
     with pytest.raises(ConfigError, match=words):
         check_prompt(prompt, 40, 30)
 
 
-def test_prompts_follow_the_size_of_the_image() -> None:
+def test_prompts_follow_the_size_of_the_image():
     mask = np.zeros((1, 30, 40), bool)
     mask[0, 10:20, 20:30] = True
     smaller = resize_prompt(
@@ -45,7 +45,7 @@ def test_prompts_follow_the_size_of_the_image() -> None:
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (5, 9, 10, 14)
 
 
-def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported() -> None:
+def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported():
     mask = np.zeros((1, 30, 40), bool)
     mask[0, 29, 39] = True
     with pytest.raises(ConfigError, match="mask 1 has no pixels at 8 x 6 px"):

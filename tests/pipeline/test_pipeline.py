@@ -21,12 +21,11 @@ from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_mock import backends
-from physic_testing.worlds import World
 
 pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
 
 
-def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None:
+def test_point_maps_get_the_photo_beside_the_inpainted_one(world):
     calls: list[tuple[bool, Hints]] = []
 
     class Looks(backends.MockRelativePointmap):
@@ -41,7 +40,7 @@ def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None
     assert second.photo is None
 
 
-def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
+def test_the_bodies_fit_what_another_camera_shows(world):
     # Two views of equal accuracy: exact keypoints and bodies would hold against the other one.
     noise = [
         f"{name}.options.noise=0.5"
@@ -67,7 +66,7 @@ def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
     ).mean() > 0.9
 
 
-def test_bodies_of_another_body_model(world: World) -> None:
+def test_bodies_of_another_body_model(world):
     class Smplx(backends.MockBodyEstimator):
         def infer(self, *arguments):
             return replace(super().infer(*arguments), body_model="smplx")
@@ -76,7 +75,7 @@ def test_bodies_of_another_body_model(world: World) -> None:
         reconstruct(world.image, "mock", backends={"body_estimator": Smplx})
 
 
-def test_bodies_are_converted_to_the_users_own_body_model(world: World, monkeypatch) -> None:
+def test_bodies_are_converted_to_the_users_own_body_model(world, monkeypatch):
     """The way alone: a whole SMPL-X file is the business of the body's own tests."""
     load = body.load_body
     monkeypatch.setattr(body, "load_body", lambda source: replace(load("embedded"), name="smplx"))
@@ -88,7 +87,7 @@ def test_bodies_are_converted_to_the_users_own_body_model(world: World, monkeypa
     ]
 
 
-def test_optional_interfaces_may_be_left_out(world: World) -> None:
+def test_optional_interfaces_may_be_left_out(world):
     config = load_config(
         preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"]
     )
@@ -100,7 +99,7 @@ def test_optional_interfaces_may_be_left_out(world: World) -> None:
     assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.05
 
 
-def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
+def test_a_configured_camera_is_in_pixels_of_the_file():
     reduced = Photo(np.zeros((100, 200, 3), np.uint8), None, (), file_size=(400, 200))
     given = prepare_photo(reduced, PhotoSettings(focal_px=500), None, None).photo.intrinsics
     assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
@@ -119,9 +118,7 @@ def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
         ((816, 820, 319, 479.5), "639 x 960 px, turned", "1640,1632"),
     ],
 )
-def test_intrinsics_of_another_size_of_the_picture_are_refused(
-    intrinsics: tuple[float, float, float, float], size: str, right: str
-) -> None:
+def test_intrinsics_of_another_size_of_the_picture_are_refused(intrinsics, size, right):
     photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
     with pytest.raises(ConfigError) as caught:
         prepare_photo(photo, PhotoSettings(intrinsics=intrinsics), None, None)
@@ -130,7 +127,7 @@ def test_intrinsics_of_another_size_of_the_picture_are_refused(
 
 
 @pytest.mark.parametrize("centre", [(959.5, 638.5), (1010, 600), (1300, 500), (700, 638.5)])
-def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre: tuple[float, float]) -> None:
+def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre):
     photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
     found = prepare_photo(
         photo, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None
@@ -138,14 +135,14 @@ def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre: tuple[float, float]
     assert found is not None
 
 
-def test_a_configured_camera_wins_over_the_files() -> None:
+def test_a_configured_camera_wins_over_the_files():
     photo = Photo(np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(111, 200, 100, "EXIF"))
     assert prepare_photo(photo, PhotoSettings(), None, None).photo.intrinsics == photo.intrinsics
     chosen = prepare_photo(photo, PhotoSettings(focal_px=222), None, None).photo.intrinsics
     assert (chosen.fx, chosen.source) == (222, "given")
 
 
-def test_dilate_grows_by_a_disc() -> None:
+def test_dilate_grows_by_a_disc():
     mask = np.zeros((21, 21), bool)
     mask[10, 10] = True
     grown = dilate(mask, 5)
@@ -156,14 +153,14 @@ def test_dilate_grows_by_a_disc() -> None:
     assert grown.sum() == pytest.approx(np.pi * 25, rel=0.15)
 
 
-def test_pixels_of_feet_are_confident_and_inside_the_image() -> None:
+def test_pixels_of_feet_are_confident_and_inside_the_image():
     keypoints = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
     keypoints.points[0, 29:] = [[10, 90], [20, 90], [30, 200], [40, 90]]
     keypoints.confidence[0, 27:] = [1, 1, 0.9, 0.4, 0.9, 0.9]
     assert feet_pixels(keypoints, 100, 100).tolist() == [[10, 90], [40, 90]]
 
 
-def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
+def test_hands_replace_fingers_where_they_were_found(world):
     start = backends.MockSegmenter().infer(world.image)
     keypoints = backends.MockKeypointDetector().infer(world.image, start)
     bodies = backends.MockBodyEstimator().infer(

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,6 @@ from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner, load_backend
 from physic_core.types import DepthMap, Hints, Provenance
 from physic_mock.backends import MockSegmenter
-from physic_testing.worlds import World
 
 SHAPE = (6, 8)
 
@@ -51,38 +50,38 @@ class Deed:
     probe: Callable[[], Any]
 
 
-def round_up() -> None:
+def round_up():
     import ctypes
 
     ctypes.CDLL(None).fesetround(0x800 if os.uname().machine == "x86_64" else 0x400000)
 
 
-def enter(context: Any) -> None:
+def enter(context):
     """Enter a context that is never left; torch ends some of them when they are collected."""
     context.__enter__()
     HELD.append(context)
 
 
-def lower_open_files() -> None:
+def lower_open_files():
     import resource
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (512, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
 
 
-def umask_of_a_new_file() -> int:
+def umask_of_a_new_file():
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "new")
         place.touch()
         return place.stat().st_mode
 
 
-def open_files() -> Any:
+def open_files():
     import resource
 
     return resource.getrlimit(resource.RLIMIT_NOFILE)
 
 
-def product() -> bytes:
+def product():
     """A product in float32, whose bits show torch's precision, threads aside."""
     values = torch.linspace(0, 1, 256 * 256).reshape(256, 256)
     return (values @ values).numpy().tobytes()
@@ -340,7 +339,7 @@ class Naughty(MetricDepth):
 
 
 @pytest.fixture(autouse=True)
-def settings_of_the_test() -> Iterator[None]:
+def settings_of_the_test():
     """Seed the generators, since a deed that leaves them as they are would not show, and allow the
     locale to differ.
     """
@@ -353,7 +352,7 @@ def settings_of_the_test() -> Iterator[None]:
     locale.setlocale(locale.LC_ALL, before)
 
 
-def run(backend: Naughty) -> StageRunner:
+def run(backend):
     stages = StageRunner("cpu", 1)
     who = ResolvedBackend(
         backend, Provenance("metric_depth", "naughty", "p", "my-dist", "1.0", {}, "")
@@ -370,7 +369,7 @@ def run(backend: Naughty) -> StageRunner:
 
 @pytest.mark.parametrize("where", ["load", "infer", "close"])
 @pytest.mark.parametrize("name", DEEDS)
-def test_what_a_backend_changes_is_restored_and_named(name: str, where: str) -> None:
+def test_what_a_backend_changes_is_restored_and_named(name, where):
     deed = DEEDS[name]
     before = deed.probe()
     (warning,) = run(Naughty(where, deed.do)).warnings
@@ -411,7 +410,7 @@ GPU_DEEDS = {
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 @pytest.mark.parametrize("name", GPU_DEEDS)
-def test_what_a_backend_changes_of_the_gpu_is_restored_and_named(name: str) -> None:
+def test_what_a_backend_changes_of_the_gpu_is_restored_and_named(name):
     deed = GPU_DEEDS[name]
     before = deed.probe()
     (warning,) = run(Naughty("infer", deed.do)).warnings
@@ -420,20 +419,18 @@ def test_what_a_backend_changes_of_the_gpu_is_restored_and_named(name: str) -> N
 
 
 @pytest.mark.parametrize("where", ["load", "infer"])
-def test_the_state_is_restored_after_an_error_too(where: str) -> None:
+def test_the_state_is_restored_after_an_error_too(where):
     (warning,) = run(Naughty(where, lambda: np.seterr(all="raise"), ValueError("no"))).warnings
     assert "numpy's treatment of errors" in warning
     assert np.geterr()["divide"] == "warn"
 
 
-def test_state_that_cannot_be_restored_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_state_that_cannot_be_restored_is_named(tmp_path, monkeypatch):
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
 
-    def leave() -> None:
+    def leave():
         os.chdir("/")
         gone.rmdir()
 
@@ -441,13 +438,13 @@ def test_state_that_cannot_be_restored_is_named(
     assert "but for the current folder" in warning
 
 
-def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning() -> None:
+def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning():
     before = torch.get_rng_state()
     assert run(Naughty("load", lambda: torch.nn.Linear(3, 3))).warnings == []
     assert torch.equal(torch.get_rng_state(), before)
 
 
-def test_a_filter_for_one_kind_of_warning_stays() -> None:
+def test_a_filter_for_one_kind_of_warning_stays():
     with warnings.catch_warnings():
         assert (
             run(
@@ -460,9 +457,7 @@ def test_a_filter_for_one_kind_of_warning_stays() -> None:
         )
 
 
-def test_a_backend_that_is_loaded_alone_says_what_it_changed(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_backend_that_is_loaded_alone_says_what_it_changed(monkeypatch, caplog):
     monkeypatch.setattr(
         Naughty, "__init__", lambda self, options=None: MetricDepth.__init__(self, options)
     )
@@ -474,7 +469,7 @@ def test_a_backend_that_is_loaded_alone_says_what_it_changed(
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world: World) -> None:
+def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world):
     deeds = [
         deed
         for name, deed in DEEDS.items()
@@ -507,9 +502,7 @@ class Lazy(MockSegmenter):
 """
 
 
-def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(
-    world: World, tmp_path: Path
-) -> None:
+def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(world, tmp_path):
     """In a new process, whose imports set variables and filters, which are no change."""
     (tmp_path / "lazy_plugin.py").write_text(PLUGIN)
     Image.fromarray(world.image).save(tmp_path / "world.png")

@@ -19,7 +19,7 @@ from physic_testing.worlds import load_world
 pytestmark = pytest.mark.kernels
 
 
-def run(*arguments: str) -> dict[str, Any]:
+def run(*arguments):
     done = CliRunner().invoke(main, ["run", "photo.png", "--no-cache", *arguments])
     assert done.exit_code == 0, done.output
     folder = arguments[arguments.index("-o") + 1]
@@ -27,7 +27,7 @@ def run(*arguments: str) -> dict[str, Any]:
     return document
 
 
-def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_run_is_repeated_from_its_result(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
     Path("base.toml").write_text(

@@ -5,7 +5,6 @@ guessed one.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from physic_core import load_config, load_reconstruction, reconstruct
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import UnposedPerson
 from physic_mock import backends
-from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -31,9 +29,7 @@ class Broken(backends.MockMetricDepth):
         raise MemoryError
 
 
-def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(
-    world: World, tmp_path: Path
-) -> None:
+def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world, tmp_path):
     result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK))
     assert result.people == ()
     assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
@@ -56,7 +52,7 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(
     }  # fmt: skip
 
 
-def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World) -> None:
+def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world):
     needs_people = {"metric_depth": NeedsPeople}
     result = reconstruct(
         world.empty_image, load_config(preset="mock", overrides=MOCK), backends=needs_people
@@ -88,9 +84,7 @@ class SeesBox(backends.MockSegmenter):
         return replace(found, unposed=(one,), unposed_mask=corner)
 
 
-def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(
-    world: World, tmp_path: Path
-) -> None:
+def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world, tmp_path):
     holes = []
 
     class Inpainter(backends.MockInpainter):

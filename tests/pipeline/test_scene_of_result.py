@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.geometry.visibility import move_behind_bodies
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.kernels
 
 SIZE = (320, 240)
 
 
-def solved(world: World, *overrides: str) -> Reconstruction:
+def solved(world, *overrides):
     return reconstruct(world.image, load_config(preset="mock", overrides=list(overrides)))
 
 
-def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
+def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays():
     world = load_world("sit_on_sofa", SIZE)
     plain = solved(world, "engine.scene.carve_m=0")
     result = solved(world)
@@ -28,7 +28,7 @@ def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
     body = load_body("embedded")
     bodies = torch.from_numpy(np.stack([p.vertices for p in result.people]))
 
-    def inside(scene_of: Reconstruction) -> np.ndarray:
+    def inside(scene_of):
         valid = scene_of.scene.valid
         flags = np.zeros(valid.shape, bool)
         points = torch.from_numpy(scene_of.scene.points[valid])

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import load_config, reconstruct
 from physic_testing.worlds import load_world
 
 NO_FLOOR = ['engine.scene.floor="off"']
@@ -24,7 +24,7 @@ NO_FLOOR = ['engine.scene.floor="off"']
     ],
     ids=lambda case: "-".join([case[0], *("no floor" for _ in case[1])]),
 )
-def result(request: pytest.FixtureRequest, few_steps: None) -> Reconstruction:
+def result(request, few_steps):
     world, settings = request.param
     noise = ["metric_depth.options.stated_sigma=0.095"]
     return reconstruct(
@@ -32,7 +32,7 @@ def result(request: pytest.FixtureRequest, few_steps: None) -> Reconstruction:
     )
 
 
-def test_sentences_agree_with_contacts_and_floor(result: Reconstruction) -> None:
+def test_sentences_agree_with_contacts_and_floor(result):
     sentences = " ".join([*result.notes, *result.warnings])
     stand = [
         any(

@@ -13,14 +13,14 @@ K = torch.tensor([[200.0, 0.0, 199.5], [0.0, 200.0, 149.5], [0.0, 0.0, 1.0]])
 FACES = torch.tensor([[0, 3, 2], [0, 2, 1], [0, 1, 2], [0, 2, 3]])
 
 
-def plate(x: float = 0.0, z: float = 4.0) -> torch.Tensor:
+def plate(x=0.0, z=4.0):
     """(4, 3): a plate of 1 m by 2 m that faces the camera, 50 by 100 px at 4 m."""
     return torch.tensor(
         [[x - 0.5, -1.0, z], [x + 0.5, -1.0, z], [x + 0.5, 1.0, z], [x - 0.5, 1.0, z]]
     )
 
 
-def mask(left: int = 175, right: int = 225, top: int = 100, bottom: int = 200) -> torch.Tensor:
+def mask(left=175, right=225, top=100, bottom=200):
     """(300, 400) bool, the pixels of the plate unless other edges are given."""
     pixels = torch.zeros((HEIGHT, WIDTH), dtype=torch.bool)
     pixels[top:bottom, left:right] = True
@@ -28,36 +28,36 @@ def mask(left: int = 175, right: int = 225, top: int = 100, bottom: int = 200) -
 
 
 def compare(
-    *masks: torch.Tensor,
-    bodies: tuple[torch.Tensor, ...] = (),
-    scene: torch.Tensor | None = None,
-    photo: torch.Tensor | None = None,
-) -> list[tuple[float | None, float | None]]:
+    *masks,
+    bodies=(),
+    scene=None,
+    photo=None,
+):
     vertices = torch.stack(bodies or (plate(),) * len(masks))
     return compare_silhouettes(vertices, FACES, torch.stack(masks), K, scene, photo)
 
 
-def depth(metres: float) -> torch.Tensor:
+def depth(metres):
     return torch.full((HEIGHT, WIDTH), metres)
 
 
-def test_a_body_that_fills_its_mask() -> None:
+def test_a_body_that_fills_its_mask():
     assert compare(mask()) == [(1.0, None)]
 
 
-def test_a_body_beyond_its_mask() -> None:
+def test_a_body_beyond_its_mask():
     (found,) = compare(mask(bottom=150))
     assert found[0] == pytest.approx((50 + 2) / 100, abs=0.015)
 
 
-def test_pixels_that_another_person_hides_do_not_count() -> None:
+def test_pixels_that_another_person_hides_do_not_count():
     upper = mask(bottom=150)
     lower = mask(top=150)
     other = plate(x=1.5)
     assert compare(upper, lower, bodies=(plate(), other))[0][0] == 1
 
 
-def test_pixels_that_a_nearer_object_hides_do_not_count() -> None:
+def test_pixels_that_a_nearer_object_hides_do_not_count():
     desk = depth(9.0)
     desk[150:] = 3.0
     assert compare(mask(bottom=150), scene=desk)[0][0] == 1
@@ -66,20 +66,20 @@ def test_pixels_that_a_nearer_object_hides_do_not_count() -> None:
     assert share == pytest.approx(0.52, abs=0.015)
 
 
-def test_a_body_outside_the_photo_is_measured_where_the_photo_ends() -> None:
+def test_a_body_outside_the_photo_is_measured_where_the_photo_ends():
     (found,) = compare(mask(left=375, right=400), bodies=(plate(x=4.0),))
     assert found[0] == 1
 
 
 @pytest.mark.parametrize("metres", [2.0, 4.0, 6.0])
-def test_the_depth_at_the_lower_end(metres: float) -> None:
+def test_the_depth_at_the_lower_end(metres):
     photo = depth(50.0)
     photo[184:] = metres
     (found,) = compare(mask(), photo=photo)
     assert found[1] == pytest.approx(metres / 4)
 
 
-def test_nothing_is_measured_without_mask_or_depth() -> None:
+def test_nothing_is_measured_without_mask_or_depth():
     nobody = torch.zeros((HEIGHT, WIDTH), dtype=torch.bool)
     (found,) = compare(nobody, photo=depth(4.0))
     assert found[0] is None

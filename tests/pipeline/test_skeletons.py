@@ -10,13 +10,12 @@ from physic_core.body import load_body
 from physic_core.engine.floor_and_scale import feet_pixels
 from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
-from physic_testing.worlds import World
 
 from .consistency import consistency
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
-def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton: str, world: World) -> None:
+def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton, world):
     # A sure metric depth: otherwise the distance is mostly its scale's.
     sure = "metric_depth.options.noise=0"
     config = load_config(
@@ -37,7 +36,7 @@ def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton: str, world: 
 @pytest.mark.parametrize(
     ("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)]
 )
-def test_pixels_of_feet_are_found_in_every_skeleton(skeleton: str, soles: int) -> None:
+def test_pixels_of_feet_are_found_in_every_skeleton(skeleton, soles):
     count = len(SKELETONS[skeleton].names)
     seen = Keypoints(np.full((1, count, 2), 10.0), np.ones((1, count)), skeleton)
     assert len(feet_pixels(seen, 100, 100)) == soles

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -73,35 +71,35 @@ LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstl
 
 
 @pytest.fixture(autouse=True)
-def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def events(monkeypatch):
     monkeypatch.setattr(Counting, "events", [])
     monkeypatch.setattr(digests, "_STARTED", float("inf"))
     return Counting.events
 
 
-def resolved(backend: Counting) -> ResolvedBackend:
+def resolved(backend):
     return ResolvedBackend(
         backend, Provenance("metric_depth", backend.name, "p", "my-dist", "1.0", {}, "")
     )
 
 
 def ask(
-    stages: StageRunner,
-    backend: Counting,
-    request: MetricDepthRequest = REQUEST,
+    stages,
+    backend,
+    request=REQUEST,
     *,
-    last: bool = True,
-) -> DepthMap:
+    last=True,
+):
     return stages.call_backend("depth", resolved(backend), request, last=last)
 
 
-def if_it_can(stages: StageRunner, backend: Counting) -> DepthMap | None:
+def if_it_can(stages, backend):
     return stages.call_optional_backend(
         "depth", resolved(backend), REQUEST, otherwise="all is flat"
     )
 
 
-def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: list[str]):
+def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events):
     stages = StageRunner("cuda:1", 3)
     a = Counting("a")
     b = Counting("b")
@@ -114,7 +112,7 @@ def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: lis
 
 
 @pytest.mark.parametrize("low_memory", [True, False])
-def test_a_used_backend_is_closed_after_its_last_call(events: list[str], low_memory: bool):
+def test_a_used_backend_is_closed_after_its_last_call(events, low_memory):
     stages = StageRunner("cpu", 3, low_memory=low_memory, close_used=not low_memory)
     a = Counting("a")
     b = Counting("b")
@@ -135,7 +133,7 @@ def test_a_used_backend_is_closed_after_its_last_call(events: list[str], low_mem
 
 @pytest.mark.parametrize("event", ["load", "infer"])
 @pytest.mark.parametrize("low_memory", [True, False])
-def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_memory: bool):
+def test_a_backend_that_fails_is_closed_too(events, event, low_memory):
     stages = StageRunner("cpu", 1, low_memory=low_memory)
     with pytest.raises(BackendError):
         ask(stages, Counting(fails_in=event))
@@ -145,7 +143,7 @@ def test_a_backend_that_fails_is_closed_too(events: list[str], event: str, low_m
     assert events.count("close a") == 1
 
 
-def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
+def test_a_backend_that_cannot_be_closed_costs_a_warning(events):
     stages = StageRunner("cpu", 2)
     a = Counting("a", "close", OSError("gone"))
     b = Counting("b")
@@ -183,9 +181,7 @@ class OwnExit(BaseException):
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
-def test_a_failure_names_interface_backend_distribution_and_stage(
-    event: str, error: BaseException, kind: type[PhysicError], message: str
-):
+def test_a_failure_names_interface_backend_distribution_and_stage(event, error, kind, message):
     stages = StageRunner("cpu", 1)
     with pytest.raises(kind) as caught:
         ask(stages, Counting(fails_in=event, error=error))
@@ -196,7 +192,7 @@ def test_a_failure_names_interface_backend_distribution_and_stage(
     assert (record.failed, record.cached) == (True, False)
 
 
-def test_ctrl_c_ends_an_optional_stage(events: list[str]):
+def test_ctrl_c_ends_an_optional_stage(events):
     class Interrupted(Counting):
         def infer(self, *arguments):
             super().infer(*arguments)
@@ -215,11 +211,11 @@ def test_ctrl_c_ends_an_optional_stage(events: list[str]):
         (None, "expected DepthMap, got NoneType"),
         (np.ones(SHAPE), "expected DepthMap, got ndarray"),
         (DepthMap(np.ones((8, 6), np.float32)), "depth must be (6, 8), got (8, 6)"),
-        (DepthMap(None), "depth must be a numpy array (6, 8), got NoneType"),  # type: ignore[arg-type]
+        (DepthMap(None), "depth must be a numpy array (6, 8), got NoneType"),
     ],
     ids=["none", "an array", "transposed", "empty"],
 )
-def test_an_invalid_result_is_an_error_with_every_violation(answer: object, fault: str):
+def test_an_invalid_result_is_an_error_with_every_violation(answer, fault):
     backend = Counting()
     backend.answer = answer
     with pytest.raises(BackendOutputError, match=re.escape(fault)):
@@ -243,7 +239,7 @@ def test_a_run_continues_without_an_optional_backend():
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Callable[[], StageRunner]:
+def run(tmp_path):
     """Begins another run with the same cache."""
     return lambda: StageRunner("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
 
@@ -254,9 +250,7 @@ class ReadsTheHole(Counting):
     reads = ("hole",)
 
 
-def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(
-    events: list[str], run: Callable[[], StageRunner]
-):
+def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(events, run):
     people = People(
         np.zeros((0, *SHAPE), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32)
     )
@@ -271,7 +265,7 @@ def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(
     ]
 
 
-def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner]):
+def test_failures_and_wrong_answers_are_not_kept(run):
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))
     for backend in (Counting(fails_in="infer"), wrong):
@@ -283,10 +277,10 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner])
 
 
 def test_a_cached_result_must_pass_the_check(
-    events: list[str],
-    run: Callable[[], StageRunner],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    events,
+    run,
+    tmp_path,
+    monkeypatch,
 ):
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()

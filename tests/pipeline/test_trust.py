@@ -8,13 +8,13 @@ import pytest
 
 from physic_core.pipeline.checks import CHECKS, person_trust, photo_trust
 from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model
-from physic_core.types import CheckResult, Grade, grade_text
+from physic_core.types import Grade, grade_text
 
 MODEL = trust_model()
 TERMS = sorted(MODEL.terms)
 
 
-def value_at(name: str, load: float) -> float:
+def value_at(name, load):
     """The value of a check at a load."""
     spec = CHECKS[name]
     if spec.direction == "at most":
@@ -22,12 +22,12 @@ def value_at(name: str, load: float) -> float:
     return 1 - load * (1 - spec.threshold) if spec.unit == "share" else 1 + spec.threshold - load
 
 
-def best() -> dict[str, float | None]:
+def best():
     """The best values of all checks of the model."""
     return {name: value_at(name, 0.0) for name in MODEL.terms}
 
 
-def results(**values: float | None) -> tuple[CheckResult, ...]:
+def results(**values):
     """Checks of the photo and of person 0, the best ones unless other values are given."""
     given = best() | values
     return tuple(
@@ -37,7 +37,7 @@ def results(**values: float | None) -> tuple[CheckResult, ...]:
 
 
 @pytest.mark.parametrize("name", TERMS)
-def test_a_worse_value_never_raises_the_probability(name: str) -> None:
+def test_a_worse_value_never_raises_the_probability(name):
     likely = [
         probability_of(best() | {name: value_at(name, load)}, MODEL)
         for load in (0.0, 0.4, 0.8, 1.0, 1.5, 3.0, 9.0)
@@ -46,13 +46,13 @@ def test_a_worse_value_never_raises_the_probability(name: str) -> None:
     assert likely[-1] == likely[-2]
 
 
-def test_some_value_of_a_check_lowers_the_probability() -> None:
+def test_some_value_of_a_check_lowers_the_probability():
     worst = {name: value_at(name, 3.0) for name in MODEL.terms}
     assert probability_of(best(), MODEL) >= 0.8
     assert probability_of(worst, MODEL) < 0.1
 
 
-def test_what_was_not_measured_has_a_number_of_its_own() -> None:
+def test_what_was_not_measured_has_a_number_of_its_own():
     for name, term in MODEL.terms.items():
         usual = best() | {name: value_at(name, term.usual)}
         if not CHECKS[name].contradicts:
@@ -73,13 +73,13 @@ def test_what_was_not_measured_has_a_number_of_its_own() -> None:
         (1.0, "heads", 1.0),
     ],
 )
-def test_a_load_is_one_at_the_limit(value: float | None, name: str, load: float | None) -> None:
+def test_a_load_is_one_at_the_limit(value, name, load):
     spec = CHECKS[name]
     assert load_of(value, spec.threshold, spec.direction, spec.unit) == pytest.approx(load)
 
 
 @pytest.mark.parametrize("name", [name for name, spec in CHECKS.items() if spec.contradicts])
-def test_a_contradiction_caps_the_probability_and_is_named_first(name: str) -> None:
+def test_a_contradiction_caps_the_probability_and_is_named_first(name):
     wrong = CHECKS[name].compare(value_at(name, 1.5) if name != "heads" else 2.0, 0)
     assert wrong.failed
     others = [one for one in results() if one.name != name]
@@ -88,12 +88,12 @@ def test_a_contradiction_caps_the_probability_and_is_named_first(name: str) -> N
     assert trust.why.startswith(wrong.title)
 
 
-def test_two_contradictions_make_a_person_bad() -> None:
+def test_two_contradictions_make_a_person_bad():
     trust = person_trust(results(limb_keypoints=0.2, sole_height=0.5), 0)
     assert Grade.of(trust.probability) is Grade.BAD
 
 
-def test_the_two_checks_that_lower_the_probability_most_are_named() -> None:
+def test_the_two_checks_that_lower_the_probability_most_are_named():
     assert ";" not in person_trust(results(), 0).why
     lowest = sorted(MODEL.terms, key=lambda name: MODEL.terms[name].slope)
     worst = [name for name in lowest if not CHECKS[name].contradicts][:3]
@@ -104,14 +104,14 @@ def test_the_two_checks_that_lower_the_probability_most_are_named() -> None:
     assert all(CHECKS[one.name].advice in why for one in checks if one.title in named)
 
 
-def test_checks_of_other_people_do_not_count() -> None:
+def test_checks_of_other_people_do_not_count():
     own = results()
     other = [replace(one, person=1) for one in results(lean=80.0) if one.person == 0]
     assert person_trust([*own, *other], 0) == person_trust(own, 0)
     assert person_trust([*own, *other], 1).probability < person_trust(own, 0).probability
 
 
-def test_a_photo_is_as_good_as_its_worst_main_person() -> None:
+def test_a_photo_is_as_good_as_its_worst_main_person():
     assert photo_trust(results(), [0.9, 0.4]) == 0.4
     assert photo_trust(results(), []) is None
     failed = CHECKS["scale_sigma"].compare(0.4)
@@ -130,14 +130,12 @@ def test_a_photo_is_as_good_as_its_worst_main_person() -> None:
         (None, Grade.DOUBTFUL, "doubtful"),
     ],
 )
-def test_a_grade_is_a_range_of_the_probability(
-    trust: float | None, grade: Grade, text: str
-) -> None:
+def test_a_grade_is_a_range_of_the_probability(trust, grade, text):
     assert Grade.of(trust) is grade
     assert grade_text(grade, trust) == text
 
 
-def test_a_person_who_is_not_good_has_a_reason() -> None:
+def test_a_person_who_is_not_good_has_a_reason():
     usual = {name: value_at(name, term.usual) for name, term in MODEL.terms.items()}
     trust = person_trust(results(**usual), 0)
     assert Grade.of(trust.probability) is not Grade.GOOD

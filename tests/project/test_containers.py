@@ -14,20 +14,20 @@ ROOT = Path(__file__).parents[2]
 FILES = ["Containerfile", "Containerfile.cuda"]
 
 
-def instructions(name: str) -> list[tuple[str, str]]:
+def instructions(name):
     """The instructions of a file with their arguments, continued lines joined."""
     text = re.sub(r"^#.*\n", "", (ROOT / name).read_text(), flags=re.M).replace("\\\n", " ")
     pairs = (line.partition(" ") for line in text.splitlines() if line.strip())
     return [(word, " ".join(rest.split())) for word, _, rest in pairs]
 
 
-def last_stage(name: str) -> list[tuple[str, str]]:
+def last_stage(name):
     found = instructions(name)
     return found[max(i for i, (word, _) in enumerate(found) if word == "FROM") :]
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_the_image_runs_physic_as_a_user_without_privileges(name: str):
+def test_the_image_runs_physic_as_a_user_without_privileges(name):
     stage = last_stage(name)
     assert ("USER", "1000") in stage
     after = stage[stage.index(("USER", "1000")) :]

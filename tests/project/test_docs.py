@@ -27,7 +27,7 @@ PAGES = sorted(
 MARKDOWN = sorted({*ROOT.glob("*.md"), *(p for top in TOPS for p in (ROOT / top).rglob("*.md"))})
 
 
-def blocks(language: str) -> list[str]:
+def blocks(language):
     return [
         b
         for page in PAGES
@@ -35,24 +35,23 @@ def blocks(language: str) -> list[str]:
     ]
 
 
-def commands(program: str) -> list[list[str]]:
+def commands(program):
     lines = [line for block in blocks("sh") for line in block.splitlines()]
     words = [shlex.split(line, comments=True) for line in lines]
     return [w for w in words if w[:1] == [program]]
 
 
 @pytest.mark.parametrize("text", blocks("toml"))
-def test_every_config_of_the_pages_holds(text: str):
+def test_every_config_of_the_pages_holds(text):
     given = {key: value for key, value in tomllib.loads(text).items() if key != "extends"}
     resolve(config.load_config(flags={"page": given}))
 
 
 @pytest.mark.parametrize("words", commands("physic"), ids=" ".join)
-def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Path):
+def test_every_command_of_the_pages_can_be_given(words, tmp_path):
     group = cli.main
     arguments = words[1:]
     while arguments and arguments[0] in getattr(group, "commands", {}):
-        # type: ignore[attr-defined,assignment]
         group = group.commands[arguments[0]]
         arguments = arguments[1:]
     with group.make_context("physic", arguments) as context:
@@ -65,12 +64,12 @@ def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Pat
 
 
 @pytest.mark.parametrize("words", commands("make"), ids=" ".join)
-def test_every_target_of_the_pages_exists(words: list[str]):
+def test_every_target_of_the_pages_exists(words):
     assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
 
 
 @pytest.mark.parametrize("words", commands("pip"), ids=" ".join)
-def test_every_install_line_names_what_is_there_and_asks_no_index_for_the_project(words: list[str]):
+def test_every_install_line_names_what_is_there_and_asks_no_index_for_the_project(words):
     if words[1] == "wheel" or words[2:] == ["notebook"]:
         return
     given = iter(words[2:])
@@ -87,7 +86,7 @@ def test_every_install_line_names_what_is_there_and_asks_no_index_for_the_projec
 
 
 @pytest.mark.parametrize("text", blocks("python"))
-def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_every_script_of_the_pages_runs(text, tmp_path, monkeypatch):
     """On a world of the mocks: what the pages promise does not depend on the backends."""
     from PIL import Image
 
@@ -113,7 +112,7 @@ def test_the_import_order_of_the_architecture_is_the_contract():
 
 
 @pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])
-def test_every_file_that_a_paper_names_is_there(page: str):
+def test_every_file_that_a_paper_names_is_there(page):
     text = (ROOT / page).read_text()
     for name in re.findall(r"`([a-z_]+/[\w./-]+?)/?`", text):
         roots = (ROOT, ROOT / "physic_core", ROOT / "physic_core" / "engine" / "joint")
@@ -128,13 +127,13 @@ def test_every_file_that_a_paper_names_is_there(page: str):
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=lambda p: str(p.relative_to(ROOT)))
-def test_no_table_is_cut_by_a_blank_line(page: Path):
+def test_no_table_is_cut_by_a_blank_line(page):
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     starts = re.findall(r"(?:^|\n\n)(\|.*)\n(.*)", text)
     assert [row for row, below in starts if not re.fullmatch(r"\|[-:| ]+\|", below)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_every_file_that_a_page_links_is_there(page: Path):
+def test_every_file_that_a_page_links_is_there(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
         assert (page.parent / target).exists(), target

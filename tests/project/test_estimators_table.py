@@ -13,7 +13,7 @@ DISTRIBUTIONS = ("physic-onnx", "physic-transformers", "physic-human", "physic-o
 ADAPTERS = [offer for offer in list_backends() if offer.distribution in DISTRIBUTIONS]
 
 
-def test_every_backend_has_one_row() -> None:
+def test_every_backend_has_one_row():
     rows = [
         line.split("|")[1:3]
         for line in TABLE.read_text("utf-8").splitlines()
@@ -23,7 +23,7 @@ def test_every_backend_has_one_row() -> None:
     assert sorted(listed) == sorted((one.interface, one.name) for one in ADAPTERS)
 
 
-def test_every_adapter_reads_weights_by_default_and_their_licence_is_listed() -> None:
+def test_every_adapter_reads_weights_by_default_and_their_licence_is_listed():
     for one in ADAPTERS:
         options = {
             name: field.get_default()

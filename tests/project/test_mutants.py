@@ -15,7 +15,7 @@ PATCHES = sorted((ROOT / "tools" / "attacks" / "mutants").glob("*.patch"))
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 @pytest.mark.parametrize("patch", PATCHES, ids=lambda path: path.stem)
-def test_a_patch_applies_and_its_test_exists(patch: Path) -> None:
+def test_a_patch_applies_and_its_test_exists(patch):
     command = ["git", "apply", "--check", "-C1", str(patch)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"make the patch again: {done.stderr}"

@@ -8,7 +8,7 @@ import pytest
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "example.org", "10.0.0.1"])
-def test_a_test_that_uses_the_network_fails(host: str):
+def test_a_test_that_uses_the_network_fails(host):
     message = f"^the test uses the network: '{host}'$"
     with pytest.raises(pytest.fail.Exception, match=message):
         socket.create_connection((host, 80), timeout=0.1)

@@ -23,7 +23,7 @@ PACKAGES = [
 
 
 @cache
-def importing_packages() -> dict[str, set[Path]]:
+def importing_packages():
     """The folders whose files import a module of the core, functions included, by the module's
     name.
     """
@@ -39,7 +39,7 @@ def importing_packages() -> dict[str, set[Path]]:
 @pytest.mark.parametrize(
     "package", PACKAGES, ids=lambda path: ".".join(path.relative_to(CORE).parts)
 )
-def test_the_docstring_of_a_package_names_what_three_others_import(package: Path):
+def test_the_docstring_of_a_package_names_what_three_others_import(package):
     docstring = ast.get_docstring(ast.parse((package / "__init__.py").read_text(encoding="utf-8")))
     named = set(re.findall(r":mod:`\.(\w+)", docstring or ""))
     modules = {

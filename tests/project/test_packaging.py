@@ -7,7 +7,6 @@ import tomllib
 import zipfile
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hatchling.builders.sdist import SdistBuilder
@@ -25,7 +24,7 @@ PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyprojec
 }
 
 
-def project(folder: Path) -> dict[str, Any]:
+def project(folder):
     """The metadata of a distribution, as a release will state it (CONTRIBUTING.md)."""
     text = re.sub(
         r"(?m)^( *)# (.+)  # once released.*", r"\1\2", (folder / "pyproject.toml").read_text()
@@ -33,14 +32,14 @@ def project(folder: Path) -> dict[str, Any]:
     return tomllib.loads(text)["project"]
 
 
-def requirements(folder: Path) -> list[str]:
+def requirements(folder):
     own = project(folder)
     return own["dependencies"] + [
         r for extra in own.get("optional-dependencies", {}).values() for r in extra
     ]
 
 
-def wheel_files(folder: Path) -> set[str]:
+def wheel_files(folder):
     """What a wheel of the distribution would hold, without building it."""
     return {
         f.distribution_path.replace("\\", "/")
@@ -48,19 +47,19 @@ def wheel_files(folder: Path) -> set[str]:
     }
 
 
-def pins() -> dict[str, str]:
+def pins():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pairs = (line.split("==") for line in lines if line and not line.startswith("#"))
     return {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in pairs}
 
 
-def version(name: str) -> str:
+def version(name):
     """The version of a distribution as its build states it."""
     return WheelBuilder(str(ALL[name])).metadata.version
 
 
 @pytest.mark.parametrize("name", PROJECTS)
-def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name: str):
+def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name):
     own = project(PROJECTS[name])
     assert own["name"] == name
     assert version(name) == project(ROOT)["version"]
@@ -70,11 +69,11 @@ def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name: str)
 
 
 @pytest.mark.parametrize("name", PROJECTS)
-def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machine(name: str):
+def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machine(name):
     for requirement in requirements(PROJECTS[name]):
         package, bound = re.fullmatch(
             r"([a-z0-9-]+)(?:\[[a-z]+\])?(>=[\w.]+)(?:; .+)?", requirement, re.I
-        ).groups()  # type: ignore[union-attr]
+        ).groups()
         assert package.startswith("physic-") or package in pins(), (
             f"{requirement} of {name} is not in constraints.txt"
         )
@@ -85,7 +84,7 @@ ALL = PROJECTS | {p.parent.name: p.parent for p in (ROOT / "contrib").glob("*/py
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name: str):
+def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name):
     """Whoever registers it first could run code on the machines of users."""
     own = tomllib.loads((ALL[name] / "pyproject.toml").read_text())["project"]
     extras = own.get("optional-dependencies", {}).values()
@@ -105,7 +104,7 @@ def test_the_catalog_says_which_distributions_require_others():
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_a_source_distribution_contains_the_licence(name: str):
+def test_a_source_distribution_contains_the_licence(name):
     assert "LICENSE" in {
         f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()
     }
@@ -139,7 +138,7 @@ them.
 """
 
 
-def imported(folder: Path) -> set[str]:
+def imported(folder):
     """Top-level modules that the package in a project's folder imports anywhere, without its own
     and Python's.
     """
@@ -157,7 +156,7 @@ def imported(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_a_distribution_requires_what_it_imports_and_nothing_else(name: str):
+def test_a_distribution_requires_what_it_imports_and_nothing_else(name):
     own = project(ALL[name])
     tools = {"dev", "docs", "full", "test"}
     wanted = [*own["dependencies"]]
@@ -176,7 +175,7 @@ def test_a_distribution_requires_what_it_imports_and_nothing_else(name: str):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_one_lower_bound_of_a_requirement_holds_everywhere(name: str):
+def test_one_lower_bound_of_a_requirement_holds_everywhere(name):
     ours = dict(re.split("(?=>)", text, maxsplit=1) for text in requirements(ROOT))
     for text in project(ALL[name])["dependencies"]:
         package, bound = re.split("(?=>)", text, maxsplit=1)
@@ -184,7 +183,7 @@ def test_one_lower_bound_of_a_requirement_holds_everywhere(name: str):
 
 
 @pytest.mark.parametrize("file", ["requirements.txt", "requirements-dev.txt"])
-def test_the_requirements_install_every_plugin(file: str):
+def test_the_requirements_install_every_plugin(file):
     lines = {line.partition("[")[0] for line in (ROOT / file).read_text().splitlines()}
     assert {f"-e plugins/{name}" for name in PROJECTS if name != "physic-core"} <= lines
     assert "-c constraints.txt" in lines
@@ -197,7 +196,7 @@ def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
 
 
 @pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
-def test_a_plugin_registers_modules_of_its_own(name: str):
+def test_a_plugin_registers_modules_of_its_own(name):
     groups = project(PROJECTS[name])["entry-points"]
     package = name.replace("-", "_")
     assert not any(map(group_problem, groups))
@@ -218,7 +217,7 @@ SLOW = {"physic-embedded": pytest.mark.slow}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in ALL])
-def test_a_built_wheel_holds_its_package_and_its_notices(name: str, tmp_path: Path):
+def test_a_built_wheel_holds_its_package_and_its_notices(name, tmp_path):
     """Its package alone, licence and notices, nothing of tests or other folders, and no more bytes
     than known.
     """

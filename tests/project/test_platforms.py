@@ -24,7 +24,7 @@ PROJECTS = [
 NO_NETWORK = ("error sending request", "dns error", "Failed to fetch", "Connection", "timed out")
 
 
-def requirements() -> set[str]:
+def requirements():
     """Requirements and runtime extras of all distributions, without the distributions
     themselves.
     """
@@ -48,7 +48,7 @@ def requirements() -> set[str]:
         "x86_64-pc-windows-msvc",
     ],
 )
-def test_every_requirement_has_a_wheel(platform: str, tmp_path: Path):
+def test_every_requirement_has_a_wheel(platform, tmp_path):
     """Resolved with the versions of constraints.txt, without installing anything."""
     options = (
         f"-c {ROOT}/constraints.txt --only-binary :all: --python-version 3.11 "

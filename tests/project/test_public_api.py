@@ -4,7 +4,6 @@ import importlib
 import pkgutil
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,7 @@ from physic_core import Person, Scene, errors
 pytestmark = pytest.mark.quick
 
 
-def test_the_page_names_all_public_names(repository: Path):
+def test_the_page_names_all_public_names(repository):
     """Tables of stable and provisional names before the first example; errors are named by their
     base class.
     """
@@ -27,7 +26,7 @@ def test_the_page_names_all_public_names(repository: Path):
 
 
 @pytest.mark.parametrize("room", ["adapters", "metrics"])
-def test_the_page_of_a_room_names_all_that_is_promised(room: str, repository: Path, module_at):
+def test_the_page_of_a_room_names_all_that_is_promised(room, repository, module_at):
     """Each module of the room in one row with its public names, but for what the page calls
     private.
     """
@@ -46,7 +45,7 @@ def test_the_page_of_a_room_names_all_that_is_promised(room: str, repository: Pa
 
 
 @pytest.mark.parametrize("name", physic_core.__all__)
-def test_a_public_name_can_be_imported_from_the_package(name: str):
+def test_a_public_name_can_be_imported_from_the_package(name):
     assert getattr(physic_core, name) is not None
     assert name in dir(physic_core)
 
@@ -56,7 +55,7 @@ def test_every_error_is_a_physic_error():
 
 
 @pytest.mark.parametrize("record", [Scene, Person], ids=lambda record: record.__name__)
-def test_the_page_of_the_api_lists_every_field_of_a_result(repository: Path, record: type):
+def test_the_page_of_the_api_lists_every_field_of_a_result(repository, record):
     page = (repository / "docs" / "api.md").read_text()
     _, _, section = page.partition(f", a `{record.__name__}`")
     table = section.split("\n\n")[1]

@@ -77,7 +77,7 @@ LIMITS = {
 }
 
 
-def section(title: str) -> str:
+def section(title):
     return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)[1]
 
 
@@ -94,7 +94,7 @@ def test_every_statement_has_its_tests():
 
 
 @cache
-def names_of_tests() -> str:
+def names_of_tests():
     files = (*ROOT.glob("tests/**/test_*.py"), *ROOT.glob("plugins/*/tests/**/test_*.py"))
     return "\n".join(
         name for file in files for name in re.findall(r"def (test_\w+)", file.read_text("utf-8"))
@@ -105,7 +105,7 @@ def names_of_tests() -> str:
     "tests",
     [tests for one in (*TABLES.values(), *LISTS.values(), LIMITS) for tests in one.values()],
 )
-def test_the_tests_of_a_statement_are_there(tests: str):
+def test_the_tests_of_a_statement_are_there(tests):
     assert all(test in names_of_tests() for test in tests.split())
 
 

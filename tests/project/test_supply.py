@@ -16,21 +16,21 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def bill(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def bill(tmp_path_factory):
     file = tmp_path_factory.mktemp("sbom") / "new" / "sbom.json"
     subprocess.run([sys.executable, str(ROOT / "tools" / "sbom.py"), str(file)], check=True)
     document: dict[str, Any] = json.loads(file.read_text())
     return document
 
 
-def is_list_of_others(name: str) -> bool:
+def is_list_of_others(name):
     """Return whether a distribution installs nothing but its metadata, so that there is nothing to
     license.
     """
     return all(file.parts[0].endswith(".dist-info") for file in distribution(name).files or ())
 
 
-def test_every_component_states_a_licence(bill: dict[str, Any]):
+def test_every_component_states_a_licence(bill):
     names = [component["name"] for component in bill["components"]]
     assert {"physic-core", "physic-embedded", "numpy", "torch", "pydantic-core"} <= set(names)
     unstated = [
@@ -40,7 +40,7 @@ def test_every_component_states_a_licence(bill: dict[str, Any]):
     assert len(names) == len(set(names))
 
 
-def test_every_network_and_the_body_have_their_digest(bill: dict[str, Any]):
+def test_every_network_and_the_body_have_their_digest(bill):
     digests = {c["name"]: c["hashes"][0]["content"] for c in bill["components"] if "hashes" in c}
     files = [
         *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.onnx"),

@@ -14,7 +14,7 @@ main(sys.argv[1:])
 """
 
 
-def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
+def run(*arguments, plugins):
     environment = os.environ | {"PHYSIC_PLUGINS": plugins}
     command = [sys.executable, "-c", RUN, *arguments]
     return subprocess.run(

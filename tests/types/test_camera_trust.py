@@ -19,7 +19,7 @@ TEXTS = (
 
 
 @pytest.mark.parametrize("source", TEXTS)
-def test_no_text_makes_a_camera_known_or_guessed(source: str):
+def test_no_text_makes_a_camera_known_or_guessed(source):
     camera = Intrinsics.from_focal(500.0, 640, 480, source)
     assert camera.trust is CameraTrust.ESTIMATED
     assert not camera.known
@@ -27,9 +27,9 @@ def test_no_text_makes_a_camera_known_or_guessed(source: str):
 
 
 @pytest.mark.parametrize("trust", CameraTrust)
-def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust: CameraTrust):
+def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust):
     camera = Intrinsics(500.0, 500.0, 319.5, 239.5, 640, 480, "a text", trust)
-    assert camera == Intrinsics(500.0, 500.0, 319.5, 239.5, 640, 480, "a text", trust.value)  # type: ignore[arg-type]
+    assert camera == Intrinsics(500.0, 500.0, 319.5, 239.5, 640, 480, "a text", trust.value)
     assert camera.resized(320, 240).trust is trust
     assert (camera.known, camera.guessed) == (trust == "known", trust == "guessed")
 
@@ -40,7 +40,7 @@ def test_any_other_trust_is_refused():
 
 
 @pytest.mark.parametrize("focal", [0.0, -500.0, float("nan"), float("inf")])
-def test_a_focal_length_is_positive_and_finite(focal: float) -> None:
+def test_a_focal_length_is_positive_and_finite(focal):
     with pytest.raises(ValueError, match="focal length"):
         Intrinsics.from_focal(focal, 640, 480)
     with pytest.raises(ValueError, match="focal length"):

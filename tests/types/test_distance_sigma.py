@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.types import CameraTrust, Reconstruction
+from physic_core.types import CameraTrust
 from physic_core.types.results import metres_text
 
 
@@ -18,9 +18,7 @@ from physic_core.types.results import metres_text
         (CameraTrust.KNOWN, 0.24, 0.07),
     ],
 )
-def test_distances_err_by_scale_and_focal_length(
-    reconstruction: Reconstruction, trust: CameraTrust, focal_sigma: float | None, expected: float
-) -> None:
+def test_distances_err_by_scale_and_focal_length(reconstruction, trust, focal_sigma, expected):
     camera = replace(reconstruction.intrinsics, trust=trust, focal_sigma=focal_sigma)
     result = replace(reconstruction, intrinsics=camera)
     assert result.distance_sigma == pytest.approx(expected)
@@ -28,8 +26,8 @@ def test_distances_err_by_scale_and_focal_length(
 
 
 def test_distances_have_no_interval_without_an_error_of_the_scale(
-    reconstruction: Reconstruction,
-) -> None:
+    reconstruction,
+):
     assert (
         replace(
             reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)
@@ -41,9 +39,7 @@ def test_distances_have_no_interval_without_an_error_of_the_scale(
 @pytest.mark.parametrize(
     ("own", "scale", "expected"), [(0.2, 0.07, 0.2), (0.01, 0.07, 0.07), (0.2, None, 0.2)]
 )
-def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(
-    reconstruction: Reconstruction, own: float, scale: float | None, expected: float
-) -> None:
+def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(reconstruction, own, scale, expected):
     people = (replace(reconstruction.people[0], stature_sigma=own), *reconstruction.people[1:])
     camera = replace(reconstruction.intrinsics, trust=CameraTrust.KNOWN)
     scene = replace(reconstruction.scene, scale_sigma=scale)
@@ -52,8 +48,8 @@ def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(
 
 
 def test_a_measured_depth_gives_the_error_along_the_optical_axis(
-    reconstruction: Reconstruction,
-) -> None:
+    reconstruction,
+):
     camera = replace(reconstruction.intrinsics, trust=CameraTrust.GUESSED, focal_sigma=0.25)
     scene = replace(reconstruction.scene, scale_sigma=0.01, measured=True)
     joints = np.zeros((55, 3), np.float32)
@@ -66,7 +62,7 @@ def test_a_measured_depth_gives_the_error_along_the_optical_axis(
     assert result.distance_sigmas == pytest.approx((0.01, math.hypot(0.01, 0.125)))
 
 
-def test_a_length_is_written_with_its_standard_deviation() -> None:
+def test_a_length_is_written_with_its_standard_deviation():
     assert metres_text(4.2, 0.25) == "4.20 ± 1.05 m"
     assert metres_text(12.5, 0.07, 1) == "12.5 ± 0.9 m"
     assert metres_text(3.6, 0.01, 1) == "3.60 ± 0.04 m"

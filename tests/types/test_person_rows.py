@@ -11,14 +11,13 @@ from physic_core.types import (
     BodyContact,
     ContactPartner,
     Grade,
-    Reconstruction,
     Support,
 )
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 
 @pytest.fixture
-def two_people(reconstruction: Reconstruction) -> Reconstruction:
+def two_people(reconstruction):
     """Person 0, good, 3 m away; person 1, bad, a fifth as high in the photo, without a body."""
     near, far = reconstruction.people[:2]
     floor = ContactPartner("floor", "floor")
@@ -52,7 +51,7 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
     return replace(reconstruction, people=(near, far), intrinsics=camera)
 
 
-def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstruction) -> None:
+def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
     assert person_rows(two_people) == [
         {
             "person": 0,
@@ -85,8 +84,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
 
 
 def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(
-    reconstruction: Reconstruction,
-) -> None:
+    reconstruction,
+):
     water, pool, seat = (
         ContactPartner("scene", name, id) for name, id in (("water", 0), ("water", 4), ("seat", 2))
     )
@@ -102,7 +101,7 @@ def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(
     assert str(support) == "balanced: left foot on water 0, right foot on water 4, buttocks on seat"
 
 
-def test_a_frame_of_pandas_has_the_rows_of_people(two_people: Reconstruction) -> None:
+def test_a_frame_of_pandas_has_the_rows_of_people(two_people):
     pandas = pytest.importorskip("pandas")
     frame = two_people.to_pandas()
     pandas.testing.assert_frame_equal(frame, pandas.DataFrame(person_rows(two_people)))

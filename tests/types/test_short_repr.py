@@ -8,14 +8,12 @@ import numpy as np
 import torch
 
 from physic_core import types
-from physic_core.types import DepthMap, Intrinsics, Plane, Reconstruction
+from physic_core.types import DepthMap, Intrinsics, Plane
 from physic_core.types.records import Exported
 from physic_core.types.short_repr import ShortRepr
 
 
-def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(
-    reconstruction: Reconstruction, make
-):
+def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(reconstruction, make):
     assert (
         repr(reconstruction)
         == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
@@ -32,7 +30,7 @@ def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(
     assert "0 people, 160 x 120, no floor" in repr(empty)
 
 
-def test_arrays_are_their_type_and_shape_and_few_numbers_themselves(reconstruction: Reconstruction):
+def test_arrays_are_their_type_and_shape_and_few_numbers_themselves(reconstruction):
     camera = Intrinsics.from_focal(500, 640, 480)
     assert repr(DepthMap(np.zeros((480, 640), np.float32), camera, 0.123456, ("a", "b"))) == (
         f"DepthMap(depth=float32 (480, 640), intrinsics={camera!r}, scale_sigma=0.1235, notes=<2 "
@@ -61,7 +59,7 @@ def test_every_dataclass_of_arrays_that_plugins_meet_is_short():
             assert "Array" not in hints or issubclass(kind, ShortRepr), name
 
 
-def test_an_export_of_many_files_is_printed_in_one_line() -> None:
+def test_an_export_of_many_files_is_printed_in_one_line():
     files = tuple(Path(f"folder/part_{number}.stl") for number in range(380))
     text = repr(Exported(files, ("a note",)))
     assert len(text) < 100

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from physic_core import Reconstruction
 
 
 @pytest.fixture(scope="session")
-def result(saved_pair: Path) -> Reconstruction:
+def result(saved_pair):
     return Reconstruction.load(str(saved_pair))

@@ -5,19 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images
 
 PINK = np.array([230, 20, 200])
 
 
 @pytest.fixture(scope="module")
-def pink(result: Reconstruction) -> Reconstruction:
+def pink(result):
     """A photo whose people are pink."""
     image = result.image.copy()
     for person in result.people:
@@ -25,12 +23,12 @@ def pink(result: Reconstruction) -> Reconstruction:
     return replace(result, image=image)
 
 
-def saturation(colors: np.ndarray) -> np.ndarray:
+def saturation(colors):
     return np.ptp(colors.astype(int), axis=-1)
 
 
 def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it_elsewhere(
-    pink: Reconstruction,
+    pink,
 ):
     dressed = dressed_bodies(pink)
     images = dressed_images(pink)
@@ -51,7 +49,7 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
         assert saturation(images[index]).max() > 200
 
 
-def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink: Reconstruction):
+def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
     person = pink.people[0]
     image = pink.image.copy()
     blue = np.array([20, 40, 220])
@@ -76,14 +74,14 @@ def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink: Recon
         assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
 
 
-def test_a_texture_is_as_fine_as_the_photo(result: Reconstruction):
+def test_a_texture_is_as_fine_as_the_photo(result):
     assert [len(image) for image in dressed_images(result).values()] == [128, 128]
     person = replace(result.people[0], mask=np.ones((300, 4), bool))
     large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
     assert len(dressed_images(large)[0]) == 512
 
 
-def test_a_person_whom_no_photo_shows_is_grey(result: Reconstruction):
+def test_a_person_whom_no_photo_shows_is_grey(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     dressed = dressed_bodies(replace(result, people=(person,)))
     assert dressed.shown[0] == 0
@@ -91,7 +89,7 @@ def test_a_person_whom_no_photo_shows_is_grey(result: Reconstruction):
     assert np.ptp(dressed.colors[0][:, 0]) > 30  # with a light
 
 
-def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink: Reconstruction):
+def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink):
     other = replace(pink, body_model="smplx")
     dressed = dressed_bodies(other)
     assert dressed.mesh is None
@@ -99,16 +97,14 @@ def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink: Recon
     assert saturation(dressed.colors[0]).min() > 60
 
 
-def test_who_has_no_body_has_no_colours(result: Reconstruction):
+def test_who_has_no_body_has_no_colours(result):
     person = result.people[0]
     lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
     assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).colors) == {1}
     assert not dressed_bodies(replace(result, people=())).colors
 
 
-def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(
-    saved_pair: Path, tmp_path: Path
-):
+def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair, tmp_path):
     code = (
         "import sys\n"
         "from physic_core import Reconstruction, save_reconstruction\n"

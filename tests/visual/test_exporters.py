@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
-from physic_core import Reconstruction, find_exporter
+from physic_core import find_exporter
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, export_frame
@@ -49,15 +47,13 @@ def text(request):
 
 
 @pytest.fixture
-def plugin(site: Any) -> Any:
+def plugin(site):
     site.install("physic-box", PLUGIN)
     (site.folder / "physic_box_export.py").write_text(EXPORTER)
     return site
 
 
-def test_a_plugin_adds_a_format(
-    plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path, physic
-):
+def test_a_plugin_adds_a_format(plugin, saved_pair, result, tmp_path, physic):
     (line,) = [
         line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")
     ]
@@ -73,7 +69,7 @@ def test_a_plugin_adds_a_format(
     assert result.export(str(tmp_path), "box").files == (tmp_path / "box.box",)
 
 
-def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
+def test_a_missing_package_names_the_extra_of_the_plugin(plugin):
     with pytest.raises(PackageMissingError, match="needs no_such_module"):
         find_exporter("far")
 
@@ -93,20 +89,18 @@ def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
         ),
     ],
 )
-def test_a_broken_exporter_names_its_plugin(
-    plugin: Any, result: Reconstruction, tmp_path: Path, name: str, message: str
-):
+def test_a_broken_exporter_names_its_plugin(plugin, result, tmp_path, name, message):
     with pytest.raises(PluginError, match=re.escape(message)):
         result.export(str(tmp_path / "out"), name)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_suffix_of_two_formats_is_refused(plugin: Any):
+def test_a_suffix_of_two_formats_is_refused(plugin):
     with pytest.raises(ConfigError, match="can be ends of physic-box or text of physic-box"):
         find_exporter(None, ".ends")
 
 
-def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
+def test_a_format_that_two_plugins_offer_is_refused(plugin):
     plugin.install("physic-other", PLUGIN)
     for wanted in (("box", ""), (None, ".box")):
         with pytest.raises(ConfigError, match="box of physic-box or box of physic-other"):
@@ -115,7 +109,7 @@ def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
 
 @pytest.mark.parametrize("arguments", [("--to", "bvh"), ("-o", "a.usdz")])
 def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
-    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...], physic
+    monkeypatch, saved_pair, arguments, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
@@ -126,16 +120,14 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
     )
 
 
-def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path, physic):
+def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair, physic):
     for arguments in (("--to", "fbx"), ("-o", "a.fbx")):
         done = physic("export", saved_pair, *arguments)
         assert done.exit_code == 2
         assert "docs/exports.md" in done.output
 
 
-def test_without_plugins_the_core_writes_glb(
-    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path, physic
-):
+def test_without_plugins_the_core_writes_glb(monkeypatch, saved_pair, tmp_path, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
@@ -149,7 +141,7 @@ def test_without_plugins_the_core_writes_glb(
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
+def test_frames_stand_on_the_floor(result, up, axis):
     floor = result.scene.floor
     frame = export_frame(floor, up)
     points = np.random.default_rng(0).normal(size=(5, 3))
@@ -165,7 +157,7 @@ def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
 
 
 def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(
-    plugin: Any, result: Reconstruction, tmp_path: Path, physic
+    plugin, result, tmp_path, physic
 ):
     out = tmp_path / "out"
     result.save(str(out), "numbers")

@@ -19,13 +19,13 @@ from physic_core.visual.glb import combined_glb
 from physic_core.visual.surface import BACKDROP, mesh_backdrop, mesh_scene, scene_reach
 
 
-def tree_of(content: bytes) -> dict:
+def tree_of(content):
     magic, version, length, size, kind = struct.unpack("<4sIII4s", content[:20])
     assert (magic, version, length, kind) == (b"glTF", 2, len(content), b"JSON")
     return json.loads(content[20 : 20 + size])
 
 
-def opened(content: bytes) -> trimesh.Scene:
+def opened(content):
     return trimesh.load_scene(io.BytesIO(content), file_type="glb")
 
 
@@ -54,7 +54,7 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
         assert ahead[2] < 0
 
 
-def flat_scene(depth: np.ndarray) -> Scene:
+def flat_scene(depth):
     height, width = depth.shape
     rows, columns = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
     points = np.stack(

@@ -10,7 +10,7 @@ SIZE = (200, 100)
 DISC_PX = 22
 
 
-def centers(places, taken=()) -> dict[int, np.ndarray]:
+def centers(places, taken=()):
     page = Image.new("RGB", SIZE)
     draw_numbers(ImageDraw.Draw(page), (0, 0), places, SIZE, taken)
     pixels = np.asarray(page)

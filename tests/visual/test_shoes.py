@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.mesh import vertex_normals
@@ -22,7 +21,7 @@ GREY = [150, 150, 150]
 RED = [200, 30, 40]
 
 
-def with_legs_of_colour(result: Reconstruction, color: list[int]) -> Reconstruction:
+def with_legs_of_colour(result, color):
     image = result.image.copy()
     for person in result.people:
         image[person.mask] = SKIN
@@ -35,9 +34,7 @@ def with_legs_of_colour(result: Reconstruction, color: list[int]) -> Reconstruct
 @pytest.mark.parametrize(
     ("color", "shod"), [(SKIN, 0), (DARK_SKIN, 0), (BLACK, 2), (GREY, 2), (RED, 2)]
 )
-def test_feet_have_shoes_unless_they_have_the_colour_of_skin(
-    result: Reconstruction, color: list[int], shod: int
-):
+def test_feet_have_shoes_unless_they_have_the_colour_of_skin(result, color, shod):
     dressed = dressed_bodies(with_legs_of_colour(result, color))
     for index, person in enumerate(result.people):
         assert len(dressed.shoes[index]) == shod
@@ -45,13 +42,13 @@ def test_feet_have_shoes_unless_they_have_the_colour_of_skin(
         assert moved.any() == bool(shod)
 
 
-def test_feet_that_no_photo_shows_have_shoes(result: Reconstruction):
+def test_feet_that_no_photo_shows_have_shoes(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     assert len(dressed_bodies(replace(result, people=(person,))).shoes[0]) == 2
 
 
 @pytest.mark.parametrize("extent", [(0, 0, 0), (1, 1, 0)], ids=["point", "plane"])
-def test_a_body_without_volume_keeps_its_toes(result: Reconstruction, extent: tuple[int, int, int]):
+def test_a_body_without_volume_keeps_its_toes(result, extent):
     person = result.people[0]
     middle = result.people[0].vertices.mean(0)
     vertices = (middle + (person.vertices - middle) * np.array(extent)).astype(

@@ -14,7 +14,6 @@ import torch
 import trimesh
 from scipy.spatial import cKDTree
 
-from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES, joint_pair
 from physic_core.geometry.upright import transform_points
@@ -28,17 +27,17 @@ WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 @pytest.fixture(scope="module")
-def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(result, tmp_path_factory):
     return result.export(str(tmp_path_factory.mktemp("glb") / "a.glb")).files[0]
 
 
 @pytest.fixture(scope="module")
-def tree(file: Path):
+def tree(file):
     pygltflib = pytest.importorskip("pygltflib")
     return pygltflib.GLTF2().load(str(file))
 
 
-def array(tree, index: int) -> np.ndarray:
+def array(tree, index):
     accessor = tree.accessors[index]
     view = tree.bufferViews[accessor.bufferView]
     width = WIDTH[accessor.type]
@@ -49,10 +48,10 @@ def array(tree, index: int) -> np.ndarray:
     return values.reshape(accessor.count, width)
 
 
-def node_poses(tree) -> dict[int, np.ndarray]:
+def node_poses(tree):
     poses: dict[int, np.ndarray] = {}
 
-    def visit(index: int, parent: np.ndarray) -> None:
+    def visit(index, parent):
         node = tree.nodes[index]
         own = np.eye(4)
         if node.rotation:
@@ -70,7 +69,7 @@ def node_poses(tree) -> dict[int, np.ndarray]:
     return poses
 
 
-def named(tree, name: str):
+def named(tree, name):
     (index,) = (i for i, node in enumerate(tree.nodes) if node.name == name)
     return index, tree.nodes[index]
 
@@ -78,7 +77,7 @@ def named(tree, name: str):
 @pytest.mark.parametrize("kind", ["exported", "saved"])
 @pytest.mark.parametrize("person", [0, 1])
 def test_vertices_skinned_from_the_file_are_the_posed_vertices(
-    tree, saved_pair: Path, result: Reconstruction, person: int, kind: str
+    tree, saved_pair, result, person, kind
 ):
     if kind == "saved":
         tree = type(tree)().load(str(saved_pair / "combined.glb"))
@@ -106,7 +105,7 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(
 
 @pytest.mark.parametrize("person", [0, 1])
 def test_readers_without_skinning_show_people_of_the_combined_file_at_their_place(
-    saved_pair: Path, result: Reconstruction, person: int
+    saved_pair, result, person
 ):
     mesh = trimesh.load_scene(saved_pair / "combined.glb", process=False).geometry[
         f"person_{person}"
@@ -117,7 +116,7 @@ def test_readers_without_skinning_show_people_of_the_combined_file_at_their_plac
     assert mesh.volume > 0.03
 
 
-def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result: Reconstruction):
+def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result):
     toes = load_body("embedded").skin.weights[joint_pair("foot")].max(0).values.numpy() > 0
     for index in dressed_bodies(result).shoes:
         mesh = tree.meshes[named(tree, f"person_{index}")[1].mesh]
@@ -138,7 +137,7 @@ def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result:
         )
 
 
-def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):
+def test_contact_is_an_attribute_and_no_colour(tree, result):
     for index, person in enumerate(result.people):
         attributes = tree.meshes[named(tree, f"person_{index}")[1].mesh].primitives[0].attributes
         contact = array(tree, attributes._CONTACT)[: len(person.contact), 0]
@@ -152,7 +151,7 @@ def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):
 
 
 def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_skins(
-    result: Reconstruction, tmp_path: Path
+    result, tmp_path
 ):
     gltf = pytest.importorskip("pygltflib").GLTF2()
     result.save(str(tmp_path / "again"))
@@ -177,7 +176,7 @@ def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_sk
     assert tree.scenes[0].extras["colors_of_people"] == f"those of the photo; {GUESSED}"
 
 
-def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstruction):
+def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result):
     """A vertex, projected by the camera node with its field of view, lands on its pixel."""
     index, node = named(tree, "camera")
     perspective = tree.cameras[node.camera].perspective
@@ -195,9 +194,7 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstr
     np.testing.assert_allclose(pixels + shift, wanted[:, :2] / wanted[:, 2:], atol=1e-3)
 
 
-def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(
-    file: Path, result: Reconstruction
-):
+def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(file, result):
     scene = trimesh.load_scene(file)
     floor = scene.geometry["floor"]
     surface = scene.geometry["scene"]
@@ -235,7 +232,7 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
 
 
 @pytest.mark.parametrize("kind", ["exported", "saved"])
-def test_khronos_validator_has_nothing_to_report(file: Path, saved_pair: Path, kind: str):
+def test_khronos_validator_has_nothing_to_report(file, saved_pair, kind):
     file = file if kind == "exported" else saved_pair / "combined.glb"
     node = shutil.which("node")
     npm = shutil.which("npm")

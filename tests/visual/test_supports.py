@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core import Reconstruction
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
 from physic_core.visual.glb import combined_glb
 from physic_core.visual.supports import SLAB_FACES, assumed_supports
 
 
-def assumed(result: Reconstruction, part: str, on: np.ndarray) -> Reconstruction:
+def assumed(result, part, on):
     """The result with a hidden support under some vertices of person 0."""
     partner = ContactPartner("hidden", "seat" if part == "seat" else "")
     contact = BodyContact(part, partner, 0.7, int(on.sum()))
@@ -30,17 +29,17 @@ def assumed(result: Reconstruction, part: str, on: np.ndarray) -> Reconstruction
 
 
 @pytest.fixture
-def heights(result: Reconstruction) -> np.ndarray:
+def heights(result):
     return np.asarray(result.people[0].vertices @ up_in_camera(result.scene.floor))
 
 
-def lowest(result: Reconstruction, heights: np.ndarray) -> np.ndarray:
+def lowest(result, heights):
     mesh = result.people[0].mesh()
     down = mesh.vertex_normals @ up_in_camera(result.scene.floor) < -0.7
     return down & (heights < heights.min() + 0.05)
 
 
-def test_a_slab_lies_level_under_the_skin_on_it(result: Reconstruction, heights: np.ndarray):
+def test_a_slab_lies_level_under_the_skin_on_it(result, heights):
     on = lowest(result, heights)
     (slab,) = assumed_supports(assumed(result, "seat", on))
     assert slab.name == "assumed seat"
@@ -56,7 +55,7 @@ def test_a_slab_lies_level_under_the_skin_on_it(result: Reconstruction, heights:
     assert mesh.contains(level).all()
 
 
-def test_a_slab_has_the_name_of_what_it_carries(result: Reconstruction, heights: np.ndarray):
+def test_a_slab_has_the_name_of_what_it_carries(result, heights):
     on = lowest(result, heights)
     assert (
         assumed_supports(assumed(result, "left_foot", on))[0].name
@@ -65,7 +64,7 @@ def test_a_slab_has_the_name_of_what_it_carries(result: Reconstruction, heights:
     assert not assumed_supports(result)
 
 
-def test_a_glb_has_a_node_for_each_assumed_support(result: Reconstruction, heights: np.ndarray):
+def test_a_glb_has_a_node_for_each_assumed_support(result, heights):
     content = combined_glb(assumed(result, "seat", lowest(result, heights)))
     tree = json.loads(content[20 : 20 + struct.unpack("<I", content[12:16])[0]])
     (node,) = (one for one in tree["nodes"] if one["name"].startswith("assumed"))

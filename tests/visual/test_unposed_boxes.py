@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image, ImageDraw
 
-from physic_core.types import Reconstruction, UnposedPerson
+from physic_core.types import UnposedPerson
 from physic_core.visual.preview import draw_unposed, unposed_boxes
 
 
 def test_a_person_without_a_body_is_listed_beside_the_unposed_boxes(
-    reconstruction: Reconstruction,
-) -> None:
+    reconstruction,
+):
     first, second = reconstruction.people
     nobody = replace(second, vertices=np.full_like(second.vertices, np.nan))
     one = UnposedPerson((8.0, 6.0, 40.0, 60.0), 0.7, "no pose fits the box")
@@ -24,7 +24,7 @@ def test_a_person_without_a_body_is_listed_beside_the_unposed_boxes(
     ]
 
 
-def test_boxes_are_dashed_at_the_size_of_the_panel(reconstruction: Reconstruction) -> None:
+def test_boxes_are_dashed_at_the_size_of_the_panel(reconstruction):
     height, width = reconstruction.image.shape[:2]
     one = UnposedPerson((20.0, 20.0, 60.0, 80.0), 0.7, "a reason that is far too long for the box")
     page = Image.new("RGB", (2 * width + 50, 2 * height + 50))

@@ -3,7 +3,6 @@ from __future__ import annotations
 import hashlib
 import socket
 import threading
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -12,16 +11,14 @@ from typing import Any
 
 import pytest
 
-from physic_core.weights import WeightFile, WeightSet
+from physic_core.weights import WeightSet
 
 CONTENT = bytes(range(256)) * 4096  # 1 MB
 HASH = hashlib.sha256(CONTENT).hexdigest()
 
 
 @pytest.fixture(autouse=True)
-def own_cache(
-    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Path:
+def own_cache(tmp_path, tmp_path_factory, monkeypatch):
     """A user's folder for caches and one of Hugging Face's, both of the test alone; no folder of
     the user's own.
     """
@@ -35,7 +32,7 @@ def own_cache(
     return tmp_path / "cache" / "physic" / "weights"
 
 
-def weights(*files: WeightFile, **keys: Any) -> WeightSet:
+def weights(*files, **keys):
     """Return a set named net."""
     known = {
         "summary": "",
@@ -68,12 +65,12 @@ class Lists:
         return self.folder
 
 
-def _toml(value: Any) -> str:
+def _toml(value):
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 @pytest.fixture
-def lists(tmp_path: Path) -> Lists:
+def lists(tmp_path):
     return Lists(tmp_path / "lists")
 
 
@@ -105,7 +102,7 @@ class Server:
         self.pages: dict[str, Page] = {}
         self.asked: list[tuple[str, str, dict[str, str]]] = []
         self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
-        self._http.handle_error = lambda request, address: None  # type: ignore[method-assign]  # who asked has gone
+        self._http.handle_error = lambda request, address: None  # who asked has gone
         self.address = f"http://127.0.0.1:{self._http.server_port}"
         threading.Thread(
             target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True
@@ -192,7 +189,7 @@ class Server:
 
 
 @pytest.fixture
-def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+def server(monkeypatch):
     monkeypatch.setenv("NO_PROXY", "127.0.0.1,localhost")
     running = Server()
     yield running

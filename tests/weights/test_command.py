@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,7 +12,7 @@ from .conftest import CONTENT, HASH
 pytestmark = pytest.mark.quick
 
 
-def manifest(url: str) -> str:
+def manifest(url):
     return f"""
 [free]
 summary = "A free network"
@@ -49,22 +47,20 @@ path = "own.json"
 
 
 @pytest.fixture
-def plugin(site: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+def plugin(site, server, monkeypatch):
     """One plugin with three sets, one of which the server has."""
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-setup")
     site.list_weights("physic-nets", manifest(server.add("/free.onnx", CONTENT)))
     return site
 
 
-def put(folder: Path, content: bytes = CONTENT) -> Path:
+def put(folder, content=CONTENT):
     folder.parent.mkdir(parents=True, exist_ok=True)
     folder.write_bytes(content)
     return folder
 
 
-def test_the_list_shows_size_licence_and_state_of_each_weight_set(
-    plugin: Any, own_cache: Path, physic
-):
+def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin, own_cache, physic):
     put(own_cache / "own" / "own.json", b"{}")
     free, gated, own = (
         re.split(r"  +", line) for line in physic("weights", "list").stdout.splitlines()[1:]
@@ -84,7 +80,7 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(
     assert "here, DIFFERS  MIT" in physic("weights", "list").stdout
 
 
-def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch, physic):
+def test_a_broken_list_is_a_row(plugin, site, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd")
     path = site.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
     done = physic("weights", "list")
@@ -95,7 +91,7 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch, physic):
     assert re.search(r"'nothing'.*physic-odd 1\.0", done.stderr, re.DOTALL)
 
 
-def test_a_fetched_set_is_kept_and_verified(plugin: Any, own_cache: Path, physic):
+def test_a_fetched_set_is_kept_and_verified(plugin, own_cache, physic):
     there = own_cache / "free" / "free.onnx"
     done = physic("weights", "fetch", "free")
     assert (done.exit_code, str(there) in done.stdout) == (0, True)
@@ -106,7 +102,7 @@ def test_a_fetched_set_is_kept_and_verified(plugin: Any, own_cache: Path, physic
     assert physic("weights", "verify", "free").exit_code == 0
 
 
-def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path, physic):
+def test_fetch_goes_on_with_the_others(plugin, own_cache, physic):
     done = physic("weights", "fetch", "own", "gated", "free")
     assert (done.exit_code, str(own_cache / "free" / "free.onnx") in done.stdout) == (4, True)
     assert f"tools/export_own.py; then copy it into {own_cache / 'own'}" in done.stderr
@@ -115,7 +111,7 @@ def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path, physic):
 
 
 def test_a_fetched_folder_is_read_offline_by_another_machine(
-    plugin: Any, tmp_path: Path, server: Any, monkeypatch, physic
+    plugin, tmp_path, server, monkeypatch, physic
 ):
     stick = tmp_path / "stick"
     done = physic("weights", "fetch", "free", "--to", str(stick))
@@ -127,7 +123,7 @@ def test_a_fetched_folder_is_read_offline_by_another_machine(
 
 
 def test_a_name_that_two_plugins_list_needs_its_distribution(
-    plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path, physic
+    plugin, site, server, monkeypatch, own_cache, physic
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
     site.list_weights("physic-more", manifest(f"{server.address}/gone"))
@@ -140,9 +136,7 @@ def test_a_name_that_two_plugins_list_needs_its_distribution(
     assert physic("weights", "fetch", "physic-nets:free").exit_code == 0
 
 
-def test_verify_lists_what_differs_and_what_has_no_published_hash(
-    plugin: Any, own_cache: Path, physic
-):
+def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin, own_cache, physic):
     put(own_cache / "free" / "free.onnx", CONTENT[::-1])
     put(own_cache / "own" / "own.json", b"{}")
     done = physic("weights", "verify")

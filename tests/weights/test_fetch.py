@@ -5,13 +5,11 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from physic_core.errors import DownloadError, OutputError
-from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
+from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
 from .conftest import CONTENT, HASH, weights
@@ -19,24 +17,24 @@ from .conftest import CONTENT, HASH, weights
 pytestmark = pytest.mark.quick
 
 
-def one(source: str, content: bytes = CONTENT, path: str = "model.onnx", **keys: Any) -> WeightSet:
+def one(source, content=CONTENT, path="model.onnx", **keys):
     return weights(
         WeightFile(path, len(content), hashlib.sha256(content).hexdigest(), source), **keys
     )
 
 
-def refusal(chosen: WeightSet, **settings: Any) -> str:
+def refusal(chosen, **settings):
     with pytest.raises(DownloadError) as caught:
         fetch(chosen, **settings)
     return str(caught.value)
 
 
-def left(folder: Path) -> list[str]:
+def left(folder):
     """What lies in a folder, hidden files included."""
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Path, lists: Any):
+def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, lists):
     url = server.add("/model.onnx", CONTENT)
     folder = lists.add(
         "net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url}
@@ -51,7 +49,7 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Pa
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
+def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
     both = weights(
         WeightFile("a.onnx", source=server.add("/a", b"a")),
         WeightFile("deep/b.onnx", source=server.add("/b", b"b")),
@@ -64,7 +62,7 @@ def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
 
 
 def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(
-    server: Any, tmp_path: Path, monkeypatch
+    server, tmp_path, monkeypatch
 ):
     chosen = one(server.add("/model.onnx", CONTENT))
     fetch(chosen)
@@ -74,7 +72,7 @@ def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(
     assert left(tmp_path / "stick") == ["net/model.onnx"]
 
 
-def test_a_lost_connection_leaves_nothing(server: Any, own_cache: Path):
+def test_a_lost_connection_leaves_nothing(server, own_cache):
     url = server.add("/model.onnx", CONTENT, cut=[262_144])
     assert refusal(one(url)).startswith(url)
     assert left(own_cache) == []
@@ -82,10 +80,8 @@ def test_a_lost_connection_leaves_nothing(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_ctrl_c_leaves_no_part_of_a_file(
-    server: Any, own_cache: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def interrupt(*arguments: object, **settings: object) -> None:
+def test_ctrl_c_leaves_no_part_of_a_file(server, own_cache, monkeypatch):
+    def interrupt(*arguments, **settings):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shutil.move", interrupt)
@@ -94,7 +90,7 @@ def test_ctrl_c_leaves_no_part_of_a_file(
     assert left(own_cache) == []
 
 
-def test_a_wrong_hash_is_reported_and_the_file_removed(server: Any, own_cache: Path):
+def test_a_wrong_hash_is_reported_and_the_file_removed(server, own_cache):
     other = CONTENT[::-1]
     url = server.add("/model.onnx", other)
     message = refusal(weights(WeightFile("model.onnx", len(CONTENT), HASH, url)))
@@ -104,7 +100,7 @@ def test_a_wrong_hash_is_reported_and_the_file_removed(server: Any, own_cache: P
 
 @pytest.mark.parametrize("length", [True, False], ids=["stated", "not stated"])
 @pytest.mark.parametrize("size", [len(CONTENT) - 7, len(CONTENT) + 7], ids=["longer", "shorter"])
-def test_a_file_of_another_size_is_removed(server: Any, own_cache: Path, size: int, length: bool):
+def test_a_file_of_another_size_is_removed(server, own_cache, size, length):
     url = server.add("/model.onnx", CONTENT, length=length)
     assert f"{len(CONTENT)} bytes instead of {size}" in refusal(
         weights(WeightFile("model.onnx", size, None, url))
@@ -113,20 +109,20 @@ def test_a_file_of_another_size_is_removed(server: Any, own_cache: Path, size: i
 
 
 @pytest.mark.parametrize("code", [401, 404, 500])
-def test_a_refusal_of_a_server_is_reported_with_the_homepage(server: Any, code: int):
+def test_a_refusal_of_a_server_is_reported_with_the_homepage(server, code):
     url = server.add("/model.onnx", status=code)
     message = refusal(one(url, homepage="https://example.org/net"))
     assert str(code) in message
     assert message.endswith("see https://example.org/net")
 
 
-def test_a_missing_network_connection_is_reported(server: Any):
+def test_a_missing_network_connection_is_reported(server):
     url = server.add("/model.onnx", CONTENT)
     server.close()
     assert refusal(one(url)).startswith(url)
 
 
-def test_a_folder_that_cannot_be_made_is_reported(server: Any, own_cache: Path):
+def test_a_folder_that_cannot_be_made_is_reported(server, own_cache):
     own_cache.parent.mkdir(parents=True)
     own_cache.write_text("not a folder")
     with pytest.raises(OutputError, match="Not a directory"):
@@ -137,7 +133,7 @@ def test_a_folder_that_cannot_be_made_is_reported(server: Any, own_cache: Path):
 @pytest.mark.parametrize(
     "keys", [{"commercial": False}, {"commercial": None}, {"account": True}], ids=str
 )
-def test_restricted_weights_are_fetched_only_with_accept_licence(server: Any, keys: dict[str, Any]):
+def test_restricted_weights_are_fetched_only_with_accept_licence(server, keys):
     chosen = one(
         server.add("/model.onnx", CONTENT),
         license="Own licence",
@@ -152,7 +148,7 @@ def test_restricted_weights_are_fetched_only_with_accept_licence(server: Any, ke
     assert fetch(chosen, accept=True) == ("model.onnx",)
 
 
-def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, own_cache: Path):
+def test_a_file_of_another_size_is_not_taken_for_the_published_one(server, own_cache):
     chosen = one(server.add("/model.onnx", CONTENT))
     there = own_cache / "net" / "model.onnx"
     there.parent.mkdir(parents=True)
@@ -162,7 +158,7 @@ def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, 
     assert fetch(chosen) == ("model.onnx",)
 
 
-def zipped(**members: bytes) -> bytes:
+def zipped(**members):
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in members.items():
@@ -170,7 +166,7 @@ def zipped(**members: bytes) -> bytes:
     return out.getvalue()
 
 
-def test_members_come_out_of_a_zip(server: Any, own_cache: Path):
+def test_members_come_out_of_a_zip(server, own_cache):
     url = server.add("/all.zip", zipped(x__a=CONTENT, x__b=b"b", other=b"no"))
     both = weights(
         WeightFile("model.onnx", len(CONTENT), HASH, f"{url}#x/a"),
@@ -182,7 +178,7 @@ def test_members_come_out_of_a_zip(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/deep/b", "net/model.onnx"]
 
 
-def test_names_inside_a_zip_cannot_leave_the_folder(server: Any, own_cache: Path, tmp_path: Path):
+def test_names_inside_a_zip_cannot_leave_the_folder(server, own_cache, tmp_path):
     members = {"../../evil": b"evil", "/abs": b"evil", "a": b"a"}
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
@@ -194,7 +190,7 @@ def test_names_inside_a_zip_cannot_leave_the_folder(server: Any, own_cache: Path
     assert left(tmp_path) == sorted([*before, "cache/physic/weights/net/model.onnx"])
 
 
-def test_a_member_that_is_not_in_the_zip_is_an_error(server: Any, own_cache: Path):
+def test_a_member_that_is_not_in_the_zip_is_an_error(server, own_cache):
     url = server.add("/all.zip", zipped(b=b"b", c=b"c"))
     assert "0 files a" in refusal(weights(WeightFile("a", source=f"{url}#a")))
     assert left(own_cache) == []
@@ -202,14 +198,14 @@ def test_a_member_that_is_not_in_the_zip_is_an_error(server: Any, own_cache: Pat
     assert fetch(weights(WeightFile("a", source=f"{url}#a"))) == ("a",)
 
 
-def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Path):
+def test_a_member_of_another_size_or_hash_is_refused(server, own_cache):
     url = server.add("/all.zip", zipped(a=b"other"))
     assert "5 bytes instead of 7" in refusal(weights(WeightFile("a", 7, None, f"{url}#a")))
     assert f"instead of {HASH}" in refusal(weights(WeightFile("a", None, HASH, f"{url}#a")))
     assert left(own_cache) == []
 
 
-def test_a_download_that_is_no_zip_is_reported_and_removed(server: Any, own_cache: Path):
+def test_a_download_that_is_no_zip_is_reported_and_removed(server, own_cache):
     url = server.add("/all.zip", b"<html>please log in</html>")
     assert "zip" in refusal(weights(WeightFile("a", source=f"{url}#a")))
     assert left(own_cache) == []

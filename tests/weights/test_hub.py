@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,7 +22,7 @@ CONFIG = b'{"hidden_size": 8}'
 COMMIT = "c" * 40
 
 
-def git(content: bytes) -> str:
+def git(content):
     return hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
 
 
@@ -71,7 +69,7 @@ class Hub:
 
 
 @pytest.fixture
-def hub(server: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Hub]:
+def hub(server, monkeypatch, tmp_path):
     from huggingface_hub import constants, file_download, utils
 
     monkeypatch.setattr(constants, "ENDPOINT", server.address)
@@ -90,13 +88,13 @@ def hub(server: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterato
     (getattr(utils, "close_session", None) or utils.reset_sessions)()
 
 
-def refusal(source: str, file: dict[str, Any] | None = None, **settings: Any) -> str:
+def refusal(source, file=None, **settings):
     with pytest.raises(DownloadError) as caught:
         fetch(weights(WeightFile("model.onnx", source=source, **(file or {}))), **settings)
     return str(caught.value)
 
 
-def left(folder: Path) -> list[str]:
+def left(folder):
     return sorted(
         str(path.relative_to(folder))
         for path in folder.rglob("*")
@@ -104,9 +102,7 @@ def left(folder: Path) -> list[str]:
     )
 
 
-def test_a_set_of_one_repository_comes_into_the_librarys_cache(
-    hub: Hub, lists: Any, own_cache: Path, tmp_path: Path
-):
+def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub, lists, own_cache, tmp_path):
     large = {
         "path": "model.onnx",
         "bytes": len(CONTENT),
@@ -128,7 +124,7 @@ def test_a_set_of_one_repository_comes_into_the_librarys_cache(
     assert len(hub.server.asked) == asked
 
 
-def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub: Hub, own_cache: Path):
+def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub, own_cache):
     both = weights(
         WeightFile("encoder.onnx", source=hub.add("v2/enc.onnx", CONTENT)),
         WeightFile("decoder.onnx", source=hub.add("dec.onnx", CONFIG, repository="owner/other")),
@@ -138,9 +134,7 @@ def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub: Hub, own_c
     assert fetch(both) == ()
 
 
-def test_files_in_several_places_are_gathered_without_a_network(
-    hub: Hub, own_cache: Path, server: Any, lists: Any
-):
+def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, server, lists):
     one = {"path": "encoder.onnx", "source": hub.add("encoder.onnx", CONTENT)}
     other = {
         "path": "decoder.onnx",
@@ -154,7 +148,7 @@ def test_files_in_several_places_are_gathered_without_a_network(
     assert locate(folder, "net") == own_cache / "net"
 
 
-def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub: Hub, tmp_path: Path):
+def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub, tmp_path):
     chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
     fetch(chosen)
     asked = len(hub.server.asked)
@@ -164,16 +158,14 @@ def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub: Hub, tmp_path:
     assert len(hub.server.asked) == asked
 
 
-def test_weights_of_a_revision_are_fetched(hub: Hub, lists: Any, tmp_path: Path):
+def test_weights_of_a_revision_are_fetched(hub, lists, tmp_path):
     source = hub.add("model.onnx", CONTENT, revision="v1.0")
     folder = lists.add("net", {"path": "model.onnx", "source": source})
     fetch(read_manifest(folder)["net"])
     assert locate(folder, "net").read_bytes() == CONTENT
 
 
-def test_a_broken_connection_is_taken_up_again_at_once(
-    hub: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_broken_connection_is_taken_up_again_at_once(hub, tmp_path, monkeypatch):
     from huggingface_hub import constants
 
     monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 65_536)
@@ -183,7 +175,7 @@ def test_a_broken_connection_is_taken_up_again_at_once(
 
 
 @pytest.mark.parametrize("to", [None, "stick"])
-def test_a_file_that_differs_from_the_manifest_is_removed(hub: Hub, tmp_path: Path, to: str | None):
+def test_a_file_that_differs_from_the_manifest_is_removed(hub, tmp_path, to):
     source = hub.add("model.onnx", CONTENT)
     folder = None if to is None else tmp_path / to
     assert f"its SHA-256 is {HASH} instead of {'ab' * 32}" in refusal(
@@ -195,7 +187,7 @@ def test_a_file_that_differs_from_the_manifest_is_removed(hub: Hub, tmp_path: Pa
     assert [name for name in left(tmp_path) if "model.onnx" in name or HASH in name] == []
 
 
-def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: Any, monkeypatch):
+def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub, server, monkeypatch):
     monkeypatch.setenv("HF_TOKEN", "hf_mine")
     fetch(weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT))))
     tokens = {
@@ -205,14 +197,12 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: 
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
 
 
-def test_a_gated_repository_is_reported(hub: Hub):
+def test_a_gated_repository_is_reported(hub):
     source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
     assert "restricted" in refusal(source)
 
 
-def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(
-    hub: Hub, own_cache: Path
-):
+def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub, own_cache):
     """The mirror may name its files as it likes; of a small one the hub tells the size alone."""
     hub.add("any/name.bin", CONTENT, repository="other/mirror", revision=COMMIT)
     hub.add("settings", CONFIG, repository="other/mirror", revision=COMMIT)
@@ -242,13 +232,13 @@ def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(
     assert fetch(gated) == ()
 
 
-def test_a_file_that_is_gone_names_the_homepage(hub: Hub):
+def test_a_file_that_is_gone_names_the_homepage(hub):
     source = hub.refuse("model.onnx", 404, "EntryNotFound")
     with pytest.raises(DownloadError, match=r"404(.|\n)*see https://example\.org$"):
         fetch(weights(WeightFile("model.onnx", source=source), homepage="https://example.org"))
 
 
-def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
+def test_offline_by_the_librarys_own_switch(hub, server, monkeypatch):
     from huggingface_hub import constants
 
     source = hub.add("model.onnx", CONTENT)

@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,20 +14,18 @@ SOURCE = "hf://owner/net/model.onnx"
 
 
 @pytest.fixture
-def net(lists: Any) -> Path:
+def net(lists):
     """The folder with the list of one set named net, of one file."""
     return lists.add("net", {"path": "model.onnx", "source": SOURCE})
 
 
-def write(path: Path, content: bytes = b"weights") -> Path:
+def write(path, content=b"weights"):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     return path
 
 
-def in_hub(
-    tmp_path: Path, name: str, content: bytes = b"weights", repository: str = "owner/net"
-) -> Path:
+def in_hub(tmp_path, name, content=b"weights", repository="owner/net"):
     """A file as Hugging Face's library keeps it."""
     repo = tmp_path / "hub" / f"models--{repository.replace('/', '--')}"
     commit = "c" * 40
@@ -37,7 +33,7 @@ def in_hub(
     return write(repo / "snapshots" / commit / name, content)
 
 
-def graph_naming(path: Path, *names: str) -> Path:
+def graph_naming(path, *names):
     """An ONNX file of tensors that lie in other files."""
     from onnx import TensorProto, helper, save
 
@@ -53,7 +49,7 @@ def graph_naming(path: Path, *names: str) -> Path:
     return path
 
 
-def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net: Path, tmp_path: Path):
+def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net, tmp_path):
     names = ("net.onnx.data", f"{'long' * 40}.bin")
     own = str(graph_naming(tmp_path / "own" / "net.onnx", *names))
     (message,) = missing(net, own)
@@ -68,14 +64,14 @@ def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net: Path, tmp_path
     assert len(digests) == 3
 
 
-def test_a_set_is_found_in_the_users_cache(net: Path, own_cache: Path):
+def test_a_set_is_found_in_the_users_cache(net, own_cache):
     there = write(own_cache / "net" / "model.onnx")
     assert locate(net, "net") == locate(net, "net", "model.onnx") == there
     assert missing(net, "net") == ()
 
 
 def test_the_folders_of_the_environment_go_first_in_their_order(
-    net: Path, own_cache: Path, tmp_path, monkeypatch
+    net, own_cache, tmp_path, monkeypatch
 ):
     write(own_cache / "net" / "model.onnx")
     first = tmp_path / "first"
@@ -87,14 +83,14 @@ def test_the_folders_of_the_environment_go_first_in_their_order(
     assert locate(net, "net") == there
 
 
-def test_hugging_faces_cache_comes_last(net: Path, own_cache: Path, tmp_path: Path):
+def test_hugging_faces_cache_comes_last(net, own_cache, tmp_path):
     there = in_hub(tmp_path, "model.onnx")
     assert locate(net, "net") == there
     there = write(own_cache / "net" / "model.onnx")
     assert locate(net, "net") == there
 
 
-def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists: Any, tmp_path: Path):
+def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists, tmp_path):
     names = ("config.json", "model.safetensors")
     folder = lists.add("net", *({"path": n, "source": f"hf://owner/net/{n}"} for n in names))
     there = [in_hub(tmp_path, name) for name in names]
@@ -106,7 +102,7 @@ FETCH = "`physic weights fetch net`"
 
 
 def test_missing_weights_are_named_with_size_licence_command_and_searched_folders(
-    lists: Any, own_cache: Path, tmp_path: Path, monkeypatch
+    lists, own_cache, tmp_path, monkeypatch
 ):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
@@ -137,12 +133,12 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
         ),
     ],
 )
-def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
+def test_how_to_get_it_follows_the_licence(lists, keys, way):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE}, **keys)
     assert missing(folder, "net") == (f"weights 'net' (MIT) are missing: {way}",)
 
 
-def test_a_path_of_the_users_own_is_taken_as_it_is(net: Path, tmp_path: Path):
+def test_a_path_of_the_users_own_is_taken_as_it_is(net, tmp_path):
     mine = write(tmp_path / "mine" / "x.onnx")
     assert locate(net, str(mine)) == locate(net, str(mine), "model.onnx") == mine
     assert locate(net, str(mine.parent)) == mine.parent
@@ -164,17 +160,13 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(net: Path, tmp_path: Path):
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],
 )
-def test_a_missing_weight_path_is_named(
-    net: Path, tmp_path: Path, value: str, file: str | None, says: str
-):
+def test_a_missing_weight_path_is_named(net, tmp_path, value, file, says):
     value = value.replace("{tmp}", str(tmp_path))
     with pytest.raises(WeightsMissingError, match=re.escape(says.replace("{tmp}", str(tmp_path)))):
         locate(net, value, file)
 
 
-def test_a_sets_name_goes_before_a_folder_of_that_name(
-    lists: Any, own_cache: Path, tmp_path: Path, monkeypatch
-):
+def test_a_sets_name_goes_before_a_folder_of_that_name(lists, own_cache, tmp_path, monkeypatch):
     folder = lists.add("sam2.1-tiny", {"path": "model.onnx", "source": SOURCE})
     there = write(own_cache / "sam2.1-tiny" / "model.onnx")
     (tmp_path / "sam2.1-tiny").mkdir()
@@ -182,9 +174,7 @@ def test_a_sets_name_goes_before_a_folder_of_that_name(
     assert locate(folder, "sam2.1-tiny") == there
 
 
-def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(
-    lists: Any, own_cache: Path, tmp_path: Path
-):
+def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists, own_cache, tmp_path):
     folder = lists.add(
         "net", {"path": "model.onnx", "source": SOURCE, "bytes": 7, "sha256": "ab" * 32}
     )
@@ -198,7 +188,7 @@ def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(
 
 
 def test_a_fingerprint_of_files_without_a_published_hash_follows_their_content(
-    net: Path, own_cache: Path, tmp_path: Path
+    net, own_cache, tmp_path
 ):
     one, two, listed = (
         write(path)

@@ -24,7 +24,7 @@ NAME = "net/model.onnx"
 
 
 @pytest.fixture
-def manifest(lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def manifest(lists, tmp_path, monkeypatch):
     """A set whose file is here, without a SHA-256; the lock file is physic.lock of the current
     folder.
     """
@@ -36,13 +36,13 @@ def manifest(lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return lists.add("net", {"path": "model.onnx", "source": "hf://owner/net/model.onnx"})
 
 
-def use(manifest: Path) -> dict[str, str]:
+def use(manifest):
     with recorded_uses() as uses:
         locate(manifest, "net")
     return dict(uses[NAME])
 
 
-def test_fetch_pins_what_the_manifest_does_not(manifest: Path) -> None:
+def test_fetch_pins_what_the_manifest_does_not(manifest):
     digest = hashlib.sha256(b"one").hexdigest()
     assert use(manifest) == {"sha256": digest, "state": "unpinned"}
     assert fetch(read_manifest(manifest)["net"]) == ()
@@ -52,7 +52,7 @@ def test_fetch_pins_what_the_manifest_does_not(manifest: Path) -> None:
     assert (file.sha256, file.is_pinned) == (digest, True)
 
 
-def test_another_file_is_named_and_does_not_change_the_lock(manifest: Path) -> None:
+def test_another_file_is_named_and_does_not_change_the_lock(manifest):
     fetch(read_manifest(manifest)["net"])
     before = Path("physic.lock").read_text()
     Path("mine/net/model.onnx").write_bytes(b"other")
@@ -61,7 +61,7 @@ def test_another_file_is_named_and_does_not_change_the_lock(manifest: Path) -> N
     assert Path("physic.lock").read_text() == before
 
 
-def test_a_revision_of_the_lock_is_the_one_that_is_fetched(manifest: Path) -> None:
+def test_a_revision_of_the_lock_is_the_one_that_is_fetched(manifest):
     pin({NAME: {"sha256": "0" * 64, "revision": "a" * 40}})
     (file,) = locked(read_manifest(manifest)["net"]).files
     assert file.source == f"hf://owner/net/model.onnx@{'a' * 40}"
@@ -69,9 +69,7 @@ def test_a_revision_of_the_lock_is_the_one_that_is_fetched(manifest: Path) -> No
     assert read_lock()[NAME]["sha256"] == "0" * 64, "the first stays"
 
 
-def test_a_published_hash_needs_no_lock(
-    lists, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_published_hash_needs_no_lock(lists, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path / "physic.lock"))
     digest = hashlib.sha256(b"one").hexdigest()
     manifest = lists.add(
@@ -81,7 +79,7 @@ def test_a_published_hash_needs_no_lock(
     assert locked(read_manifest(manifest)["net"]) == read_manifest(manifest)["net"]
 
 
-def test_a_damaged_lock_file_is_an_error(manifest: Path) -> None:
+def test_a_damaged_lock_file_is_an_error(manifest):
     Path("physic.lock").write_text("not [ toml")
     with pytest.raises(
         WeightsMissingError, match=r"physic\.lock cannot be read: .*; mend or delete it"
@@ -89,7 +87,7 @@ def test_a_damaged_lock_file_is_an_error(manifest: Path) -> None:
         read_lock()
 
 
-def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest: Path) -> None:
+def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest):
     class Depth(MetricDepth):
         def load(self, device: str = "cpu") -> None:
             locate(manifest, "net")

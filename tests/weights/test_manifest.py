@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -17,20 +16,20 @@ SIMPLE = '[net]\nsummary = "A network"\nlicense = "MIT"\n[[net.files]]\npath = "
 SOURCE = 'source = "https://example.org/x"\n'
 
 
-def write(tmp_path: Path, text: str, name: str = "own.toml") -> Path:
+def write(tmp_path, text, name="own.toml"):
     path = tmp_path / name
     path.write_text(text)
     return path
 
 
-def fault(path: Path) -> str:
+def fault(path):
     with pytest.raises(BackendError) as caught:
         read_manifest(path)
     assert str(path) in str(caught.value) or path.is_dir()
     return str(caught.value)
 
 
-def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
+def test_a_set_is_read_with_all_that_it_says(tmp_path):
     path = write(
         tmp_path,
         '["net-1.5"]\nsummary = "A network"\nlicense = "CC-BY-NC-4.0"\ncommercial = '
@@ -51,7 +50,7 @@ def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
     assert (found.bytes, found.is_free) == (None, False)
 
 
-def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
+def test_keys_left_out_of_a_manifest_are_unknown(tmp_path):
     (found,) = read_manifest(write(tmp_path, SIMPLE + SOURCE)).values()
     assert (found.commercial, found.account, found.is_free) == (None, False, False)
     assert found.homepage == found.advice == ""
@@ -71,12 +70,12 @@ def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
         ),
     ],
 )
-def test_every_kind_of_source_is_parsed(tmp_path: Path, source: str, origin: object):
+def test_every_kind_of_source_is_parsed(tmp_path, source, origin):
     (found,) = read_manifest(write(tmp_path, SIMPLE + f'source = "{source}"\n')).values()
     assert found.files[0].origin == origin
 
 
-def test_a_folder_is_read_as_all_its_manifests(tmp_path: Path):
+def test_a_folder_is_read_as_all_its_manifests(tmp_path):
     write(tmp_path, SIMPLE + SOURCE, "a.toml")
     write(tmp_path, (SIMPLE + SOURCE).replace("net", "other"), "b.toml")
     write(tmp_path, "no list", "notes.txt")
@@ -85,7 +84,7 @@ def test_a_folder_is_read_as_all_its_manifests(tmp_path: Path):
     assert read_manifest(tmp_path / "empty") == {}
 
 
-def test_a_list_is_read_again_only_when_it_has_changed(tmp_path: Path):
+def test_a_list_is_read_again_only_when_it_has_changed(tmp_path):
     path = write(tmp_path, SIMPLE + SOURCE)
     first = read_manifest(path)
     assert read_manifest(path) is first
@@ -94,7 +93,7 @@ def test_a_list_is_read_again_only_when_it_has_changed(tmp_path: Path):
     assert sorted(read_manifest(path)) == ["other"]
 
 
-def table(files: str, head: str = 'summary = "A"\nlicense = "MIT"\n') -> str:
+def table(files, head='summary = "A"\nlicense = "MIT"\n'):
     return f"[net]\n{head}{files}"
 
 
@@ -126,17 +125,17 @@ def table(files: str, head: str = 'summary = "A"\nlicense = "MIT"\n') -> str:
         ("[Net]\nsummary = 'A'\nlicense = 'MIT'\n[[Net.files]]\npath = 'a'\n" + SOURCE, "pattern"),
     ],
 )
-def test_a_fault_of_a_manifest_is_named(tmp_path: Path, text: str, word: str):
+def test_a_fault_of_a_manifest_is_named(tmp_path, text, word):
     assert word in fault(write(tmp_path, text))
 
 
-def test_one_name_in_two_manifests_is_an_error(tmp_path: Path):
+def test_one_name_in_two_manifests_is_an_error(tmp_path):
     write(tmp_path, SIMPLE + SOURCE, "a.toml")
     write(tmp_path, SIMPLE + SOURCE, "b.toml")
     assert "b.toml" in fault(tmp_path)
 
 
-def test_a_missing_manifest_is_an_error(tmp_path: Path):
+def test_a_missing_manifest_is_an_error(tmp_path):
     with pytest.raises(
         BackendError,
         match=r"^the weight manifest .*no\.toml cannot be read: No such file or directory$",
@@ -161,7 +160,7 @@ def test_a_missing_manifest_is_an_error(tmp_path: Path):
         "x:stream",
     ],
 )
-def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: str):
+def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path, path):
     assert not is_inside(path)
     literal = f"'{path}'"
     for text in (

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,7 +17,7 @@ DIGEST = hashlib.sha256(CONTENT).hexdigest()
 
 
 @pytest.fixture
-def folder(lists: Any) -> Path:
+def folder(lists):
     file = {
         "path": "model.onnx",
         "source": "hf://owner/net/model.onnx",
@@ -30,14 +28,14 @@ def folder(lists: Any) -> Path:
 
 
 @pytest.fixture
-def model(own_cache: Path) -> Path:
+def model(own_cache):
     path = own_cache / "net" / "model.onnx"
     path.parent.mkdir(parents=True)
     path.write_bytes(CONTENT)
     return path
 
 
-def flip_bit(path: Path) -> str:
+def flip_bit(path):
     """Change a bit, as a failing disk does, without a trace in size and time; return the
     SHA-256.
     """
@@ -49,17 +47,17 @@ def flip_bit(path: Path) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def refusal(folder: Path) -> str:
+def refusal(folder):
     with pytest.raises(BackendError) as caught:
         locate(folder, "net")
     return str(caught.value)
 
 
-def test_a_file_with_the_published_sha256_is_used(folder: Path, model: Path):
+def test_a_file_with_the_published_sha256_is_used(folder, model):
     assert locate(folder, "net") == locate(folder, "net", "model.onnx") == model
 
 
-def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
+def test_a_damaged_file_is_refused_and_not_missing(folder, model):
     found = flip_bit(model)
     message = refusal(folder)
     assert f"{model} is not the published file" in message
@@ -68,15 +66,13 @@ def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
     assert missing(folder, "net") == ()
 
 
-def test_a_file_of_another_size_is_refused_without_reading_it(
-    folder: Path, model: Path, monkeypatch
-):
+def test_a_file_of_another_size_is_refused_without_reading_it(folder, model, monkeypatch):
     model.write_bytes(CONTENT[:-1])
     monkeypatch.setattr(hashlib, "file_digest", None)
     assert "is not the published file: it has 6999 bytes instead of 7000: " in refusal(folder)
 
 
-def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: Path, monkeypatch):
+def test_a_file_is_read_once_in_a_process_until_it_changes(folder, model, monkeypatch):
     reads = []
     compute = hashlib.file_digest
     monkeypatch.setattr(
@@ -89,7 +85,7 @@ def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: 
     assert "is not the published file" in refusal(folder)
 
 
-def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp_path: Path):
+def test_a_link_to_another_file_is_compared_again(folder, model, tmp_path):
     good = tmp_path / "good"
     other = tmp_path / "other"
     good.write_bytes(CONTENT)
@@ -103,13 +99,13 @@ def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp
     assert "is not the published file" in refusal(folder)
 
 
-def test_looking_for_files_reads_none(folder: Path, model: Path, monkeypatch):
+def test_looking_for_files_reads_none(folder, model, monkeypatch):
     monkeypatch.setattr(hashlib, "file_digest", None)
     assert missing(folder, "net") == ()
     assert fingerprint(folder, "net")
 
 
-def test_a_path_of_the_user_is_not_compared(folder: Path, model: Path, tmp_path: Path):
+def test_a_path_of_the_user_is_not_compared(folder, model, tmp_path):
     own = tmp_path / "mine.onnx"
     own.write_bytes(b"other weights")
     assert locate(folder, str(own)) == own

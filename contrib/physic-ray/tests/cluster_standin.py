@@ -5,13 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import time
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.process import PhotoProcessor
 from physic_core.errors import ConfigError, NoPersonError, OutputError
 
 
@@ -38,7 +35,7 @@ class Result:
         }
 
 
-def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Result:
+def reconstruct(path, settings, seconds):
     """Do what the name of the file says."""
     name = Path(path).stem
     time.sleep(seconds)
@@ -57,13 +54,13 @@ def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Resul
     return Result(path)
 
 
-def open_worker(job: BatchJob, seconds: float = 0.0) -> Callable[[PhotoItem], dict[str, Any]]:
+def open_worker(job, seconds=0.0):
     return PhotoProcessor(job, partial(reconstruct, seconds=seconds))
 
 
-def refuse(job: BatchJob) -> Callable[[PhotoItem], dict[str, Any]]:
+def refuse(job):
     raise ConfigError("preset mock: 1 error")
 
 
-def crash(job: BatchJob) -> Callable[[PhotoItem], dict[str, Any]]:
+def crash(job):
     os.abort()

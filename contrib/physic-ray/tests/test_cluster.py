@@ -8,11 +8,9 @@ import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,7 +20,7 @@ from physic_core.batch.process import BatchJob
 from physic_core.batch.run import ExecutorSettings, plan_batch, run_batch, run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
-from physic_core.errors import BackendError, ConfigError, OutputError, PhysicError
+from physic_core.errors import BackendError, ConfigError, OutputError
 from physic_ray.executor import run_on_ray
 from physic_ray.resources import Resources
 
@@ -40,7 +38,7 @@ TIMES = ("seconds", "finished", "peak_mb")
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
+def cluster():
     """Two nodes that listen on 127.0.0.1, with 2 logical CPUs each."""
     paths = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
     with pytest.MonkeyPatch.context() as patch:
@@ -62,51 +60,47 @@ def cluster() -> Iterator[Any]:
 
 
 @pytest.fixture
-def standin(monkeypatch: pytest.MonkeyPatch) -> Any:
+def standin(monkeypatch):
     monkeypatch.syspath_prepend(HERE)
-    import cluster_standin  # type: ignore[import-not-found]
+    import cluster_standin
 
     return cluster_standin
 
 
-def make_photos(folder: Path, *names: str) -> Path:
+def make_photos(folder, *names):
     folder.mkdir(exist_ok=True)
     for name in names:
         (folder / f"{name}.jpg").write_text(name)
     return folder
 
 
-def job_for(out: Path) -> BatchJob:
+def job_for(out):
     return BatchJob(load_config(preset="mock"), str(out), "none", thumbnails=False)
 
 
 def run(
-    photos: Path,
-    job: BatchJob,
-    executor: Callable[..., Any],
-    on_row: Callable[..., None] = lambda row: None,
-) -> None:
+    photos,
+    job,
+    executor,
+    on_row=lambda row: None,
+):
     todo = plan_batch(list_photos([str(photos)]).photos, job).todo
     run_batch(todo, job, executor, Path(job.out) / "journal.jsonl", on_row)
 
 
-def on(
-    cluster: Any, open_worker: Callable[[], Any], timeout: float | None = None
-) -> Callable[..., Any]:
+def on(cluster, open_worker, timeout=None):
     settings = ExecutorSettings(timeout=timeout, address=cluster.address)
     return partial(run_on_ray, settings=settings, resources=RESOURCES, open_worker=open_worker)
 
 
-def comparable(out: Path) -> dict[str, dict[str, Any]]:
+def comparable(out):
     return {
         i: {k: v for k, v in row.items() if k not in TIMES}
         for i, row in read_journals(out).last.items()
     }
 
 
-def test_thirty_photos_have_the_rows_of_the_local_executor(
-    cluster: Any, standin: Any, tmp_path: Path
-):
+def test_thirty_photos_have_the_rows_of_the_local_executor(cluster, standin, tmp_path):
     names = [f"photo {i} é" for i in range(25)] + ["abort", "broken", "hang", "nobody", "nobody 2"]
     photos = make_photos(tmp_path / "photos", *names)
     local = job_for(tmp_path / "local")
@@ -132,12 +126,12 @@ def test_thirty_photos_have_the_rows_of_the_local_executor(
     assert plan_batch(list_photos([str(photos)]).photos, remote).todo == ()
 
 
-def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_path: Path):
+def test_a_node_that_is_killed_costs_no_photo(cluster, standin, tmp_path):
     photos = make_photos(tmp_path / "photos", *(f"p{i}" for i in range(24)))
     job = job_for(tmp_path / "out")
     count = Counter[str]()
 
-    def kill_one_node(row: Any) -> None:
+    def kill_one_node(row):
         count[row["state"]] += 1
         if count.total() == 6:
             cluster.remove_node(cluster.second, allow_graceful=False)
@@ -163,13 +157,13 @@ def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_pa
     ],
 )
 def test_what_concerns_every_photo_ends_the_batch_with_one_message(
-    cluster: Any,
-    standin: Any,
-    tmp_path: Path,
-    name: str,
-    photo: str,
-    kind: type[PhysicError],
-    message: str,
+    cluster,
+    standin,
+    tmp_path,
+    name,
+    photo,
+    kind,
+    message,
 ):
     photos = make_photos(tmp_path / "photos", photo)
     job = job_for(tmp_path / "out")
@@ -180,7 +174,7 @@ def test_what_concerns_every_photo_ends_the_batch_with_one_message(
 
 
 def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_written(
-    cluster: Any, tmp_path: Path
+    cluster, tmp_path
 ):
     import pyarrow.dataset
     import ray
@@ -196,7 +190,7 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
     table = tmp_path / "photos.csv"
     table.write_text(f"id,path\na,{tmp_path / 'stand.png'}\nb,{tmp_path / 'missing.jpg'}\n")
 
-    def write() -> list[dict[str, Any]]:
+    def write():
         photos = ray.data.read_csv(str(table))
         rows = physic_ray.reconstruct(
             photos, "mock", resources=RESOURCES, checkpoint=str(tmp_path / "checkpoint")
@@ -222,7 +216,7 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
         assert again[:2] == first
 
 
-def test_a_cluster_that_cannot_be_reached_is_one_message(tmp_path: Path):
+def test_a_cluster_that_cannot_be_reached_is_one_message(tmp_path):
     settings = ExecutorSettings(address="127.0.0.1:1")
     photos = make_photos(tmp_path / "photos", "a")
     job = job_for(tmp_path / "out")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -37,7 +36,7 @@ def test_options_are_attributes_of_resources():
         ({"cpus": "0"}, "above 0"),
     ],
 )
-def test_invalid_options_are_refused_before_anything_starts(options: dict[str, str], message: str):
+def test_invalid_options_are_refused_before_anything_starts(options, message):
     with pytest.raises(ConfigError, match=message):
         ray_executor(ExecutorSettings(options=options))
 
@@ -53,9 +52,7 @@ def test_workers_that_fit_on_the_nodes():
     assert Resources(memory_gb=500.0).count_slots(nodes) == 0
 
 
-def test_a_node_without_the_output_folder_is_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_a_node_without_the_output_folder_is_refused(monkeypatch, tmp_path):
     monkeypatch.setattr("physic_ray.worker.VISIBLE_S", 0.0)
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
     actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from .miniatures import Files, write_models
+from .miniatures import write_models
 
 
 @pytest.fixture(scope="session")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+def files(tmp_path_factory):
     """Files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is larger
     than neutral.
     """

@@ -9,11 +9,10 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from PIL import Image
 
 from physic_bench.bodies import BodyFiles, PosedBody
@@ -29,7 +28,7 @@ STANDING = {"global_orient": [np.pi, 0, 0], "transl": [0.1, 0.35, 3.5]}
 """Upright before an OpenCV camera, facing it."""
 
 
-def other_body() -> ModuleType:
+def other_body():
     """The module of the core's tests that makes bodies of SMPL-X's and SMPL's kind from the
     embedded one.
     """
@@ -57,7 +56,7 @@ class Files:
         return ["--smplx", str(self.bodies.smplx), "--smpl", str(self.bodies.smpl)]
 
 
-def write_models(folder: Path) -> Files:
+def write_models(folder):
     """Write files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is
     the larger.
     """
@@ -83,7 +82,7 @@ def write_models(folder: Path) -> Files:
     return Files(BodyFiles(folder / "smplx", folder / "smpl"))
 
 
-def write_measured_photos(folder: Path, count: int = 3) -> Path:
+def write_measured_photos(folder, count=3):
     """Write photos p0.png ... with one measured person each, and truth.json."""
     folder.mkdir()
     joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
@@ -96,19 +95,19 @@ def write_measured_photos(folder: Path, count: int = 3) -> Path:
     return folder
 
 
-def run(*arguments: str) -> Result:
+def run(*arguments):
     """Run ``physic evaluate`` with these arguments."""
     return CliRunner().invoke(main, ["evaluate", *arguments])
 
 
-def write_plain(folder: Path, name: str, **arrays: Any) -> None:
+def write_plain(folder, name, **arrays):
     """Write a result of the plain reader."""
     path = folder / f"{name}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, **arrays)
 
 
-def figures(out: Path, method: str) -> dict[str, float]:
+def figures(out, method):
     """Column -> value of a method in results.json."""
     document = json.loads((out / "results.json").read_text())
     return {
@@ -116,13 +115,13 @@ def figures(out: Path, method: str) -> dict[str, float]:
     }
 
 
-def python2_pickle(path: Path, values: dict[str, Any]) -> None:
+def python2_pickle(path, values):
     """Write a pickle as Python 2 with numpy 1 wrote it: texts and bytes are both "str"."""
     import io
     import pickle
     import struct
 
-    class Python2(pickle._Pickler):  # type: ignore[misc, name-defined]
+    class Python2(pickle._Pickler):
         def save_text(self, value: Any) -> None:
             data = value if isinstance(value, bytes) else value.encode("latin1")
             self.write(pickle.BINSTRING + struct.pack("<i", len(data)) + data)
@@ -132,7 +131,7 @@ def python2_pickle(path: Path, values: dict[str, Any]) -> None:
             **pickle._Pickler.dispatch,
             str: save_text,
             bytes: save_text,
-        }  # type: ignore[attr-defined]
+        }
 
     stream = io.BytesIO()
     Python2(stream, protocol=2).dump(values)
@@ -140,14 +139,14 @@ def python2_pickle(path: Path, values: dict[str, Any]) -> None:
     path.write_bytes(stream.getvalue().replace(b"cnumpy._core.", b"cnumpy.core."))
 
 
-def ring(contact: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def ring(contact, faces):
     """Contact (V,) and all neighbours of its vertices: moved outward by one ring."""
     grown = contact.copy()
     grown[faces[contact[faces].any(1)]] = True
     return grown
 
 
-def rotation(axis: str, degrees: float) -> np.ndarray:
+def rotation(axis, degrees):
     """(3, 3) about x, y or z."""
     a, (i, j) = np.radians(degrees), {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     R = np.eye(3)
@@ -155,21 +154,19 @@ def rotation(axis: str, degrees: float) -> np.ndarray:
     return R
 
 
-def rigid(R: np.ndarray, t: Any) -> np.ndarray:
+def rigid(R, t):
     """(4, 4)."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = R, t
     return matrix
 
 
-def moved_by(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+def moved_by(matrix, points):
     """Points (n, 3) after a rigid transform."""
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def moved_parameters(
-    files: Files, matrix: np.ndarray, parameters: dict[str, Any], gender: str
-) -> dict[str, Any]:
+def moved_parameters(files, matrix, parameters, gender):
     """Parameters of the same body after a rigid transform."""
     import roma
     import torch

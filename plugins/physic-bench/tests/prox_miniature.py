@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from .miniatures import STANDING, Files, moved_by, moved_parameters, python2_pickle, rigid, rotation
+from .miniatures import STANDING, moved_by, moved_parameters, python2_pickle, rigid, rotation
 
 SIZE = (480, 270)
 K = np.array([[265.0, 0, 240.2], [0, 265.1, 134.2], [0, 0, 1]])
@@ -49,13 +49,13 @@ class Miniature:
     faces: np.ndarray
 
 
-def floor_of(side_m: float = 12.0) -> trimesh.Trimesh:
+def floor_of(side_m=12.0):
     """A square floor at z = 0, z up."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * side_m / 2
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
-def write_prox(root: Path, files: Files, mesh_frame: str = "vicon") -> Miniature:
+def write_prox(root, files, mesh_frame="vicon"):
     """Write the set; the person's lowest vertex is 1 cm over the floor."""
     made = Miniature(root, {}, {}, {}, files.standing().faces)
     for part in ("calibration", "cam2world", "scenes"):
@@ -101,13 +101,13 @@ def write_prox(root: Path, files: Files, mesh_frame: str = "vicon") -> Miniature
     return made
 
 
-def _on_floor(files: Files, parameters: dict[str, Any]) -> dict[str, Any]:
+def _on_floor(files, parameters):
     down = TO_SCENE[2, :3]  # up of the scene, in the camera frame
     lowest = moved_by(TO_SCENE, files.bodies.smplx_body(parameters, "male").vertices)[:, 2].min()
     return parameters | {"transl": np.array(parameters["transl"]) + down * (0.01 - lowest)}
 
 
-def _write_picture(path: Path) -> None:
+def _write_picture(path):
     """What the camera saw is red on its left; the file is mirrored."""
     pixels = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
     pixels[:, SIZE[0] // 2 :] = 255, 0, 0
@@ -115,7 +115,7 @@ def _write_picture(path: Path) -> None:
     Image.fromarray(pixels).save(path, quality=95)
 
 
-def _write_keypoints(path: Path, joints: np.ndarray) -> None:
+def _write_keypoints(path, joints):
     pixels = joints[:22] @ K.T
     points = np.zeros((25, 3))
     points[:22, :2], points[:22, 2] = pixels[:, :2] / pixels[:, 2:], 0.9

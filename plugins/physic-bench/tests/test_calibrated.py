@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,12 +16,12 @@ HIPS_Z = TRUE[[LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")], 
 SWAPPED = TRUE.reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
 
 
-def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+def moved(points, x, y, z):
     return points + np.array([x, y, z])
 
 
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
+def root(tmp_path):
     """Three photos with one measured person each."""
     folder = write_measured_photos(tmp_path / "mine")
     records = json.loads((folder / "truth.json").read_text())
@@ -40,7 +39,7 @@ def root(tmp_path: Path) -> Path:
     return folder
 
 
-def results(tmp_path: Path, joints: np.ndarray, name: str = "theirs", **more: object) -> str:
+def results(tmp_path, joints, name="theirs", **more):
     for i in range(3):
         write_plain(
             tmp_path / name, f"p{i}", joints=joints[None], joint_names=np.array(LIMB_JOINTS), **more
@@ -48,13 +47,13 @@ def results(tmp_path: Path, joints: np.ndarray, name: str = "theirs", **more: ob
     return f"{name}=plain:{tmp_path / name}"
 
 
-def evaluated(root: Path, out: Path, *arguments: str) -> dict[str, float]:
+def evaluated(root, out, *arguments):
     done = run("calibrated", str(root), "-o", str(out), *arguments)
     assert done.exit_code == 0, done.output
     return figures(out, "theirs")
 
 
-def test_a_shift_of_5_cm_has_an_error_of_5_cm(root: Path, tmp_path: Path):
+def test_a_shift_of_5_cm_has_an_error_of_5_cm(root, tmp_path):
     found = evaluated(
         root, tmp_path / "out", "--results", results(tmp_path, moved(TRUE, 0.03, 0, 0.04))
     )
@@ -68,14 +67,14 @@ def test_a_shift_of_5_cm_has_an_error_of_5_cm(root: Path, tmp_path: Path):
     }
 
 
-def test_exchanged_sides_are_the_distance_between_them(root: Path, tmp_path: Path):
+def test_exchanged_sides_are_the_distance_between_them(root, tmp_path):
     found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, SWAPPED))
     apart = 1000 * np.linalg.norm(SWAPPED - TRUE, axis=1).mean()
     assert (found["me_mpjpe"], found["ca_mpjpe"]) == (pytest.approx(apart), pytest.approx(apart))
     assert found["rt_error"] == pytest.approx(0, abs=1e-9)
 
 
-def test_floor_and_height_of_the_camera(root: Path, tmp_path: Path):
+def test_floor_and_height_of_the_camera(root, tmp_path):
     tilt = np.radians(2)
     floor = np.array([np.sin(tilt), -np.cos(tilt), 0, 1.1])
     found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, TRUE, floor=floor))
@@ -85,7 +84,7 @@ def test_floor_and_height_of_the_camera(root: Path, tmp_path: Path):
     )
 
 
-def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_path: Path):
+def test_methods_are_compared_in_pairs_and_written_as_tables(root, tmp_path):
     one = results(tmp_path, moved(TRUE, 0.02, 0, 0), "one")
     two = results(tmp_path, moved(TRUE, 0.05, 0, 0), "two")
     (tmp_path / "two" / "p2.npz").unlink()
@@ -107,7 +106,7 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_pat
 @pytest.mark.parametrize(
     "move", [lambda p: p * [1, -1, -1], lambda p: moved(p, 9, 0, 0)], ids=["y up", "other picture"]
 )
-def test_results_in_another_frame_of_reference_are_refused(root: Path, tmp_path: Path, move):
+def test_results_in_another_frame_of_reference_are_refused(root, tmp_path, move):
     done = run(
         "calibrated",
         str(root),
@@ -120,7 +119,7 @@ def test_results_in_another_frame_of_reference_are_refused(root: Path, tmp_path:
     assert "do not project onto the annotated people" in done.output
 
 
-def test_faults_of_the_truth_are_named(root: Path, tmp_path: Path):
+def test_faults_of_the_truth_are_named(root, tmp_path):
     arguments = ("calibrated", str(root), "-o", str(tmp_path / "out"), "--preset", "mock")
     (root / "p1.png").unlink()
     assert f"{root / 'p1.png'}: the photo is not there" in run(*arguments).output
@@ -136,7 +135,7 @@ VIEWS = ("east", "north", "west", "south")
 
 
 @pytest.fixture
-def views(tmp_path: Path) -> Path:
+def views(tmp_path):
     """Four cameras round two people; z is up in the world."""
     folder = tmp_path / "views"
     folder.mkdir()
@@ -159,12 +158,12 @@ def views(tmp_path: Path) -> Path:
     return folder
 
 
-def people_of_views() -> list[np.ndarray]:
+def people_of_views():
     upright = (TRUE - [0, 0.9, 3]) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).T
     return [upright, moved(upright, -0.8, 0.9, 0)]
 
 
-def written_views(views: Path, tmp_path: Path, shift: dict[str, np.ndarray]) -> str:
+def written_views(views, tmp_path, shift):
     from physic_bench.cameras import calibrated
 
     document = json.loads((views / "cameras.json").read_text())
@@ -187,7 +186,7 @@ def written_views(views: Path, tmp_path: Path, shift: dict[str, np.ndarray]) -> 
     return f"theirs=plain:{tmp_path / 'theirs'}"
 
 
-def test_views_are_triangulated_and_their_spread_is_measured(views: Path, tmp_path: Path):
+def test_views_are_triangulated_and_their_spread_is_measured(views, tmp_path):
     theirs = written_views(views, tmp_path, {"east": np.array([0, 0, 0.08])})
     found = evaluated(views, tmp_path / "out", "--results", theirs)
     assert found["me_mpjpe"] == pytest.approx(80 / 4, abs=0.1)
@@ -196,7 +195,7 @@ def test_views_are_triangulated_and_their_spread_is_measured(views: Path, tmp_pa
     assert "2 people are triangulated" in text
 
 
-def test_measured_joints_of_the_world_are_the_truth_of_all_views(views: Path, tmp_path: Path):
+def test_measured_joints_of_the_world_are_the_truth_of_all_views(views, tmp_path):
     people = [dict(zip(LIMB_JOINTS, person.tolist(), strict=True)) for person in people_of_views()]
     (views / "joints.json").write_text(json.dumps({"0": people}))
     found = evaluated(views, tmp_path / "out", "--results", written_views(views, tmp_path, {}))

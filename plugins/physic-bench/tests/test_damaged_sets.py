@@ -11,14 +11,14 @@ from physic_bench.datasets.base import Choice
 from physic_bench.datasets.rich import DATA_SET as RICH
 from physic_bench.reading import DamagedFrameError
 
-from .miniatures import Files, run
+from .miniatures import run
 from .test_rich import SEQUENCE
 from .test_rich import root as rich
 
 __all__ = ["rich"]
 
 
-def test_an_empty_folder_is_refused_before_anything_is_computed(files: Files, tmp_path: Path):
+def test_an_empty_folder_is_refused_before_anything_is_computed(files, tmp_path):
     (tmp_path / "set" / "bodies" / "test").mkdir(parents=True)
     done = run(
         "rich",
@@ -46,9 +46,7 @@ def test_an_empty_folder_is_refused_before_anything_is_computed(files: Files, tm
         ("-0.01 0.02 0 0 0", "-0.01"),
     ],
 )
-def test_a_damaged_calibration_leaves_out_its_camera(
-    rich: Path, files: Files, tmp_path: Path, old: str, new: str
-):
+def test_a_damaged_calibration_leaves_out_its_camera(rich, files, tmp_path, old, new):
     root = Path(shutil.copytree(rich, tmp_path / "the set"))
     file = root / "scan_calibration/LectureHall_lunge/calibration/003.xml"
     assert old in file.read_text()
@@ -68,9 +66,7 @@ def test_a_damaged_calibration_leaves_out_its_camera(
         ("scan_calibration/LectureHall_lunge/scan_camcoord.ply", b"ply\n"),
     ],
 )
-def test_a_damaged_file_is_the_reason_of_its_frames(
-    rich: Path, files: Files, tmp_path: Path, name: str, content: bytes
-):
+def test_a_damaged_file_is_the_reason_of_its_frames(rich, files, tmp_path, name, content):
     root = Path(shutil.copytree(rich, tmp_path / "the set"))
     (root / name).write_bytes(content)
     for frame in RICH.frames(root, Choice(), files.bodies, "test").frames:

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,12 +19,12 @@ NAMES = np.array(LIMB_JOINTS)
 
 
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
+def root(tmp_path):
     """Three photos with one measured person each."""
     return write_measured_photos(tmp_path / "mine")
 
 
-def results(root: Path, name: str, frames: tuple[int, ...] = (0, 1, 2), shift: float = 0.0) -> str:
+def results(root, name, frames=(0, 1, 2), shift=0.0):
     for i in frames:
         write_plain(
             root.parent / name, f"p{i}", joints=TRUE[None] + [shift, 0, 0], joint_names=NAMES
@@ -34,7 +32,7 @@ def results(root: Path, name: str, frames: tuple[int, ...] = (0, 1, 2), shift: f
     return f"{name}=plain:{root.parent / name}"
 
 
-def call(root: Path, *theirs: str, fails: bool = False) -> str:
+def call(root, *theirs, fails=False):
     """Evaluate, and return the text of the table, or the error."""
     more = [part for one in theirs for part in ("--results", one)]
     done = run("calibrated", str(root), "-o", str(root.parent / "out"), *more)
@@ -44,7 +42,7 @@ def call(root: Path, *theirs: str, fails: bool = False) -> str:
     return (root.parent / "out" / "table.txt").read_text()
 
 
-def test_results_of_another_data_set_are_refused(root: Path):
+def test_results_of_another_data_set_are_refused(root):
     write_plain(root.parent / "other", "vicon_1/s1", joints=TRUE[None], joint_names=NAMES)
     folder = root.parent / "other"
     text = call(root, f"other=plain:{folder}", fails=True)
@@ -52,13 +50,13 @@ def test_results_of_another_data_set_are_refused(root: Path):
     assert "expects FRAME.npz" in text
 
 
-def test_an_unknown_reader_is_refused(root: Path):
+def test_an_unknown_reader_is_refused(root):
     text = call(root, f"other=plian:{root}", fails=True)
     assert text.startswith("no reader is named 'plian': choose one of physic, plain")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere no file has such a name")
-def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
+def test_a_name_of_a_photo_does_not_control_the_terminal(root):
     name = "p\x1b]0;OWNED\x07"
     (root / "p0.png").rename(root / f"{name}.png")
     truth = (root / "truth.json").read_text()
@@ -87,9 +85,7 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
         (lambda a: a.update(vertices=np.array([[{}]])), "Python objects"),
     ],
 )
-def test_a_damaged_result_costs_its_frame(
-    root: Path, change: Callable[[dict[str, Any]], None], reason: str
-):
+def test_a_damaged_result_costs_its_frame(root, change, reason):
     theirs = results(root, "theirs")
     arrays: dict[str, Any] = {"joints": TRUE[None], "joint_names": NAMES}
     change(arrays)
@@ -105,7 +101,7 @@ def test_a_damaged_result_costs_its_frame(
     ("name", "is_link"),
     [("table.txt", True), ("results.json", False)],
 )
-def test_a_file_of_the_user_is_never_replaced(root: Path, name: str, is_link: bool):
+def test_a_file_of_the_user_is_never_replaced(root, name, is_link):
     path = root.parent / "out" / name
     victim = root.parent / "victim"
     path.parent.mkdir(parents=True)
@@ -116,12 +112,12 @@ def test_a_file_of_the_user_is_never_replaced(root: Path, name: str, is_link: bo
     assert [file for file in (root.parent / "out").rglob("*") if not file.is_dir()] == [path]
 
 
-def test_files_of_an_earlier_evaluation_are_replaced(root: Path):
+def test_files_of_an_earlier_evaluation_are_replaced(root):
     first = call(root, results(root, "theirs"))
     assert call(root, results(root, "theirs", shift=0.05)) != first
 
 
-def test_options_that_change_figures_stand_over_the_tables(root: Path):
+def test_options_that_change_figures_stand_over_the_tables(root):
     theirs = results(root, "theirs")
     assert call(root, theirs).startswith("calibrated, 3 frames\n\n")
     done = run(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,17 +15,17 @@ from physic_bench.datasets.prox import DATA_SET
 from physic_bench.reading import picture_file
 from physic_core.body.joints import JOINT_NAMES
 
-from .miniatures import Files, figures, run, write_plain
+from .miniatures import figures, run, write_plain
 from .prox_miniature import TO_SCENE, Miniature, write_prox
 
 
 @pytest.fixture(scope="session")
-def written(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Miniature:
+def written(files, tmp_path_factory):
     return write_prox(tmp_path_factory.mktemp("prox") / "quantitative", files)
 
 
 @pytest.fixture
-def mini(written: Miniature, tmp_path: Path) -> Miniature:
+def mini(written, tmp_path):
     """A copy that a test may damage."""
     shutil.copytree(written.root, tmp_path / "quantitative")
     return Miniature(
@@ -34,7 +33,7 @@ def mini(written: Miniature, tmp_path: Path) -> Miniature:
     )
 
 
-def results(tmp_path: Path, mini: Miniature, move=lambda v: v, contact=None) -> str:
+def results(tmp_path, mini, move=lambda v: v, contact=None):
     """Results with the true bodies, moved; contact is that within 2 cm of the floor unless
     given.
     """
@@ -54,9 +53,7 @@ def results(tmp_path: Path, mini: Miniature, move=lambda v: v, contact=None) -> 
     return f"theirs=plain:{tmp_path / 'theirs'}"
 
 
-def evaluated(
-    mini: Miniature, files: Files, tmp_path: Path, theirs: str, *more: str
-) -> dict[str, float]:
+def evaluated(mini, files, tmp_path, theirs, *more):
     done = run(
         "prox",
         str(mini.root),
@@ -71,7 +68,7 @@ def evaluated(
     return figures(tmp_path / "out", "theirs")
 
 
-def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: Path):
+def test_the_truth_itself_has_no_error(mini, files, tmp_path):
     found = evaluated(mini, files, tmp_path, results(tmp_path, mini))
     for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
         assert found[key] == pytest.approx(0, abs=0.01), key
@@ -93,9 +90,7 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
     assert "joints compared: 22 (posed SMPL-X)" in text
 
 
-def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(
-    mini: Miniature, files: Files, tmp_path: Path
-):
+def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files, tmp_path):
     down = -0.05 * TO_SCENE[2, :3]
     found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down))
     assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx(
@@ -111,9 +106,7 @@ def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])
-def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(
-    files: Files, tmp_path: Path, frame: str
-):
+def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files, tmp_path, frame):
     mini = write_prox(tmp_path / "quantitative", files, frame)
     found = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto")
     assert found.notes[0].startswith(f"meshes are in the frame '{frame}'")
@@ -123,7 +116,7 @@ def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(
     )
 
 
-def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_path: Path):
+def test_a_transposed_rotation_is_refused(mini, files, tmp_path):
     file = mini.root / "cam2world" / "vicon.json"
     matrix = np.array(json.loads(file.read_text()))
     matrix[:3, :3] = matrix[:3, :3].T
@@ -135,7 +128,7 @@ def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_pat
     assert "it cannot be decided in which frame the meshes" in done.output
 
 
-def test_pictures_are_mirrored_before_use(mini: Miniature, files: Files, tmp_path: Path):
+def test_pictures_are_mirrored_before_use(mini, files, tmp_path):
     frame = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto").frames[0]
     with Image.open(picture_file(frame, tmp_path / "pictures")) as picture:
         left = picture.getpixel((10, 10))
@@ -146,8 +139,8 @@ def test_pictures_are_mirrored_before_use(mini: Miniature, files: Files, tmp_pat
     assert frame.camera.distortion == (0.02, -0.03, 0.001, 0.0005, 0.01)
 
 
-def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files, tmp_path: Path):
-    neutral = files.bodies.smplx / "SMPLX_NEUTRAL.npz"  # type: ignore[operator]
+def test_a_model_file_of_another_gender_is_refused(mini, files, tmp_path):
+    neutral = files.bodies.smplx / "SMPLX_NEUTRAL.npz"
     theirs = results(tmp_path, mini)
     done = run(
         "prox",
@@ -163,16 +156,14 @@ def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files
     assert "posed by SMPLX_NEUTRAL.npz, is" in done.output
 
 
-def test_frames_are_chosen_by_a_list_or_a_limit(mini: Miniature, files: Files, tmp_path: Path):
+def test_frames_are_chosen_by_a_list_or_a_limit(mini, files, tmp_path):
     (tmp_path / "list.txt").write_text("vicon_03301_01/s001_frame_00001__00.00.01.023\n")
     listed = DATA_SET.frames(mini.root, Choice(tmp_path / "list.txt"), files.bodies, "auto")
     assert [f.id for f in listed.frames] == ["vicon_03301_01/s001_frame_00001__00.00.01.023"]
     assert len(DATA_SET.frames(mini.root, Choice(limit=2), files.bodies, "auto").frames) == 2
 
 
-def test_damaged_meshes_are_left_out_with_their_reason(
-    mini: Miniature, files: Files, tmp_path: Path
-):
+def test_damaged_meshes_are_left_out_with_their_reason(mini, files, tmp_path):
     names = sorted(mini.vertices)
     meshes = [
         mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply"
@@ -194,9 +185,7 @@ def test_damaged_meshes_are_left_out_with_their_reason(
     assert "got 6890" in left_out[names[1]]
 
 
-def test_a_damaged_scan_is_an_error_and_gives_no_table(
-    mini: Miniature, files: Files, tmp_path: Path
-):
+def test_a_damaged_scan_is_an_error_and_gives_no_table(mini, files, tmp_path):
     scan = mini.root / "scenes" / "vicon.ply"
     scan.write_bytes(scan.read_bytes()[: scan.stat().st_size // 2])
     theirs = results(tmp_path, mini)

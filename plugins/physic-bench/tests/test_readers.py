@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from physic_bench.reading import (
     read_pickled,
 )
 
-from .miniatures import Files
-
 
 @pytest.mark.parametrize(
     ("content", "reason"),
@@ -28,7 +25,7 @@ from .miniatures import Files
         (pickle.dumps({"K": np.eye(30)})[:3000], "cannot be read"),
     ],
 )
-def test_torch_tensors_and_cut_off_pickles_are_refused(content: bytes, reason: str, tmp_path: Path):
+def test_torch_tensors_and_cut_off_pickles_are_refused(content, reason, tmp_path):
     (tmp_path / "a.pkl").write_bytes(content)
     with pytest.raises(DamagedFrameError, match=reason):
         read_pickled(tmp_path / "a.pkl")
@@ -39,7 +36,7 @@ def test_torch_tensors_and_cut_off_pickles_are_refused(content: bytes, reason: s
     [read_npz, read_pickled, read_json, read_mesh, lambda path: open_picture(path).__enter__()],
 )
 @pytest.mark.parametrize("content", [None, b"", b"\x00\xff[{"], ids=["missing", "empty", "garbage"])
-def test_a_file_that_cannot_be_read_is_named(read, content: bytes | None, tmp_path: Path):
+def test_a_file_that_cannot_be_read_is_named(read, content, tmp_path):
     file = tmp_path / "a.ply"
     if content is not None:
         file.write_bytes(content)
@@ -52,6 +49,6 @@ def test_a_file_that_cannot_be_read_is_named(read, content: bytes | None, tmp_pa
     [{"betas": np.full(10, np.nan)}, {"body_pose": np.zeros(62)}, {"transl": "far"}],
     ids=str,
 )
-def test_parameters_that_are_no_body_are_refused(change: dict, files: Files):
+def test_parameters_that_are_no_body_are_refused(change, files):
     with pytest.raises(DamagedFrameError, match=next(iter(change))):
         files.bodies.smplx_body(change)

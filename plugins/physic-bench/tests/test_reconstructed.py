@@ -21,9 +21,7 @@ from physic_testing.worlds import load_world
 from .miniatures import figures, run
 
 
-def test_a_killed_call_reconstructs_what_is_missing_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path, monkeypatch):
     world = load_world("stand", (160, 120))
     out = tmp_path / "out"
     monkeypatch.chdir(tmp_path)

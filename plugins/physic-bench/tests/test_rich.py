@@ -15,7 +15,7 @@ from physic_bench.datasets.base import Choice
 from physic_bench.datasets.rich import DATA_SET
 from physic_core.body.joints import JOINT_NAMES
 
-from .miniatures import STANDING, Files, figures, python2_pickle, rigid, rotation, run, write_plain
+from .miniatures import STANDING, figures, python2_pickle, rigid, rotation, run, write_plain
 
 SEQUENCE = "LectureHall_009_021_lunge1"
 K = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
@@ -23,7 +23,7 @@ VIEWS = {0: np.eye(4), 3: rigid(rotation("y", -35), [2.0, 0, 0.6])}
 
 
 @pytest.fixture(scope="module")
-def root(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("rich")
     bodies = folder / "bodies" / "test" / SEQUENCE / "00042"
     contacts = folder / "human_scene_contact" / "test" / SEQUENCE / "00042"
@@ -71,7 +71,7 @@ def root(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def true_people(root: Path, files: Files, view: int) -> tuple[np.ndarray, np.ndarray]:
+def true_people(root, files, view):
     """Vertices (2, 10475, 3) and joints (2, 22, 3) in a camera."""
     both = []
     for row, gender in enumerate(("male", "neutral")):
@@ -83,10 +83,10 @@ def true_people(root: Path, files: Files, view: int) -> tuple[np.ndarray, np.nda
         both.append((body.vertices, body.joints[:22]))
     R = VIEWS[view][:3, :3]
     t = VIEWS[view][:3, 3]
-    return tuple(np.stack(part) @ R.T + t for part in zip(*both, strict=True))  # type: ignore[return-value]
+    return tuple(np.stack(part) @ R.T + t for part in zip(*both, strict=True))
 
 
-def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_path: Path):
+def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
     truth = np.zeros(6890, bool)
     truth[:100] = True
     behind = np.array([0, 0, 0.05])
@@ -114,15 +114,15 @@ def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_p
     assert found["spread_mm"] == pytest.approx(50 * np.sin(np.radians(35 / 2)), abs=0.1)
 
 
-def test_contact_of_the_coloured_mesh_and_the_camera(root: Path, files: Files, tmp_path: Path):
+def test_contact_of_the_coloured_mesh_and_the_camera(root, files, tmp_path):
     root = Path(shutil.copytree(root, tmp_path / "the set"))
     for published in (root / "human_scene_contact").rglob("*.pkl"):
         published.unlink()
     frames = DATA_SET.frames(root, Choice(), files.bodies, "test").frames
     assert [frame.id for frame in frames] == [f"{SEQUENCE}/00042/{view}" for view in VIEWS]
     truth = frames[1].truth()
-    assert [int(person.contact.sum()) for person in truth.people] == [50, 50]  # type: ignore[union-attr]
-    assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)  # type: ignore[union-attr]
+    assert [int(person.contact.sum()) for person in truth.people] == [50, 50]
+    assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)
     np.testing.assert_allclose(
         truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4
     )

@@ -12,7 +12,7 @@ from physic_core.body.convert.correspondence import closest_barycentric
 from physic_core.errors import InputError
 
 
-def surface(mesh: trimesh.Trimesh) -> Surface:
+def surface(mesh):
     return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 

@@ -13,22 +13,18 @@ import pytest
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from physic_core.types import People
+    pass
 
 
 @pytest.fixture(scope="session")
-def image(pytestconfig: pytest.Config) -> NDArray[np.uint8]:
+def image(pytestconfig):
     """The example photo of two basketball players, (H, W, 3) RGB."""
     bgr = cv2.imread(str(pytestconfig.rootpath / "examples" / "basketball.png"))
     return np.ascontiguousarray(bgr[..., ::-1])
 
 
 @pytest.fixture(scope="session")
-def segmenter() -> Iterator[EmbeddedSegmenter]:
+def segmenter():
     backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
     backend.load()
     yield backend
@@ -36,5 +32,5 @@ def segmenter() -> Iterator[EmbeddedSegmenter]:
 
 
 @pytest.fixture(scope="session")
-def people(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> People:
+def people(segmenter, image):
     return segmenter.infer(image)

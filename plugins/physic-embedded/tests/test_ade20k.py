@@ -38,39 +38,39 @@ class Network:
         return [logits]
 
 
-def photo(rows: int = 300, columns: int = 600, below: int = 180) -> NDArray[np.uint8]:
+def photo(rows=300, columns=600, below=180):
     image = np.full((rows, columns, 3), 90, np.uint8)
     image[below:] = (255, 0, 0)
     return image
 
 
-def test_a_surface_lies_at_the_pixels_of_its_logits() -> None:
+def test_a_surface_lies_at_the_pixels_of_its_logits():
     """One cell of the grid is 4.7 px of this photo."""
     nobody = np.zeros((300, 600), bool)
-    labels = label_surfaces(Network(), photo(), nobody).labels  # type: ignore[arg-type]
+    labels = label_surfaces(Network(), photo(), nobody).labels
     assert (labels[:175] == WALL).all()
     assert (labels[185:] == FLOOR).all()
 
 
-def test_pixels_of_people_are_people_and_grey_to_the_network() -> None:
+def test_pixels_of_people_are_people_and_grey_to_the_network():
     image = photo(512, 512)
     people = np.zeros((512, 512), bool)
     network = Network()
     people[200:300, 100:200] = True
-    labels = label_surfaces(network, image, people).labels  # type: ignore[arg-type]
+    labels = label_surfaces(network, image, people).labels
     assert (labels[people] == PERSON).all()
     assert (labels[~people] != PERSON).all()
     assert (network.input[200:300, 100:200] == PADDING_VALUE).all()
     assert (image[200:300, 100:200] != PADDING_VALUE).all()
 
 
-def test_an_improbable_surface_is_unknown() -> None:
+def test_an_improbable_surface_is_unknown():
     """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
-    labels = label_surfaces(Network(margin=0), photo(), np.zeros((300, 600), bool)).labels  # type: ignore[arg-type]
+    labels = label_surfaces(Network(margin=0), photo(), np.zeros((300, 600), bool)).labels
     assert (labels == 0).all()
 
 
-def test_the_court_of_the_example_is_floor_or_ground(image: NDArray[np.uint8]) -> None:
+def test_the_court_of_the_example_is_floor_or_ground(image):
     surfaces = label_surfaces(
         open_packaged_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool)
     )

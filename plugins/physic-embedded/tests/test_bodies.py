@@ -12,13 +12,11 @@ from physic_core.body.bones import rotations_from_parameters
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_shape
 from physic_core.types import (
     SKELETONS,
-    Bodies,
     Hints,
     Intrinsics,
     Keypoints,
     People,
     Plane,
-    Skeleton,
     SurfaceLabels,
     skeleton_named,
 )
@@ -49,7 +47,7 @@ class Truth:
     vertices: np.ndarray
 
 
-def pose(**angles: tuple[float, float, float]) -> np.ndarray:
+def pose(**angles):
     """Rotation vectors (55, 3) of a relaxed stance with some joints given in degrees."""
     vectors = np.zeros((55, 3))
     vectors[1:22] = pose_prior().mean
@@ -75,14 +73,14 @@ SITS = pose(
 
 
 def truth(
-    poses: list[np.ndarray],
-    places: list[tuple[float, float, float]],
-    yaw_deg: float = 25.0,
-    skeleton: Skeleton | str = BLAZEPOSE_SKELETON,
-    lean_deg: float = 0.0,
-    noise_px: float = 0.0,
-    betas: torch.Tensor = ADULT,
-) -> Truth:
+    poses,
+    places,
+    yaw_deg=25.0,
+    skeleton=BLAZEPOSE_SKELETON,
+    lean_deg=0.0,
+    noise_px=0.0,
+    betas=ADULT,
+):
     count = len(poses)
     rotations = roma.rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
     turn = roma.rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
@@ -115,24 +113,24 @@ def truth(
     return Truth(keypoints, people, out.joints.double().numpy(), out.vertices.double().numpy())
 
 
-def posed(bodies: Bodies) -> tuple[np.ndarray, np.ndarray]:
+def posed(bodies):
     p = bodies.parameters
     out = MODEL(rotations_from_parameters(p), torch.as_tensor(p.betas), torch.as_tensor(p.transl))
     return out.joints.double().numpy(), out.vertices.double().numpy()
 
 
 @pytest.fixture(scope="module")
-def backend() -> EmbeddedBodies:
+def backend():
     made = EmbeddedBodies()
     made.load()
     return made
 
 
-def fit(backend: EmbeddedBodies, seen: Truth, floor: Plane | None = None) -> Bodies:
+def fit(backend, seen, floor=None):
     return backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints(floor=floor))
 
 
-def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
+def miss_mm(fitted, truth):
     """Mean distance per person of the 22 body joints, or of the vertices."""
     points = slice(22) if fitted.shape[1] == 55 else slice(None)
     return 1000 * np.linalg.norm(fitted - truth, axis=-1)[:, points].mean(1)
@@ -141,7 +139,7 @@ def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
 PLACES = [(-0.9, 0.2, 3.4), (0.3, 0.1, 4.2), (1.0, 0.3, 3.6)]
 
 
-def stating(seen: Truth, depth_sigma: float | np.ndarray = 0.07) -> Truth:
+def stating(seen, depth_sigma=0.07):
     """The same keypoints, of a detector that states its errors: 3 px, and metres of depth."""
     shape = seen.keypoints.confidence.shape
     errors = {"sigma": np.full(shape, 3.0), "depth_sigma": np.broadcast_to(depth_sigma, shape)}
@@ -149,8 +147,8 @@ def stating(seen: Truth, depth_sigma: float | np.ndarray = 0.07) -> Truth:
 
 
 def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(
-    backend: EmbeddedBodies,
-) -> None:
+    backend,
+):
     seen = stating(truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23"))
     alone = fit(backend, seen)
     on_floor = fit(backend, seen, FLOOR)
@@ -160,7 +158,7 @@ def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(
     np.testing.assert_array_equal(on_floor.parameters.body_pose, alone.parameters.body_pose)
 
 
-def test_joints_without_a_3d_landmark_follow_the_picture(backend: EmbeddedBodies) -> None:
+def test_joints_without_a_3d_landmark_follow_the_picture(backend):
     seen = truth([WALKS], [(0.2, 0.3, 4.0)])
     assert seen.keypoints.world is not None
     rows = [
@@ -178,7 +176,7 @@ def test_joints_without_a_3d_landmark_follow_the_picture(backend: EmbeddedBodies
     assert miss_mm(joints, seen.joints).mean() < 40
 
 
-def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) -> None:
+def test_a_depth_counts_as_far_as_its_own_error_says(backend):
     """An ankle that is .3 m too near: the less the detector vouches for it, the less the leg
     follows.
     """
@@ -198,8 +196,8 @@ def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) ->
 
 
 def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole(
-    backend: EmbeddedBodies,
-) -> None:
+    backend,
+):
     """Exact points and depths of a body whose joints are about 25 mm from those of the embedded
     one.
     """
@@ -214,7 +212,7 @@ def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole
     assert miss.max() < 25
 
 
-def test_rotations_are_as_sure_as_the_depths_that_they_follow_from(backend: EmbeddedBodies) -> None:
+def test_rotations_are_as_sure_as_the_depths_that_they_follow_from(backend):
     seen = truth([STANDS, SITS], PLACES[:2], skeleton="coco23")
     exact, usual, vague = (
         fit(backend, stating(seen, sigma)).rotation_sigma for sigma in (0.01, 0.07, 0.3)
@@ -227,9 +225,7 @@ def test_rotations_are_as_sure_as_the_depths_that_they_follow_from(backend: Embe
 
 
 @pytest.mark.parametrize(("noise_px", "most_mm"), [(0.0, 15), (2.0, 20)])
-def test_bodies_are_recovered_from_synthetic_landmarks(
-    backend: EmbeddedBodies, noise_px: float, most_mm: float
-) -> None:
+def test_bodies_are_recovered_from_synthetic_landmarks(backend, noise_px, most_mm):
     seen = truth([STANDS, WALKS, SITS], PLACES, noise_px=noise_px)
     answer = fit(backend, seen)
     assert answer.body_model == "embedded"
@@ -245,9 +241,7 @@ def test_bodies_are_recovered_from_synthetic_landmarks(
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
-def test_keypoints_without_landmarks_give_the_pose_in_the_picture(
-    backend: EmbeddedBodies, skeleton: str
-) -> None:
+def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend, skeleton):
     seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
     flat = replace(seen, keypoints=replace(seen.keypoints, world=None))
     answer = fit(backend, flat)
@@ -266,9 +260,7 @@ def test_keypoints_without_landmarks_give_the_pose_in_the_picture(
 
 
 @pytest.mark.parametrize("lean_deg", [10.0, 20.0])
-def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(
-    backend: EmbeddedBodies, lean_deg: float
-) -> None:
+def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend, lean_deg):
     seen = truth([STANDS, SITS], PLACES[:2], lean_deg=lean_deg)
     leaning, _ = posed(fit(backend, seen))
     upright, _ = posed(fit(backend, seen, FLOOR))
@@ -282,7 +274,7 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(
     assert after[0] == pytest.approx(true[0], abs=4)
 
 
-def trunk_tilt_deg(joints: np.ndarray) -> np.ndarray:
+def trunk_tilt_deg(joints):
     """Angle of each trunk (N, 55, 3) from the vertical, towards the camera, seen from the side."""
     hips, shoulders = (
         joints[:, [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")]].mean(1)
@@ -293,9 +285,7 @@ def trunk_tilt_deg(joints: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lean_deg", [10.0, -15.0])
-def test_trunks_of_sitters_lose_the_lean_of_their_landmarks(
-    backend: EmbeddedBodies, lean_deg: float
-) -> None:
+def test_trunks_of_sitters_lose_the_lean_of_their_landmarks(backend, lean_deg):
     """Nothing says that their necks are over their ankles, but trunks of who sits are as vertical
     as of who stands.
     """
@@ -312,7 +302,7 @@ def test_trunks_of_sitters_lose_the_lean_of_their_landmarks(
     assert abs(after[0] - true[0]) < 0.6 * abs(before[0] - true[0])
 
 
-def test_a_trunk_that_bends_is_not_pulled_upright(backend: EmbeddedBodies) -> None:
+def test_a_trunk_that_bends_is_not_pulled_upright(backend):
     bends = dict.fromkeys(("spine1", "spine2", "spine3"), (28.0, 0.0, 0.0))
     seen = truth([pose(left_hip=(-15, 0, 4), right_hip=(-15, 0, -4), **bends)], PLACES[:1])
     before, after = (trunk_tilt_deg(posed(fit(backend, seen, floor))[0]) for floor in (None, FLOOR))
@@ -321,8 +311,8 @@ def test_a_trunk_that_bends_is_not_pulled_upright(backend: EmbeddedBodies) -> No
 
 
 def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(
-    backend: EmbeddedBodies,
-) -> None:
+    backend,
+):
     seen = truth([STANDS], PLACES[:1])
     names = list(SKELETONS["blazepose33"].names)
     world = np.array(seen.keypoints.world)
@@ -330,7 +320,7 @@ def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(
         world[:, names.index(f"{side}_knee"), 2] -= 0.12
     bent = replace(seen, keypoints=replace(seen.keypoints, world=world))
 
-    def knees_deg(floor: Plane | None) -> np.ndarray:
+    def knees_deg(floor):
         pose = fit(backend, bent, floor).parameters.body_pose.reshape(21, 3)
         knees = pose[[JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]]
         return np.degrees(np.linalg.norm(knees, axis=-1))
@@ -341,13 +331,13 @@ def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(
     assert after.mean() < 14
 
 
-def test_rounding_errors_of_the_input_are_not_amplified(backend: EmbeddedBodies) -> None:
+def test_rounding_errors_of_the_input_are_not_amplified(backend):
     # Eighty iterations of L-BFGS alone made millimetres of them, and turned limbs by degrees in
     # float32.
     seen = truth([STANDS, SITS], PLACES[:2], lean_deg=10.0, noise_px=3.0)
     rng = np.random.default_rng(1)
 
-    def noisy(values: np.ndarray) -> np.ndarray:
+    def noisy(values):
         return values * (1 + 1e-8 * rng.standard_normal(values.shape))
 
     keypoints = seen.keypoints
@@ -360,7 +350,7 @@ def test_rounding_errors_of_the_input_are_not_amplified(backend: EmbeddedBodies)
     np.testing.assert_allclose(two, one, rtol=0, atol=2e-6)
 
 
-def test_feet_that_are_both_seen_come_out_level(backend: EmbeddedBodies) -> None:
+def test_feet_that_are_both_seen_come_out_level(backend):
     seen = truth([STANDS], PLACES[:1], noise_px=3.0)
     _, vertices = posed(fit(backend, seen, FLOOR))
     left, right = (
@@ -369,7 +359,7 @@ def test_feet_that_are_both_seen_come_out_level(backend: EmbeddedBodies) -> None
     assert abs(left - right) < 0.03
 
 
-def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedBodies) -> None:
+def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend):
     seen = truth([STANDS], [(-0.4, 0.9, 2.6)])  # cut off under the hips
     names = list(SKELETONS["blazepose33"].names)
     confidence = seen.keypoints.confidence.copy()
@@ -387,7 +377,7 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedB
     assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
 
 
-def sitter_without_legs() -> Truth:
+def sitter_without_legs():
     """Somebody who sits, and whose legs the network makes up."""
     seen = truth([SITS], [(-0.2, 0.75, 1.8)])
     names = list(SKELETONS["blazepose33"].names)
@@ -401,7 +391,7 @@ def sitter_without_legs() -> Truth:
     return replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))
 
 
-def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodies) -> None:
+def test_legs_of_which_nothing_is_seen_hang_straight_down(backend):
     """What the network makes up below the picture says nothing: here that somebody is_sitting."""
     joints, _ = posed(fit(backend, sitter_without_legs()))
     for side in ("left", "right"):
@@ -409,7 +399,7 @@ def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodie
         assert np.degrees(np.arccos(leg[1] / np.linalg.norm(leg))) < 15
 
 
-def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: EmbeddedBodies) -> None:
+def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend):
     masks = np.zeros((1, *IMAGE.shape[:2]), bool)
     masks[0, 300:, 300:500] = True
     sofa = SurfaceLabels(np.zeros(IMAGE.shape[:2], np.uint8), ("seat",))
@@ -423,9 +413,7 @@ def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: Embedde
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])
-def test_larger_joint_sets_are_fitted_by_their_body_and_feet(
-    backend: EmbeddedBodies, skeleton: str
-) -> None:
+def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend, skeleton):
     seen = truth([STANDS], PLACES[:1], skeleton="coco23")
     coco = replace(seen.keypoints, world=None)
     names = SKELETONS[skeleton].names
@@ -445,7 +433,7 @@ def test_larger_joint_sets_are_fitted_by_their_body_and_feet(
     assert miss_mm(posed(first)[0], seen.joints)[0] < 250
 
 
-def test_a_person_of_unknown_stature_gets_that_of_the_mean_adult(backend: EmbeddedBodies) -> None:
+def test_a_person_of_unknown_stature_gets_that_of_the_mean_adult(backend):
     answer = fit(backend, truth([STANDS, WALKS], PLACES[:2]))
     stature = MODEL.stature(torch.as_tensor(np.array(answer.parameters.betas), dtype=torch.float32))
     assert stature.tolist() == pytest.approx([ADULT_STATURE_M] * 2, abs=0.02)

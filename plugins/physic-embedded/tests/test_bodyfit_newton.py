@@ -26,11 +26,11 @@ class Valley:
         return (self.a - x[:, 0]).square() + 100 * (x[:, 1] - x[:, 0].square()).square()
 
 
-def valley(*a: float) -> Valley:
+def valley(*a):
     return Valley(torch.tensor(a, dtype=torch.float64), [])
 
 
-def test_each_person_ends_at_their_minimum() -> None:
+def test_each_person_ends_at_their_minimum():
     problem = valley(1.0, -0.5, 2.0)
     start = torch.tensor([[-1.2, 1.0], [0.0, 0.0], [2.0, 4.0]], dtype=torch.float64)
     found = minimize_newton(problem, start)
@@ -39,7 +39,7 @@ def test_each_person_ends_at_their_minimum() -> None:
     assert start[1].tolist() == [0.0, 0.0]
 
 
-def test_people_are_independent_and_stop_one_by_one() -> None:
+def test_people_are_independent_and_stop_one_by_one():
     starts = torch.tensor([[-1.2, 1.0], [2.0, 4.0]], dtype=torch.float64)
     problem = valley(1.0, 2.0)
     together = minimize_newton(problem, starts)
@@ -50,7 +50,7 @@ def test_people_are_independent_and_stop_one_by_one() -> None:
         torch.testing.assert_close(together[i], alone[0], rtol=0, atol=1e-9)
 
 
-def test_a_saddle_is_left_downhill() -> None:
+def test_a_saddle_is_left_downhill():
     class Saddle(Valley):
         def loss(self, x: Tensor) -> Tensor:
             return (x[:, 0].square() - 1).square() + x[:, 1].square()
@@ -61,7 +61,7 @@ def test_a_saddle_is_left_downhill() -> None:
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
-def test_the_covariance_is_that_of_a_linear_problem() -> None:
+def test_the_covariance_is_that_of_a_linear_problem():
     generator = torch.Generator().manual_seed(0)
     design = torch.randn(7, 2, dtype=torch.float64, generator=generator)
 
@@ -74,7 +74,7 @@ def test_the_covariance_is_that_of_a_linear_problem() -> None:
     torch.testing.assert_close(found[0], torch.linalg.inv(design.T @ design), rtol=1e-6, atol=0)
 
 
-def test_no_person_moves_where_the_loss_is_nan() -> None:
+def test_no_person_moves_where_the_loss_is_nan():
     class Broken(Valley):
         def loss(self, x: Tensor) -> Tensor:
             return torch.where(x[:, 0] > 0.5, torch.nan, super().loss(x))

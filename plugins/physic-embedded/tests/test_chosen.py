@@ -4,7 +4,7 @@ pose.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -25,9 +25,7 @@ from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
+    pass
 
 pytestmark = pytest.mark.slow
 
@@ -37,16 +35,14 @@ RIGHT = (580.0, 250.0)
 
 
 @pytest.fixture(scope="module")
-def segmenter() -> Iterator[EmbeddedSegmenter]:
+def segmenter():
     backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1, tile_fractions=()))
     backend.load()
     yield backend
     backend.close()
 
 
-def test_people_are_in_the_order_of_points_boxes_and_masks(
-    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
-) -> None:
+def test_people_are_in_the_order_of_points_boxes_and_masks(segmenter, image):
     prompt = PeoplePrompt(points=(RIGHT,), boxes=((35.0, 80.0, 160.0, 479.0),))
     found = segmenter.infer(image, prompt)
     assert list(Segmenter.check(found, SegmenterRequest(image, prompt=prompt))) == []
@@ -64,16 +60,14 @@ def test_people_are_in_the_order_of_points_boxes_and_masks(
     assert 85 < y < 140
 
 
-def test_prompts_on_nothing_and_twice_on_one_person_are_refused(
-    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
-) -> None:
+def test_prompts_on_nothing_and_twice_on_one_person_are_refused(segmenter, image):
     with pytest.raises(NoPersonError, match=r"point 2 \(320, 120\)"):
         segmenter.infer(image, PeoplePrompt(points=(LEFT, (320.0, 120.0))))
     with pytest.raises(NoPersonError, match="hit the same person"):
         segmenter.infer(image, PeoplePrompt(points=(LEFT, (90.0, 250.0))))
 
 
-def test_the_mask_of_a_pose_is_covered_in_grey() -> None:
+def test_the_mask_of_a_pose_is_covered_in_grey():
     square = RotatedSquare(np.array([50.0, 40.0]), 40.0, 0.0)
     mask = np.full((256, 256), -1.0)
     mask[:, 128:] = 1.0  # the right half of the square
@@ -85,18 +79,18 @@ def test_the_mask_of_a_pose_is_covered_in_grey() -> None:
     assert not image.any()
 
 
-def test_the_square_of_an_upper_half_is_centred_on_the_lower_edge_of_the_box() -> None:
+def test_the_square_of_an_upper_half_is_centred_on_the_lower_edge_of_the_box():
     square = square_from_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
     assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
 
 
 def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """MobileSAM's mask is the box itself here."""
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64)), 100, 200, 1024 / 200)
 
-    def predict_masks(session, embedding, inside, outside, box):  # type: ignore[no-untyped-def]
+    def predict_masks(session, embedding, inside, outside, box):
         grid = embedding.grid_points()
         logits = np.where(
             (grid >= box[:2] - 0.5).all(-1) & (grid < box[2:] - 0.5).all(-1), 1.0, -1.0
@@ -116,7 +110,7 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
         UnposedBox(np.array([150.0, 10.0, 190.0, 90.0]), 0.4, "labelled"),
         UnposedBox(np.array([152.0, 12.0, 190.0, 90.0]), 0.39, "the same again"),
     ]
-    found, mask = segment_unposed(None, embedding, boxes, people, surfaces)  # type: ignore[arg-type]
+    found, mask = segment_unposed(None, embedding, boxes, people, surfaces)
     assert [one.reason for one in found] == ["sure", "labelled"]
     assert np.abs(np.array(found[1].box) - [150, 10, 190, 90]).max() <= 1
     assert mask[50, 100]
@@ -124,9 +118,7 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
     assert not (mask & people).any()
 
 
-def test_a_stranger_changes_no_joint_of_sure_people(
-    pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stranger_changes_no_joint_of_sure_people(pytestconfig, monkeypatch):
     """A weak box on the ground makes BlazePose search the whole photo."""
     photo = cv2.imread(str(pytestconfig.rootpath / "examples" / "couple.jpg"))
     image = np.ascontiguousarray(
@@ -134,7 +126,7 @@ def test_a_stranger_changes_no_joint_of_sure_people(
     )
     find = people_module.detect_boxes
 
-    def detect_with_stranger(*args: Any, **kwargs: Any) -> Any:
+    def detect_with_stranger(*args, **kwargs):
         boxes = find(*args, **kwargs)
         stranger = np.array([[700.0, 500.0, 800.0, 620.0]])
         everybody = Detections(

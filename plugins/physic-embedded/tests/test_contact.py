@@ -18,13 +18,13 @@ UPRIGHT = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
 """The body's y axis points up, the camera's down."""
 
 
-def bent(axis: tuple[float, float, float], degrees: float) -> torch.Tensor:
+def bent(axis, degrees):
     import roma
 
     return roma.rotvec_to_rotmat(torch.tensor(axis) * float(np.radians(degrees)))
 
 
-def bodies(*poses: str, observed: np.ndarray | None = None) -> Bodies:
+def bodies(*poses, observed=None):
     model = load_body("embedded")
     rotations, betas, transl = model.zero_pose(len(poses))
     rotations[:, 0] = UPRIGHT
@@ -38,21 +38,21 @@ def bodies(*poses: str, observed: np.ndarray | None = None) -> Bodies:
     return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", observed)
 
 
-def people(count: int) -> People:
+def people(count):
     return People(np.zeros((count, 40, 30), bool), np.zeros((count, 4)), np.ones(count))
 
 
-def prior(**options: float | bool) -> StaticContact:
+def prior(**options):
     made = StaticContact(StaticContactOptions(**options))
     made.load()
     return made
 
 
-def at(name: str) -> np.ndarray:
+def at(name):
     return load_body("embedded").contact_sets[name].numpy()
 
 
-def test_a_standing_person_touches_with_feet_and_hands_alone() -> None:
+def test_a_standing_person_touches_with_feet_and_hands_alone():
     answer = prior().infer(IMAGE, people(1), bodies("stands"))
     assert answer.topology == "physic-embedded-1"
     (row,) = answer.probability
@@ -67,7 +67,7 @@ def test_a_standing_person_touches_with_feet_and_hands_alone() -> None:
 
 
 @pytest.mark.parametrize("pose", ["is_sitting", "lies"])
-def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
+def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose):
     standing, other = (
         prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
     )
@@ -76,7 +76,7 @@ def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> 
         assert other[at(name)] == pytest.approx(worth)
 
 
-def test_parts_of_unseen_joints_touch_nothing() -> None:
+def test_parts_of_unseen_joints_touch_nothing():
     observed = np.ones((1, 55), bool)
     observed[
         0,
@@ -92,7 +92,7 @@ def test_parts_of_unseen_joints_touch_nothing() -> None:
         assert (row[at(name)] > 0).all()
 
 
-def test_sitting_is_recognised_by_the_hips() -> None:
+def test_sitting_is_recognised_by_the_hips():
     model = load_body("embedded")
     rotations, betas, transl = model.zero_pose(3)
     for row, angle in ((1, -60), (2, -20)):
@@ -102,7 +102,7 @@ def test_sitting_is_recognised_by_the_hips() -> None:
     assert is_sitting(joints).tolist() == [False, True, False]
 
 
-def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
+def test_contact_of_bodies_of_another_model_comes_from_their_joints():
     made = bodies("is_sitting")
     embedded = prior().infer(IMAGE, people(1), made)
     other = replace(replace_mesh_with_joints(made, load_body("embedded")), body_model="smplx")
@@ -115,7 +115,7 @@ def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
     )
 
 
-def test_bodies_of_another_model_without_joints_are_refused() -> None:
+def test_bodies_of_another_model_without_joints_are_refused():
     made = bodies("stands")
     with pytest.raises(BackendError, match=r"^the static contact prior needs"):
         prior().infer(IMAGE, people(1), Bodies(made.parameters, "smplx"))

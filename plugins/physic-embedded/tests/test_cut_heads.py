@@ -14,7 +14,7 @@ WIDTH = 600
 UPPER = [*range(13)]  # head and shoulders of blazepose33
 
 
-def person(head_y: float) -> Keypoints:
+def person(head_y):
     """Return joints of a person whose shoulders, 80 px apart, lie 20 px below the top border."""
     points = np.full((1, 33, 2), (300.0, 300.0), np.float32)
     points[0, :11] = (300, head_y)
@@ -23,13 +23,13 @@ def person(head_y: float) -> Keypoints:
     return Keypoints(points, np.ones((1, 33), np.float32), BLAZEPOSE_SKELETON)
 
 
-def mask(width_at_border: int, first_row: int = 0) -> np.ndarray:
+def mask(width_at_border, first_row=0):
     result = np.zeros((1, HEIGHT, WIDTH), bool)
     result[0, first_row:, 300 - width_at_border // 2 : 300 + width_at_border // 2] = True
     return result
 
 
-def turned(seen: Keypoints, masks: np.ndarray, quarters: int) -> tuple[Keypoints, np.ndarray]:
+def turned(seen, masks, quarters):
     """Turn the image to the left by quarters."""
     points = seen.points
     for _ in range(quarters):
@@ -40,7 +40,7 @@ def turned(seen: Keypoints, masks: np.ndarray, quarters: int) -> tuple[Keypoints
 
 
 @pytest.mark.parametrize("quarters", range(4))
-def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters: int) -> None:
+def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters):
     result = doubt_cut_heads(*turned(person(head_y=90), mask(120), quarters))
     assert np.flatnonzero(result.confidence[0] == 0).tolist() == UPPER
 
@@ -50,5 +50,5 @@ def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters: in
     [(5, mask(120)), (90, mask(40)), (90, mask(120, first_row=5))],
     ids=["a head above the shoulders", "a narrow cut", "a bent body inside the image"],
 )
-def test_heads_without_both_signs_keep_their_confidence(head_y: float, masks: np.ndarray) -> None:
+def test_heads_without_both_signs_keep_their_confidence(head_y, masks):
     assert (doubt_cut_heads(person(head_y), masks).confidence == 1).all()

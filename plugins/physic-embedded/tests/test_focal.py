@@ -12,13 +12,11 @@ WIDTH = 800
 HEIGHT = 600
 
 
-def project(points: np.ndarray, focal: float) -> np.ndarray:
+def project(points, focal):
     return points[..., :2] / points[..., 2:] * focal + [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
 
 
-def edges_of_a_room(
-    focal: float, turn: np.ndarray, *, count: int, noise: float, clutter: int, seed: int
-) -> np.ndarray:
+def edges_of_a_room(focal, turn, *, count, noise, clutter, seed):
     """Segments along three orthogonal directions, the columns of ``turn``, and random ones."""
     rng = np.random.default_rng(seed)
     segments = []
@@ -43,26 +41,24 @@ def edges_of_a_room(
     return np.array(segments)
 
 
-def mirrored(segments: np.ndarray) -> np.ndarray:
+def mirrored(segments):
     """Return the segments of the mirrored picture."""
     return np.array([WIDTH - 1, 0]) - segments * [1, -1]
 
 
-def focal_of(segments: np.ndarray) -> tuple[float, float] | None:
+def focal_of(segments):
     """Estimate the focal length and its sigma with a default of .85 long sides."""
     return focal_of_segments(segments, WIDTH, HEIGHT, 0.85 * WIDTH, 0.25)
 
 
 @pytest.fixture(scope="module")
-def turn() -> np.ndarray:
+def turn():
     """Directions of a room, in columns."""
     return Rotation.from_euler("yxz", [35, 12, 4], degrees=True).as_matrix()
 
 
 @pytest.mark.parametrize(("focal", "seed"), [(480.0, 1), (700.0, 2), (1100.0, 3)])
-def test_focal_length_comes_back_from_edges_of_a_room(
-    turn: np.ndarray, focal: float, seed: int
-) -> None:
+def test_focal_length_comes_back_from_edges_of_a_room(turn, focal, seed):
     found, sigma = focal_of(
         edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed)
     )
@@ -71,7 +67,7 @@ def test_focal_length_comes_back_from_edges_of_a_room(
 
 
 @pytest.mark.parametrize("long_sides", [0.55, 0.8, 1.4, 1.9])
-def test_clean_edges_give_the_focal_length_within_its_error(long_sides: float) -> None:
+def test_clean_edges_give_the_focal_length_within_its_error(long_sides):
     turn = Rotation.from_euler("xyz", [10.0, 35.0, 1.0], degrees=True).as_matrix()
     found, sigma = focal_of(
         edges_of_a_room(long_sides * WIDTH, turn, count=90, noise=0.1, clutter=0, seed=1)
@@ -80,16 +76,16 @@ def test_clean_edges_give_the_focal_length_within_its_error(long_sides: float) -
 
 
 def test_few_edges_of_a_room_among_clutter_move_the_default_by_their_error(
-    turn: np.ndarray,
-) -> None:
+    turn,
+):
     found, sigma = focal_of(edges_of_a_room(480.0, turn, count=40, noise=1.0, clutter=30, seed=1))
     assert 480 < found < 0.85 * WIDTH
     assert 0.1 < sigma < 0.25
 
 
 def test_neither_mirror_nor_order_nor_pieces_of_an_edge_change_the_focal_length(
-    turn: np.ndarray,
-) -> None:
+    turn,
+):
     segments = edges_of_a_room(560.0, turn, count=60, noise=1.0, clutter=20, seed=2)
     found = focal_of(segments)
     assert abs(np.log(found[0] / (0.85 * WIDTH))) > 0.05
@@ -97,17 +93,17 @@ def test_neither_mirror_nor_order_nor_pieces_of_an_edge_change_the_focal_length(
         assert focal_of(other) == pytest.approx(found, rel=1e-6)
 
 
-def test_segments_of_any_direction_say_nothing() -> None:
+def test_segments_of_any_direction_say_nothing():
     assert focal_of(edges_of_a_room(600.0, np.eye(3), count=0, noise=0, clutter=80, seed=4)) is None
 
 
-def test_too_few_segments_say_nothing() -> None:
+def test_too_few_segments_say_nothing():
     clutter = edges_of_a_room(600.0, np.eye(3), count=0, noise=0, clutter=5, seed=4)
     assert focal_of(clutter) is None
     assert focal_of(np.zeros((0, 2, 2))) is None
 
 
-def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored(turn: np.ndarray) -> None:
+def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored(turn):
     segments = edges_of_a_room(560.0, turn, count=60, noise=1.0, clutter=20, seed=2)
     axes, trust = manhattan_frame(segments, WIDTH, HEIGHT, 560.0)
     assert np.degrees(np.arccos(np.abs(axes @ turn).max(1))).max() < 1.5
@@ -118,14 +114,14 @@ def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored(turn: np
     assert 0 < manhattan_frame(few, WIDTH, HEIGHT, 560.0)[1] < trust < 1
 
 
-def test_edges_of_any_direction_or_too_few_give_no_directions() -> None:
+def test_edges_of_any_direction_or_too_few_give_no_directions():
     for clutter in (80, 5):
         segments = edges_of_a_room(600.0, np.eye(3), count=0, noise=0, clutter=clutter, seed=4)
         assert manhattan_frame(segments, WIDTH, HEIGHT, 600.0) is None
 
 
 @pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
-def test_upright_edges_give_gravity(pitch: float) -> None:
+def test_upright_edges_give_gravity(pitch):
     # down is the second column
     turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
@@ -136,7 +132,7 @@ def test_upright_edges_give_gravity(pitch: float) -> None:
     assert 1.5 <= gravity.sigma_deg < 3
 
 
-def test_the_mirrored_picture_has_the_mirrored_gravity() -> None:
+def test_the_mirrored_picture_has_the_mirrored_gravity():
     turn = Rotation.from_euler("xz", [8.0, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=1.0, clutter=40, seed=7)
     gravity, other = (
@@ -146,7 +142,7 @@ def test_the_mirrored_picture_has_the_mirrored_gravity() -> None:
     assert other.sigma_deg == pytest.approx(gravity.sigma_deg, abs=1e-6)
 
 
-def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
+def test_a_default_focal_length_makes_a_steep_pitch_less_sure():
     turn = Rotation.from_euler("x", 15.0, degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.2, clutter=0, seed=8)
     known = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
@@ -154,7 +150,7 @@ def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
     assert default.sigma_deg > known.sigma_deg + 2
 
 
-def test_segments_in_the_made_up_part_are_left_out() -> None:
+def test_segments_in_the_made_up_part_are_left_out():
     hole = np.zeros((100, 100), bool)
     hole[:, 50:] = True
     segments = np.array([[[5, 10], [40, 10]], [[55, 10], [95, 10]], [[40, 20], [52, 20]]], float)

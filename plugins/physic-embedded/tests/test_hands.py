@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.interfaces import HandEstimator
-from physic_core.types import SKELETONS, Keypoints, People, Skeleton
+from physic_core.types import SKELETONS, Keypoints, People
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks import hand_landmarks as module
@@ -25,26 +25,22 @@ from physic_embedded.networks.sessions import open_packaged_session
 from physic_testing import violations
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.body.model import BodyModel
+    pass
 
 HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
 
 
 @pytest.fixture(scope="module")
-def body() -> BodyModel:
+def body():
     return load_body().to(dtype=torch.float64)
 
 
-def rest_of(body: BodyModel, side: str) -> RestHand:
+def rest_of(body, side):
     points = body.landmarks(body(*body.zero_pose()), f"openpose_hand21_{side}")[0].numpy()
     return RestHand.from_landmarks(points, np.array([0.0, -1.0, 0.0]))
 
 
-def posed(
-    body: BodyModel, side: str, rotvecs: NDArray[np.float64], root: Rotation, betas: float = 0.0
-) -> np.ndarray:
+def posed(body, side, rotvecs, root, betas=0.0):
     """(21, 3) landmarks of a hand with given finger rotations."""
     rotations, shape, transl = body.zero_pose()
     rotations[0, HAND_JOINTS[side]] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
@@ -54,7 +50,7 @@ def posed(
     ].numpy()
 
 
-def curled(rest: RestHand, degrees: float, spread: float = 0.0) -> NDArray[np.float64]:
+def curled(rest, degrees, spread=0.0):
     """All fingers but the thumb bent by the same angle in every joint, index and pinky spread
     apart.
     """
@@ -64,15 +60,13 @@ def curled(rest: RestHand, degrees: float, spread: float = 0.0) -> NDArray[np.fl
     return out.reshape(15, 3)
 
 
-def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def angles_between(a, b):
     return np.degrees((Rotation.from_rotvec(a) * Rotation.from_rotvec(b).inv()).magnitude())
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("degrees", "spread"), [(0.0, 0.0), (25.0, 8.0), (60.0, 0.0)])
-def test_a_hand_pose_is_recovered_from_its_landmarks(
-    body: BodyModel, side: str, degrees: float, spread: float
-) -> None:
+def test_a_hand_pose_is_recovered_from_its_landmarks(body, side, degrees, spread):
     rest = rest_of(body, side)
     truth = curled(rest, degrees, spread)
     root = Rotation.from_rotvec([0.4, -1.1, 2.0])
@@ -89,7 +83,7 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(
     assert angles_between(Rotation.from_matrix(fit.palm).as_rotvec(), root.as_rotvec()) < 8
 
 
-def test_noise_of_three_millimetres_costs_little(body: BodyModel) -> None:
+def test_noise_of_three_millimetres_costs_little(body):
     rest = rest_of(body, "left")
     truth = curled(rest, 30.0)
     rng = np.random.default_rng(3)
@@ -103,7 +97,7 @@ def test_noise_of_three_millimetres_costs_little(body: BodyModel) -> None:
     assert np.mean(moved) < 0.005
 
 
-def test_fingers_stay_within_the_range_of_human_joints(body: BodyModel) -> None:
+def test_fingers_stay_within_the_range_of_human_joints(body):
     rest = rest_of(body, "right")
     backwards = posed(body, "right", curled(rest, -80.0), Rotation.identity())
     found = fit_fingers(backwards, rest).rotvecs.reshape(5, 3, 3)
@@ -112,7 +106,7 @@ def test_fingers_stay_within_the_range_of_human_joints(body: BodyModel) -> None:
     assert (flexion[:, 1:] > -10.1).all()
 
 
-def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
+def test_left_and_right_hands_are_mirror_images(body):
     left = rest_of(body, "left")
     right = rest_of(body, "right")
     mirror = np.array([-1.0, 1.0, 1.0])
@@ -121,7 +115,7 @@ def test_left_and_right_hands_are_mirror_images(body: BodyModel) -> None:
     np.testing.assert_allclose(-left.axes[:, :, 0] * mirror, right.axes[:, :, 0], atol=2e-3)
 
 
-def test_hands_are_searched_beyond_the_wrist() -> None:
+def test_hands_are_searched_beyond_the_wrist():
     around, angle = hand_search_square(
         np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150
     )
@@ -130,7 +124,7 @@ def test_hands_are_searched_beyond_the_wrist() -> None:
     assert angle == pytest.approx(np.pi / 2)
 
 
-def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image: NDArray[np.uint8]) -> None:
+def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image):
     session = open_packaged_session("hand_landmark_full", 1)
     square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
     first = predict_hand_landmarks(session, ImagePyramid.from_image(image), square)
@@ -147,9 +141,7 @@ def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image: NDArray[np.u
     )
 
 
-def arm(
-    image: NDArray[np.uint8], skeleton: Skeleton = BLAZEPOSE_SKELETON, confidence: float = 1.0
-) -> tuple[People, Keypoints]:
+def arm(image, skeleton=BLAZEPOSE_SKELETON, confidence=1.0):
     """One person with both arms somewhere in the middle of an image."""
     h, w = image.shape[:2]
     points = np.tile(np.array([w / 2, h / 2], np.float32), (1, len(skeleton), 1))
@@ -159,7 +151,7 @@ def arm(
 
 
 @pytest.fixture(scope="module")
-def estimator() -> EmbeddedHands:
+def estimator():
     backend = EmbeddedHands(EmbeddedHandsOptions(threads=1))
     backend.load()
     return backend
@@ -168,7 +160,7 @@ def estimator() -> EmbeddedHands:
 @pytest.mark.parametrize(
     "skeleton", [BLAZEPOSE_SKELETON, SKELETONS["coco17"], SKELETONS["coco17"].take(range(7))]
 )
-def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton: Skeleton) -> None:
+def test_no_hand_is_found_where_there_is_none(estimator, skeleton):
     image = np.full((200, 300, 3), 128, np.uint8)
     hands = estimator.infer(image, *arm(image, skeleton))
     assert violations(HandEstimator, hands, people=1) == []
@@ -176,9 +168,7 @@ def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(
-    monkeypatch: pytest.MonkeyPatch, side: str
-) -> None:
+def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(monkeypatch, side):
     palm = SimpleNamespace(box=np.array([80.0, 80, 112, 112]), keypoints=np.full((7, 2), 96.0))
     palm.keypoints[2] = 96.0, 70.0
     left = np.full((21, 2), 112.0)
@@ -187,7 +177,7 @@ def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(
     # two palms, then the hand as the pose has it
     looks = iter([(left, 0.0), (right, 1.0), (left, 0.5)])
 
-    def look(*_: object) -> tuple[np.ndarray, np.ndarray, float, float]:
+    def look(*_):
         points, is_right = next(looks)
         return points, np.zeros((21, 3)), 1.0, is_right
 
@@ -199,7 +189,7 @@ def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(
     around = RotatedSquare(np.array([200.0, 200.0]), 200.0, 0.0)
     picture = ImagePyramid(np.zeros((400, 400, 3), np.uint8))
 
-    found = find_hand(detector, detector, picture, around, 0.0, np.array([200.0, 190.0]), side)  # type: ignore[arg-type]
+    found = find_hand(detector, detector, picture, around, 0.0, np.array([200.0, 190.0]), side)
 
     points = np.asarray(found)
     assert bool((points[20] != points[0]).any()) == (side == "right")

@@ -7,20 +7,20 @@ from physic_embedded.inpainter import MiGan, MiGanOptions
 
 
 @pytest.fixture(scope="module")
-def inpainter() -> MiGan:
+def inpainter():
     backend = MiGan(MiGanOptions(threads=1))
     backend.load()
     return backend
 
 
-def scene(height: int, width: int) -> np.ndarray:
+def scene(height, width):
     """A bright wall over a darker floor."""
     image = np.full((height, width, 3), 190, np.uint8)
     image[height // 2 :] = (120, 90, 60)
     return image
 
 
-def test_an_object_in_front_of_a_wall_is_removed(inpainter: MiGan) -> None:
+def test_an_object_in_front_of_a_wall_is_removed(inpainter):
     image = scene(400, 500)
     mask = np.zeros((400, 500), bool)
     mask[100:300, 220:280] = True
@@ -31,7 +31,7 @@ def test_an_object_in_front_of_a_wall_is_removed(inpainter: MiGan) -> None:
     assert error < 4
 
 
-def test_a_mask_that_leaves_one_pixel_is_still_filled(inpainter: MiGan) -> None:
+def test_a_mask_that_leaves_one_pixel_is_still_filled(inpainter):
     image = scene(300, 400)
     mask = np.ones((300, 400), bool)
     mask[0, 0] = False

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import onnx
 import pytest
-from numpy.typing import NDArray
 from onnx import numpy_helper
 
 from physic_embedded.networks.depth_anything import predict_disparity
@@ -24,20 +23,18 @@ INT16 = np.iinfo(np.int16)
 
 
 @pytest.fixture(scope="module")
-def matrices() -> dict[str, NDArray[np.int8]]:
+def matrices():
     return int8_matrices(NETWORK)
 
 
-def int8_matrices(network: str) -> dict[str, NDArray[np.int8]]:
+def int8_matrices(network):
     model = onnx.load(WEIGHTS_FOLDER / f"{network}.onnx")
     weights = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     products = [node for node in model.graph.node if node.op_type == "DynamicQuantizeMatMul"]
     return {node.input[1]: weights[node.input[1]] for node in products}
 
 
-def saturating_product(
-    activations: NDArray[np.uint8], matrix: NDArray[np.int8]
-) -> NDArray[np.int32]:
+def saturating_product(activations, matrix):
     """Multiply as VPMADDUBSW and VPMADDWD do: pairs of products are added in 16 bits, with
     saturation.
     """
@@ -47,8 +44,8 @@ def saturating_product(
 
 
 def test_every_matrix_of_the_transformer_is_multiplied_in_int8(
-    matrices: dict[str, NDArray[np.int8]],
-) -> None:
+    matrices,
+):
     shapes = [matrix.shape for matrix in matrices.values()]
     assert {matrix.dtype for matrix in matrices.values()} == {np.dtype(np.int8)}
     wanted = {(384, 1152), (384, 384), (384, 1536), (1536, 384)}
@@ -58,7 +55,7 @@ def test_every_matrix_of_the_transformer_is_multiplied_in_int8(
 @pytest.mark.parametrize(
     "network", sorted(path.stem for path in WEIGHTS_FOLDER.glob("*_int8.onnx"))
 )
-def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network: str) -> None:
+def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network):
     matrices = int8_matrices(network)
     assert len(matrices) >= 40
     for name, matrix in matrices.items():
@@ -68,7 +65,7 @@ def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network
         assert INT16.min <= smallest <= largest <= INT16.max, name
 
 
-def test_a_cpu_without_vnni_gives_the_exact_product(matrices: dict[str, NDArray[np.int8]]) -> None:
+def test_a_cpu_without_vnni_gives_the_exact_product(matrices):
     rng = np.random.default_rng(0)
     for matrix in list(matrices.values())[::7]:
         # Activations of 255 beside positive weights and of 0 beside negative ones give the largest
@@ -81,13 +78,13 @@ def test_a_cpu_without_vnni_gives_the_exact_product(matrices: dict[str, NDArray[
         np.testing.assert_array_equal(saturating_product(activations, matrix[:, :64]), exact)
 
 
-def test_the_emulation_saturates_where_the_scales_do_not_prevent_it() -> None:
+def test_the_emulation_saturates_where_the_scales_do_not_prevent_it():
     activations = np.full((1, 2), 255, np.uint8)
     matrix = np.full((2, 1), 127, np.int8)
     assert saturating_product(activations, matrix).item() == INT16.max
 
 
-def test_masks_in_int8_are_near_those_in_float32() -> None:
+def test_masks_in_int8_are_near_those_in_float32():
     photo = cv2.imread(str(PHOTO))
     image = np.ascontiguousarray(
         cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1]
@@ -106,7 +103,7 @@ def test_masks_in_int8_are_near_those_in_float32() -> None:
         assert overlap > 0.97
 
 
-def test_disparities_in_int8_are_near_those_in_float32() -> None:
+def test_disparities_in_int8_are_near_those_in_float32():
     photo = cv2.imread(str(PHOTO))
     image = np.ascontiguousarray(photo[..., ::-1])
     exact, rounded = (
@@ -122,9 +119,7 @@ def test_disparities_in_int8_are_near_those_in_float32() -> None:
 @pytest.mark.parametrize(
     ("products", "operator"), [("auto", True), ("int8", True), ("float32", False)]
 )
-def test_the_option_chooses_the_arithmetic(
-    products: str, operator: bool, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_option_chooses_the_arithmetic(products, operator, caplog):
     backend = EmbeddedPointmap(
         EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1)
     )

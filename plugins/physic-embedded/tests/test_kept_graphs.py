@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import struct
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,23 +16,23 @@ NETWORK = "palm_detection_full"
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     return tmp_path / "cache" / "graphs"
 
 
-def outputs() -> list[np.ndarray]:
+def outputs():
     session = open_packaged_session(NETWORK, threads=1)
     one = session.session.get_inputs()[0]
     return session.run(None, {one.name: np.random.default_rng(0).random(one.shape, np.float32)})
 
 
-def assert_same(first: list[np.ndarray], second: list[np.ndarray]) -> None:
+def assert_same(first, second):
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_kept_graph_gives_the_same_outputs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_graph_gives_the_same_outputs(folder, monkeypatch):
     made = outputs()
     [kept] = folder.iterdir()
     before = kept.stat().st_ino
@@ -44,7 +43,7 @@ def test_a_kept_graph_gives_the_same_outputs(folder: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("damage", ["empty", "first byte", "last byte", "short", "no graph"])
-def test_a_damaged_graph_is_made_again(folder: Path, damage: str) -> None:
+def test_a_damaged_graph_is_made_again(folder, damage):
     made = outputs()
     [kept] = folder.iterdir()
     content = kept.read_bytes()
@@ -61,7 +60,7 @@ def test_a_damaged_graph_is_made_again(folder: Path, damage: str) -> None:
     assert len(kept.read_bytes()) == len(content)
 
 
-def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder: Path) -> None:
+def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder):
     made = outputs()
     [kept] = folder.iterdir()
     wrong = b"no graph"
@@ -71,14 +70,14 @@ def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder: Path) -> N
     assert kept.stat().st_size > 1000
 
 
-def sum_of_words(content: bytes | bytearray) -> int:
+def sum_of_words(content):
     words = [
         int.from_bytes(content[start : start + 8], "little") for start in range(0, len(content), 8)
     ]
     return sum(words) % 2**64
 
 
-def forge(kept: Path) -> None:
+def forge(kept):
     """Negate weights of a kept graph, with a sum that is right."""
     content = bytearray(kept.read_bytes())
     for sign in range(3, len(content) // 2, 4):
@@ -90,9 +89,7 @@ def forge(kept: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
 @pytest.mark.parametrize("owner", ["the user", "another user"])
-def test_a_graph_that_others_could_write_is_not_opened(
-    folder: Path, owner: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_graph_that_others_could_write_is_not_opened(folder, owner, monkeypatch):
     made = outputs()
     [kept] = folder.iterdir()
     forge(kept)
@@ -106,7 +103,7 @@ def test_a_graph_that_others_could_write_is_not_opened(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
-def test_a_graph_is_kept_for_its_user_alone(folder: Path) -> None:
+def test_a_graph_is_kept_for_its_user_alone(folder):
     before = os.umask(0)
     try:
         outputs()
@@ -115,12 +112,12 @@ def test_a_graph_is_kept_for_its_user_alone(folder: Path) -> None:
     assert [path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())] == [0o700, 0o600]
 
 
-def test_networks_open_where_nothing_can_be_kept(folder: Path) -> None:
+def test_networks_open_where_nothing_can_be_kept(folder):
     folder.parent.write_text("a file in place of the folder")
     assert len(outputs()) == 2
 
 
-def test_several_writers_leave_complete_graphs(folder: Path) -> None:
+def test_several_writers_leave_complete_graphs(folder):
     with ThreadPoolExecutor(4) as pool:
         runs = list(pool.map(lambda _: outputs(), range(4)))
     assert {

@@ -4,8 +4,6 @@ not run them.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -24,9 +22,7 @@ NETWORKS = {
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_a_network_runs_once_for_a_picture(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_network_runs_once_for_a_picture(name, tmp_path, monkeypatch):
     session = open_packaged_session(name, threads=1)
     predict = NETWORKS[name]
     expected = predict(session)

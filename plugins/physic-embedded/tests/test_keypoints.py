@@ -12,25 +12,21 @@ from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypoin
 from physic_testing import violations
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 
 @pytest.fixture(scope="module")
-def detector() -> EmbeddedKeypoints:
+def detector():
     backend = EmbeddedKeypoints(EmbeddedKeypointsOptions(threads=1))
     backend.load()
     return backend
 
 
-def test_joints_of_the_embedded_segmenter_are_taken_as_they_are(
-    people: People, image: NDArray[np.uint8]
-) -> None:
+def test_joints_of_the_embedded_segmenter_are_taken_as_they_are(people, image):
     assert EmbeddedKeypoints().infer(image, people) is people.keypoints
 
 
-def test_people_of_another_segmenter_get_the_same_joints(
-    detector: EmbeddedKeypoints, people: People, image: NDArray[np.uint8]
-) -> None:
+def test_people_of_another_segmenter_get_the_same_joints(detector, people, image):
     found = detector.infer(image, replace(people, keypoints=None))
     assert violations(KeypointDetector, found, people=2) == []
     clear = people.keypoints.confidence > 0.5
@@ -40,7 +36,7 @@ def test_people_of_another_segmenter_get_the_same_joints(
     assert (error < 0.025).all()
 
 
-def test_a_mask_without_a_person_gets_no_confidence(detector: EmbeddedKeypoints) -> None:
+def test_a_mask_without_a_person_gets_no_confidence(detector):
     mask = np.zeros((1, 240, 320), bool)
     mask[:, 40:200, 100:180] = True
     grey = np.full((240, 320, 3), 128, np.uint8)
@@ -49,7 +45,7 @@ def test_a_mask_without_a_person_gets_no_confidence(detector: EmbeddedKeypoints)
     assert found.confidence.max() == 0
 
 
-def test_limbs_beyond_the_edge_of_the_photo_have_no_confidence(people: People) -> None:
+def test_limbs_beyond_the_edge_of_the_photo_have_no_confidence(people):
     knees_and_below = people.keypoints.confidence[:, 25:33]
     assert knees_and_below[0].mean() > 0.6
     assert knees_and_below[1].max() < 0.2

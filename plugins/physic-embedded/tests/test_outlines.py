@@ -9,7 +9,6 @@ import torch
 
 from physic_core.geometry.raster import rasterize
 from physic_core.types import Hints, Pointmap
-from physic_embedded.body_estimator import EmbeddedBodies
 
 from .test_bodies import (
     ADULT,
@@ -20,7 +19,6 @@ from .test_bodies import (
     PLACES,
     STANDS,
     WALKS,
-    Truth,
     backend,
     posed,
     truth,
@@ -31,7 +29,7 @@ __all__ = ["backend"]
 K = CAMERA.matrix
 
 
-def silhouette(vertices: np.ndarray) -> np.ndarray:
+def silhouette(vertices):
     """Pixels (H, W) bool of a body (V, 3)."""
     pixels = vertices @ K.T
     pixels = pixels[:, :2] / pixels[:, 2:]
@@ -42,11 +40,11 @@ def silhouette(vertices: np.ndarray) -> np.ndarray:
     )
 
 
-def with_masks(seen: Truth, *masks: np.ndarray) -> Truth:
+def with_masks(seen, *masks):
     return replace(seen, people=replace(seen.people, masks=np.stack(masks)))
 
 
-def depth_of(seen: Truth, nearer: np.ndarray | None = None) -> Pointmap:
+def depth_of(seen, nearer=None):
     """A wall at 6 m behind people at their own depth, and something at 1 m at the pixels
     ``nearer``.
     """
@@ -62,24 +60,24 @@ def depth_of(seen: Truth, nearer: np.ndarray | None = None) -> Pointmap:
     return Pointmap(points, np.ones(z.shape, bool), "scale")
 
 
-def fitted(backend: EmbeddedBodies, seen: Truth, depth: Pointmap | None = None) -> np.ndarray:
+def fitted(backend, seen, depth=None):
     hints = Hints(floor=FLOOR, original=depth)
     return posed(backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, hints))[1]
 
 
-def overlap(vertices: np.ndarray, mask: np.ndarray) -> float:
+def overlap(vertices, mask):
     body = silhouette(vertices)
     return float((body & mask).sum() / (body | mask).sum())
 
 
-def large_person() -> Truth:
+def large_person():
     """Somebody of the mean stature who is far heavier than the mean, with the mask of their
     body.
     """
     heavier = torch.zeros(1, MODEL.num_betas)
     rest = MODEL.zero_pose(1)
 
-    def volume(betas: torch.Tensor) -> float:
+    def volume(betas):
         a, b, c = MODEL(rest[0], betas, rest[2]).vertices[0][MODEL.faces].unbind(1)
         return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
@@ -93,7 +91,7 @@ def large_person() -> Truth:
     return with_masks(seen, silhouette(seen.vertices[0]))
 
 
-def test_the_mask_of_a_large_person_widens_the_body(backend: EmbeddedBodies) -> None:
+def test_the_mask_of_a_large_person_widens_the_body(backend):
     seen = large_person()
     mask = seen.people.masks[0]
     without = fitted(backend, with_masks(seen, np.zeros_like(mask)))[0]
@@ -101,14 +99,14 @@ def test_the_mask_of_a_large_person_widens_the_body(backend: EmbeddedBodies) -> 
     assert overlap(drawn, mask) > overlap(without, mask) + 0.02
 
 
-def test_a_body_that_fills_its_mask_stays(backend: EmbeddedBodies) -> None:
+def test_a_body_that_fills_its_mask_stays(backend):
     seen = truth([STANDS, WALKS], PLACES[:2])
     without = fitted(backend, seen)
     seen = with_masks(seen, *(silhouette(body) for body in without))
     np.testing.assert_allclose(fitted(backend, seen, depth_of(seen)), without, rtol=0, atol=1e-4)
 
 
-def test_a_mask_without_the_persons_keypoints_is_not_used(backend: EmbeddedBodies) -> None:
+def test_a_mask_without_the_persons_keypoints_is_not_used(backend):
     seen = truth([STANDS], PLACES[:1])
     without = fitted(backend, seen)
     half = silhouette(seen.vertices[0])
@@ -117,8 +115,8 @@ def test_a_mask_without_the_persons_keypoints_is_not_used(backend: EmbeddedBodie
 
 
 def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(
-    backend: EmbeddedBodies,
-) -> None:
+    backend,
+):
     seen = truth([STANDS], PLACES[:1])
     without = fitted(backend, seen)
     mask = silhouette(without[0])

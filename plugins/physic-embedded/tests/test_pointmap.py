@@ -14,7 +14,6 @@ from physic_core.types import (
     Hints,
     Keypoints,
     People,
-    Pointmap,
     SurfaceLabels,
 )
 from physic_embedded.networks.depth_anything import network_input_size, predict_disparity
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has() -> None:
+def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has():
     rows, columns = np.mgrid[0:120, 0:160]
     floor = 0.02 + np.maximum(rows - 30.0, 0) * 0.01
     floor[:30] = 0.02  # beyond the horizon line a wall so far that it stays behind
@@ -46,14 +45,14 @@ WIDTH = 240
 FOCAL = 200.0
 
 
-def rays() -> NDArray[np.float64]:
+def rays():
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     x = (columns - (WIDTH - 1) / 2) / FOCAL
     y = (rows - (HEIGHT - 1) / 2) / FOCAL
     return np.stack([x, y, np.ones_like(x)], -1)
 
 
-def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> NDArray[np.float64]:
+def inverse_depth_of_a_room(turn, ahead=5.0):
     """1 / z in a room 1.5 m over its floor, 1.2 m under its ceiling, walls at 2 m left, 3 m right
     and ``ahead``.
     """
@@ -69,7 +68,7 @@ def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> ND
     return inverse
 
 
-def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
+def test_the_floor_comes_back_under_furniture_noise_and_a_hole():
     rng = np.random.default_rng(0)
     down = Rotation.from_euler("xz", [10, 3], degrees=True).as_matrix()[:, 1]
     truth = 7 * np.maximum(rays() @ down / 1.5, 0.02) + 2.0
@@ -88,7 +87,7 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
 
 
 @pytest.mark.parametrize("ahead", [4.0, 6.0, 12.0])
-def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: float) -> None:
+def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     turn = Rotation.from_euler("yx", [8, 6], degrees=True).as_matrix()
     inverse = inverse_depth_of_a_room(turn, ahead)
     far = np.percentile(inverse, 0.5)
@@ -108,9 +107,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
-def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(
-    pitch: float, roll: float
-) -> None:
+def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll):
     turn = Rotation.from_euler("yxz", [25, pitch, roll], degrees=True).as_matrix()
     faces = ((1, 1, 1.5), (0, -1, 2.0), (0, 1, 3.0), (2, 1, 4.0))
     planes = [rays() @ (sign * turn[:, axis]) / distance for axis, sign, distance in faces]
@@ -129,7 +126,7 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(
 
 
 @pytest.mark.parametrize("ahead", [2.5, 4.0, 8.0])
-def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead: float) -> None:
+def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead):
     turn = Rotation.from_euler("yxz", [35, -4, 2], degrees=True).as_matrix()
     corner = (rays() @ turn[:, 2] / ahead, rays() @ -turn[:, 0] / 2.5)
     inverse = np.max(corner, axis=0)
@@ -145,7 +142,7 @@ def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead: fl
     assert unsure.sigma > found.sigma
 
 
-def test_standing_people_define_planes_that_hold_gravity() -> None:
+def test_standing_people_define_planes_that_hold_gravity():
     turn = Rotation.from_euler("xz", [40, 12], degrees=True).as_matrix()
     camera = np.array([[500.0, 0, 320], [0, 500.0, 240], [0, 0, 1]])
     heights = {"shoulder": 1.4, "hip": 0.9, "knee": 0.5, "ankle": 0.1}
@@ -170,7 +167,7 @@ def test_standing_people_define_planes_that_hold_gravity() -> None:
     assert body_planes(None, (320.0, 240.0), 500.0).shape == (0, 3)
 
 
-def test_sky_over_ground_is_infinitely_far() -> None:
+def test_sky_over_ground_is_infinitely_far():
     down = Rotation.from_euler("x", 5, degrees=True).as_matrix()[:, 1]
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
@@ -179,7 +176,7 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     assert "infinitely far" in found.rule
 
 
-def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby() -> None:
+def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():
     down = Rotation.from_euler("xz", [6, 2], degrees=True).as_matrix()[:, 1]
     true = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     disparity = true + 1.5 * np.maximum(true - 0.35 * true.max(), 0.0)
@@ -188,7 +185,7 @@ def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby() -
     line = [-(down[0] * x + down[2]) / down[1] for x in (columns - (WIDTH - 1) / 2) / FOCAL]
     horizon = np.stack([columns, np.array(line) * FOCAL + (HEIGHT - 1) / 2], 1)
 
-    def off(seen: NDArray[np.float64] | None) -> float:
+    def off(seen):
         found = disparity_at_infinity(disparity, floor, FOCAL, open_air=1.0, horizon=seen)
         return float(np.degrees(np.arccos(floor.normal(found.disparity, FOCAL / WIDTH) @ down)))
 
@@ -198,7 +195,7 @@ def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby() -
     assert off(hills) > 0.8 * off(None)
 
 
-def test_labels_tell_whether_the_farthest_pixels_are_the_sky_or_a_wall() -> None:
+def test_labels_tell_whether_the_farthest_pixels_are_the_sky_or_a_wall():
     disparity = 8 * np.linspace(0.009, 1, HEIGHT)[:, None] * np.ones(WIDTH)
     room, unknown, meadow = (
         disparity_at_infinity(disparity, None, FOCAL, open_air=label) for label in (-1, 0, 1)
@@ -207,7 +204,7 @@ def test_labels_tell_whether_the_farthest_pixels_are_the_sky_or_a_wall() -> None
     assert room.gap > unknown.gap > meadow.gap
 
 
-def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
+def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero():
     rows = np.linspace(0, 1, HEIGHT)[:, None] * np.ones(WIDTH)
     gaps = np.array(
         [
@@ -223,24 +220,24 @@ def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
 
 
 @pytest.fixture(scope="module")
-def backend() -> EmbeddedPointmap:
+def backend():
     made = EmbeddedPointmap(EmbeddedPointmap.Options(short_side=154, threads=1))
     made.load()
     return made
 
 
 @pytest.fixture(scope="module")
-def image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def image(image):
     small: NDArray[np.uint8] = cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
     return small
 
 
 @pytest.fixture(scope="module")
-def scene(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> Pointmap:
+def scene(backend, image):
     return backend.infer(image, Hints(hole=np.zeros((240, 320), bool)))
 
 
-def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointmap) -> None:
+def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
     camera = scene.intrinsics
     assert "vanishing points" in camera.source
     assert camera.guessed
@@ -256,22 +253,20 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
-    factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
+    factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()
     assert re.fullmatch(
         r"the depth of the background may be off by a factor of [1-9][.\d]*", factor
     )
     assert rule.startswith("the farthest pixels are taken as a wall")
 
 
-def test_the_horizon_is_where_labels_of_sky_and_water_meet(
-    backend: EmbeddedPointmap, image: NDArray[np.uint8]
-) -> None:
+def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
     labels = np.full((240, 320), SURFACE_NAMES.index("water"), np.uint8)
     labels[:100] = SURFACE_NAMES.index("sky")
     apart = labels.copy()
     apart[80:100] = SURFACE_NAMES.index("vegetation")
 
-    def notes(surfaces: NDArray[np.uint8]) -> str:
+    def notes(surfaces):
         nobody = People(np.zeros((0, 240, 320), bool), np.zeros((0, 4)), np.zeros(0))
         people = replace(nobody, surfaces=SurfaceLabels(surfaces))
         found = backend.infer(image, Hints(people=people))
@@ -282,9 +277,7 @@ def test_the_horizon_is_where_labels_of_sky_and_water_meet(
     assert "the horizon" not in notes(labels[::-1])
 
 
-def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(
-    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
-) -> None:
+def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(backend, image, scene):
     mask = np.zeros((1, 240, 320), bool)
     mask[0, 40:239, 5:90] = True
     people = People(mask, np.array([[5.0, 40.0, 90.0, 239.0]]), np.ones(1))
@@ -298,9 +291,7 @@ def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(
     assert original.notes == ()
 
 
-def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(
-    backend: EmbeddedPointmap, image: NDArray[np.uint8]
-) -> None:
+def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(backend, image):
     hole = np.zeros((240, 320), bool)
     hole[60:200, 40:200] = True
     rows, columns = np.mgrid[0:240, 0:320]
@@ -317,9 +308,7 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(
     assert alone[0] != alone[1]
 
 
-def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
-    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
-) -> None:
+def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scene):
     everybody = People(
         np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1)
     )
@@ -331,9 +320,7 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
 @pytest.mark.parametrize(
     ("height", "width"), [(853, 1280), (960, 1280), (720, 1280), (1024, 1280), (914, 1280)]
 )
-def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(
-    height: int, width: int, short_side: int
-) -> None:
+def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height, width, short_side):
     sizes = {
         network_input_size(height - row, width - column, short_side)
         for row in (0, 1)
@@ -352,10 +339,8 @@ class Red:
 
 
 @pytest.mark.parametrize(("height", "width"), [(853, 1280), (1280, 853), (60, 1600), (50, 41)])
-def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(
-    height: int, width: int
-) -> None:
-    disparity = predict_disparity(Red(), np.full((height, width, 3), 201, np.uint8))  # type: ignore[arg-type]
+def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(height, width):
+    disparity = predict_disparity(Red(), np.full((height, width, 3), 201, np.uint8))
     assert (disparity == 201).all()
     rows, columns = disparity.shape
     assert abs(rows * width / height - columns) < 0.5 * (1 + width / height) + 1e-6

@@ -37,13 +37,10 @@ from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import People
-    from physic_embedded.segmenter import EmbeddedSegmenter
+    pass
 
 
-def pose_at(center: tuple[float, float], height: float = 200.0, confidence: float = 1.0) -> Pose:
+def pose_at(center, height=200.0, confidence=1.0):
     """A stick figure: shoulders, hips and feet about a middle."""
     x, y = center
     points = np.full((33, 2), [x, y], float)
@@ -83,9 +80,7 @@ def pose_at(center: tuple[float, float], height: float = 200.0, confidence: floa
         ((160, 60, 220, 250), 0.8, 1),  # beside the mask
     ],
 )
-def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(
-    box: tuple[float, ...], score: float, heads: int
-) -> None:
+def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, heads):
     mask = np.zeros((1, 300, 300), bool)
     mask[0, 50:250, 50:110] = mask[0, 60:250, 110:170] = True
     pose = pose_at((80, 150))
@@ -99,7 +94,7 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(
     )
 
 
-def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
+def test_decode_puts_boxes_and_keypoints_at_their_anchor():
     anchors = anchor_centers(224, DETECTOR_LAYERS)
     raw = np.zeros((len(anchors), 12))
     logits = np.full(len(anchors), -100.0)
@@ -110,7 +105,7 @@ def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
     assert found.score == 0.5
 
 
-def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
+def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest():
     anchors = np.full((3, 2), 0.5)
     raw = np.zeros((3, 6))
     raw[:, 2:4] = 50
@@ -123,9 +118,7 @@ def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
 
 
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
-def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(
-    width: int, height: int, size: int
-) -> None:
+def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width, height, size):
     pixels, square = letterbox_square(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
     corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
     low, high = square.from_photo(corners, size)
@@ -136,7 +129,7 @@ def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(
 
 
 @pytest.mark.parametrize("side", [40.0, 100.0, 390.0])
-def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
+def test_a_cut_shows_the_pixel_that_its_coordinates_name(side):
     y, x = np.mgrid[:400, :400]
     image = np.stack([x * 0.6, y * 0.6, np.zeros_like(x)], axis=-1).astype(np.uint8)
     square = RotatedSquare(np.array([200.0, 190.0]), side, 0.0)
@@ -145,7 +138,7 @@ def test_a_cut_shows_the_pixel_that_its_coordinates_name(side: float) -> None:
     np.testing.assert_allclose(cut[40, 20, :2], at * 0.6, atol=2)
 
 
-def test_a_small_cut_of_a_big_photo_does_not_alias() -> None:
+def test_a_small_cut_of_a_big_photo_does_not_alias():
     stripes = np.zeros((2048, 2048, 3), np.uint8)
     stripes[:, ::2] = 255
     cut = ImagePyramid.from_image(stripes).crop(
@@ -155,7 +148,7 @@ def test_a_small_cut_of_a_big_photo_does_not_alias() -> None:
 
 
 @given(st.integers(1, 900), st.integers(1, 900), st.floats(0.2, 0.9))
-def test_tiles_cover_the_photo_and_stay_on_it(width: int, height: int, fraction: float) -> None:
+def test_tiles_cover_the_photo_and_stay_on_it(width, height, fraction):
     covered = np.zeros((height, width), bool)
     found = list(tiles(width, height, [fraction]))
     for x, y, side in found:
@@ -166,13 +159,13 @@ def test_tiles_cover_the_photo_and_stay_on_it(width: int, height: int, fraction:
 
 
 @pytest.mark.parametrize("fraction", [0.4, 0.5, 0.6])
-def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction: float) -> None:
+def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction):
     counts = {len(list(tiles(width, 900, [fraction]))) for width in range(1230, 1290)}
     assert len(counts) == 1
 
 
-def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:
-    def person(x: float, score: float) -> BoxDetection:
+def test_candidates_on_one_body_are_merged_and_neighbours_are_not():
+    def person(x, score):
         return BoxDetection(
             np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score
         )
@@ -181,7 +174,7 @@ def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:
     assert [d.score for d in kept] == [0.9, 0.5]
 
 
-def test_a_weak_candidate_must_look_the_same_in_a_mirror() -> None:
+def test_a_weak_candidate_must_look_the_same_in_a_mirror():
     from dataclasses import replace
 
     pose = pose_at((100, 100))
@@ -191,14 +184,14 @@ def test_a_weak_candidate_must_look_the_same_in_a_mirror() -> None:
     assert not is_person(replace(pose, score=0.4), 0.8, sure=0.75)
 
 
-def test_two_poses_are_one_person_if_their_trunks_are_together() -> None:
+def test_two_poses_are_one_person_if_their_trunks_are_together():
     box = np.array([0.0, 0.0, 200.0, 200.0])
     first = DetectedPose(pose_at((100, 100)), 1.0, box)
     assert is_same_person(first, DetectedPose(pose_at((110, 100)), 1.0, box))
     assert not is_same_person(first, DetectedPose(pose_at((180, 100)), 1.0, box))
 
 
-def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers() -> None:
+def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers():
     """The trunks are 40 px apart, more than half of 60 px; the masks are squares of 250 px that
     overlap by 84 %.
     """
@@ -210,7 +203,7 @@ def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers() -> None:
     assert not is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0, box))
 
 
-def test_two_poses_are_one_person_if_masks_and_noses_are_together() -> None:
+def test_two_poses_are_one_person_if_masks_and_noses_are_together():
     box = np.array([0.0, 0.0, 200.0, 200.0])
     short = pose_at((100, 100))
     tall = pose_at((100, 160), height=330)
@@ -218,7 +211,7 @@ def test_two_poses_are_one_person_if_masks_and_noses_are_together() -> None:
     assert is_same_person(DetectedPose(short, 1.0, box), DetectedPose(tall, 1.0, box))
 
 
-def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept() -> None:
+def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():
     """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
     pose = pose_at((100, 100))
     other = pose_at((100, 100))
@@ -233,7 +226,7 @@ def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept() -> Non
     np.testing.assert_allclose(mean.world, np.eye(33)[15][:, None] * [0.0, 0.0, 0.1], atol=1e-9)
 
 
-def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:
+def test_a_pose_fits_the_box_around_its_joints_and_its_mask():
     pose = pose_at((100, 100))
     square = np.array([-25.0, -25.0, 225.0, 225.0])
     joints = np.array([*pose.points.min(axis=0), *pose.points.max(axis=0)])
@@ -244,7 +237,7 @@ def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:
 
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
-def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: int) -> None:
+def test_grid_values_land_on_the_pixels_that_the_grid_names(height, width):
     embedding = ImageEmbedding(
         np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width)
     )
@@ -253,7 +246,7 @@ def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: 
     np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
 
 
-def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
+def test_the_mask_of_an_ellipse_is_that_ellipse():
     image = np.full((300, 400, 3), 200, np.uint8)
     truth = np.zeros((300, 400), np.uint8)
     cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
@@ -271,7 +264,7 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
 
 
 @pytest.mark.parametrize("shape", [(400, 600), (600, 400), (4, 900), (900, 1)])
-def test_features_far_from_a_photo_are_those_of_an_empty_image(shape: tuple[int, int]) -> None:
+def test_features_far_from_a_photo_are_those_of_an_empty_image(shape):
     encoder = open_packaged_session("mobilesam_encoder_int8", threads=1)
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
     one, other = (embed_image(encoder, photo).features for photo in (noise, 255 - noise))
@@ -285,7 +278,7 @@ def test_features_far_from_a_photo_are_those_of_an_empty_image(shape: tuple[int,
     ).mean() > 0.9
 
 
-def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> None:
+def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
     left = np.full((256, 256), -5.0)
     right = np.full((256, 256), -5.0)
@@ -307,7 +300,7 @@ def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> No
     assert masks[0, 50:200, 20:140].all()
 
 
-def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo() -> None:
+def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo():
     pose = pose_at((100, 100))
     people = np.zeros((250, 300), bool)
     people[:205, 60:140] = True
@@ -319,9 +312,7 @@ def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo()
 
 
 @pytest.mark.slow
-def test_people_are_found_all_along_a_panorama(
-    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
-) -> None:
+def test_people_are_found_all_along_a_panorama(segmenter, image):
     mirrored = image[:, ::-1]
     strip = np.concatenate([mirrored, image, mirrored, image, mirrored], axis=1)
     found = segmenter.infer(cv2.resize(strip, (1280, 192), interpolation=cv2.INTER_AREA))
@@ -331,14 +322,14 @@ def test_people_are_found_all_along_a_panorama(
         assert np.abs(middles - man).min() < 30
 
 
-def test_the_example_photo_has_two_count_people(people: People, image: NDArray[np.uint8]) -> None:
+def test_the_example_photo_has_two_count_people(people, image):
     assert violations(Segmenter, people, height=image.shape[0], width=image.shape[1]) == []
     assert len(people) == 2
     assert (np.diff(people.scores) <= 0).all()
     assert people.boxes[0, 2] < 200 < 400 < people.boxes[1, 0]
 
 
-def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
+def test_world_joints_have_the_frame_of_the_camera(people):
     face_on, from_behind = people.keypoints.world
     assert np.abs(face_on[[23, 24]].mean(axis=0)).max() < 0.02
     # Down is positive: nose over hips over ankles. The first man shows his face, the second the
@@ -348,9 +339,7 @@ def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
     assert from_behind[0, 2] > from_behind[[7, 8], 2].mean()
 
 
-def test_a_mirror_image_swaps_sides(
-    segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]
-) -> None:
+def test_a_mirror_image_swaps_sides(segmenter, people, image):
     other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
     assert len(other) == 2
     swap = np.arange(33)
@@ -363,9 +352,7 @@ def test_a_mirror_image_swaps_sides(
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8, 300), (64, 64), (240, 320)])
-def test_no_people_are_found_in_an_empty_photo(
-    segmenter: EmbeddedSegmenter, shape: tuple[int, int]
-) -> None:
+def test_no_people_are_found_in_an_empty_photo(segmenter, shape):
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
     found = segmenter.infer(noise)
     assert violations(Segmenter, found, height=shape[0], width=shape[1]) == []
@@ -373,13 +360,13 @@ def test_no_people_are_found_in_an_empty_photo(
     assert not found.floor.any()
 
 
-def rectangle(rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
+def rectangle(rows, columns=slice(None)):
     mask = np.zeros((100, 100), bool)
     mask[rows, columns] = True
     return mask
 
 
-def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it() -> None:
+def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it():
     person = rectangle(slice(20, 70), slice(40, 50))
     labelled = rectangle(slice(60, 100))
     surfaces = SurfaceLabels(labelled.astype(np.uint8), ("unknown", "floor"))

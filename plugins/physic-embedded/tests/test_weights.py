@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -22,7 +21,7 @@ MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
-def test_a_network_opens_with_the_inputs_of_the_manifest(name: str) -> None:
+def test_a_network_opens_with_the_inputs_of_the_manifest(name):
     session = open_packaged_session(name.removesuffix(".onnx"), threads=1)
     got = {i.name: list(i.shape) for i in session.session.get_inputs()}
     assert got == {i["name"]: i["shape"] for i in MODELS[name]["inputs"]}
@@ -31,7 +30,7 @@ def test_a_network_opens_with_the_inputs_of_the_manifest(name: str) -> None:
     }
 
 
-def test_every_network_has_an_attribution_and_its_licence_text() -> None:
+def test_every_network_has_an_attribution_and_its_licence_text():
     notice = (WEIGHTS_FOLDER / "NOTICE").read_text()
     for name, model in MODELS.items():
         assert name in notice
@@ -49,7 +48,7 @@ def test_every_network_has_an_attribution_and_its_licence_text() -> None:
 
 
 @pytest.fixture
-def damaged_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def damaged_folder(tmp_path, monkeypatch):
     """A folder in place of the packaged one; it has only the manifest."""
     monkeypatch.setattr(sessions, "WEIGHTS_FOLDER", tmp_path)
     (tmp_path / "MANIFEST.json").write_text(json.dumps(MANIFEST))
@@ -63,9 +62,7 @@ def damaged_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("depth_anything_v2_vits_int8", "depth_anything_v2_vits.weights"),
     ],
 )
-def test_a_network_with_one_other_bit_is_refused(
-    damaged_folder: Path, name: str, file: str
-) -> None:
+def test_a_network_with_one_other_bit_is_refused(damaged_folder, name, file):
     shutil.copy(WEIGHTS_FOLDER / f"{name}.onnx", damaged_folder)
     content = bytearray((WEIGHTS_FOLDER / file).read_bytes())
     content[1_000_000] ^= 1
@@ -76,9 +73,7 @@ def test_a_network_with_one_other_bit_is_refused(
         open_packaged_session(name)
 
 
-def test_the_weights_that_were_compared_are_those_that_are_used(
-    damaged_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_weights_that_were_compared_are_those_that_are_used(damaged_folder, monkeypatch):
     name = "depth_anything_v2_vits_int8"
     weights = damaged_folder / "depth_anything_v2_vits.weights"
     for file in (f"{name}.onnx", weights.name):
@@ -87,7 +82,7 @@ def test_the_weights_that_were_compared_are_those_that_are_used(
     [expected] = open_packaged_session(name, threads=1).run(["depth"], image)
     real = onnxruntime.InferenceSession
 
-    def overwrite_and_open(*arguments: Any, **options: Any) -> onnxruntime.InferenceSession:
+    def overwrite_and_open(*arguments, **options):
         with weights.open("r+b") as file:
             file.write(bytes(weights.stat().st_size))
         return real(*arguments, **options)
@@ -98,7 +93,7 @@ def test_the_weights_that_were_compared_are_those_that_are_used(
     )
 
 
-def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None:
+def test_a_manifest_without_the_network_is_refused(damaged_folder):
     shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
     (damaged_folder / "MANIFEST.json").write_text(
         '{"models": [{"file": "other.onnx"}], "weights": []}'
@@ -107,7 +102,7 @@ def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None
         open_packaged_session("palm_detection_full")
 
 
-def test_memory_is_released_while_a_network_is_open() -> None:
+def test_memory_is_released_while_a_network_is_open():
     session = open_packaged_session("palm_detection_full", threads=1)
     image = {"image": np.random.default_rng(0).random((1, 192, 192, 3), np.float32)}
     before = session.run(["scores"], image)[0]
@@ -119,7 +114,7 @@ def test_memory_is_released_while_a_network_is_open() -> None:
 @pytest.mark.skipif(
     not Path("/proc/self/statm").is_file(), reason="the memory of a process is read from /proc"
 )
-def test_the_memory_of_closed_networks_is_returned_to_the_system() -> None:
+def test_the_memory_of_closed_networks_is_returned_to_the_system():
     # A process of its own: in one that ran other tests, networks take the memory that these left.
     program = """
 from pathlib import Path

@@ -43,7 +43,7 @@ class Network:
         return [rows]
 
 
-def photo(width: int, height: int, *marks: tuple[int, int], side: int = 24) -> NDArray[np.uint8]:
+def photo(width, height, *marks, side=24):
     """A grey image with red squares round the given pixels."""
     image = np.full((height, width, 3), 100, np.uint8)
     for x, y in marks:
@@ -51,11 +51,11 @@ def photo(width: int, height: int, *marks: tuple[int, int], side: int = 24) -> N
     return image
 
 
-def test_a_box_lies_at_its_cell_in_the_photo() -> None:
+def test_a_box_lies_at_its_cell_in_the_photo():
     """The photo is twice as large as the input: a box of 60 x 120 px there is 120 x 240 px here."""
     network = Network(60, 120)
     image = photo(832, 624, (400, 300))
-    found = detect_boxes(network, image, min_score=0.4, min_tile_score=0.5).people  # type: ignore[arg-type]
+    found = detect_boxes(network, image, min_score=0.4, min_tile_score=0.5).people
     assert len(found) >= 1
     center = (found.boxes[0, :2] + found.boxes[0, 2:]) / 2
     np.testing.assert_allclose(center, [400, 300], atol=24)
@@ -63,24 +63,24 @@ def test_a_box_lies_at_its_cell_in_the_photo() -> None:
     np.testing.assert_allclose(found.scores[0], 0.9)
 
 
-def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas() -> None:
+def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas():
     network = Network(60, 120)
     image = np.zeros((208, 416, 3), np.uint8)
     image[..., 0], image[..., 2] = 200, 30
-    detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)
     (canvas,) = network.inputs
     assert canvas.shape == (3, 416, 416)
     np.testing.assert_array_equal(canvas[:, 100, 200], [30, 0, 200])
     np.testing.assert_array_equal(canvas[:, 300, 200], [PADDING_VALUE] * 3)
 
 
-def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept() -> None:
+def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept():
     """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass
     ``min_score``.
     """
     network = Network(60, 120)
     image = photo(832, 832, (30, 200), (415, 600))
-    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5]).people  # type: ignore[arg-type]
+    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5]).people
     centers = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
     assert any(np.linalg.norm(center - [30, 200]) < 40 for center in centers)
     near = found.boxes[np.linalg.norm(centers - [415, 600], axis=1) < 70]
@@ -101,20 +101,16 @@ def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept() -> 
         ({"skateboard": 0.95}, "skateboard"),
     ],
 )
-def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(
-    scores: dict[str, float], name: str | None
-) -> None:
+def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(scores, name):
     image = photo(416, 416, (200, 200))
-    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)
     assert len(found.people) >= 1
     assert found.other_at(found.people.boxes[0], float(found.people.scores[0]), 0.5) == name
     assert found.other_at(found.people.boxes[0] + 200, 0.0, 0.5) is None
 
 
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
-def test_the_player_of_the_example_photo_is_one_box(
-    image: NDArray[np.uint8], fractions: tuple[float, ...]
-) -> None:
+def test_the_player_of_the_example_photo_is_one_box(image, fractions):
     session = open_packaged_session("yolox_nano", threads=1)
     found = detect_boxes(
         session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions

@@ -3,38 +3,34 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from physic_core import Reconstruction, export_reconstruction
 from physic_core.body import load_body
-from physic_core.types.records import Exported
 
 sys.path.append(str(Path(__file__).parents[3] / "tests" / "body"))  # other_body.py
 
-from other_body import OtherBody, make
+from other_body import make
 
 
 @pytest.fixture(scope="session")
-def other() -> OtherBody:
+def other():
     """The embedded body in a mesh with the number of vertices of SMPL-X, its joints elsewhere."""
     return make(load_body("embedded"), 10475)
 
 
 @pytest.fixture(scope="session")
-def result(saved_pair: Path) -> Reconstruction:
+def result(saved_pair):
     return Reconstruction.load(str(saved_pair))
 
 
 @pytest.fixture
-def export(result: Reconstruction, tmp_path: Path) -> Callable[..., Exported]:
+def export(result, tmp_path):
     """Export the result, or another one, to a file name in a new folder."""
 
-    def write(
-        name: str, format: str | None = None, *, of: Reconstruction = result, **options: object
-    ) -> Exported:
-        return export_reconstruction(of, tmp_path / name, format, **options)  # type: ignore[arg-type]
+    def write(name, format=None, *, of=result, **options):
+        return export_reconstruction(of, tmp_path / name, format, **options)
 
     return write

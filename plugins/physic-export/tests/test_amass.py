@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import trimesh
-from other_body import OtherBody, posed, smplx_file_arrays
+from other_body import posed, smplx_file_arrays
 from scipy.spatial import cKDTree
 
-from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import convert_with_residuals
-from physic_core.body.model import BodyModel
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
-from physic_core.types import Bodies, BodyParameters
+from physic_core.types import Bodies
 from physic_core.visual.export.request import export_frame
 from physic_export.amass import read_amass
 
 
 @pytest.fixture(scope="module")
-def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def file(other, tmp_path_factory):
     path = tmp_path_factory.mktemp("smplx") / "SMPLX_FEMALE.npz"
     np.savez(path, **smplx_file_arrays(other))
     yield path
@@ -33,12 +29,12 @@ def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 @pytest.fixture(scope="module")
-def model(file: Path) -> BodyModel:
+def model(file):
     return load_body(file)
 
 
 @pytest.fixture(scope="module")
-def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstruction:
+def converted(result, file, model):
     """The same people as bodies of the file, as a run with [body_model] path gives them."""
     people = []
     for person in result.people:
@@ -57,15 +53,13 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
     return replace(result, people=tuple(people), faces=faces, body_model="smplx", config=config)
 
 
-def alone(model: BodyModel, parameters: BodyParameters) -> Iterator[np.ndarray]:
+def alone(model, parameters):
     """Vertices and joints of one body, by the model in float64."""
     return (values[0] for values in posed(model.to(dtype=torch.float64), parameters))
 
 
 @pytest.mark.parametrize("up", ["z", "camera"])
-def test_our_reader_gives_the_same_bodies(
-    converted: Reconstruction, model: BodyModel, tmp_path: Path, up: str
-):
+def test_our_reader_gives_the_same_bodies(converted, model, tmp_path, up):
     done = converted.export(str(tmp_path / "a.npz"), up=up)
     frame = export_frame(converted.scene.floor, up)
     for path, person in zip(done.files, converted.people, strict=True):
@@ -79,9 +73,7 @@ def test_our_reader_gives_the_same_bodies(
         np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
 
 
-def test_smplfitter_poses_the_same_body_from_the_file(
-    converted: Reconstruction, file: Path, tmp_path: Path
-):
+def test_smplfitter_poses_the_same_body_from_the_file(converted, file, tmp_path):
     from smplfitter.pt import BodyModel as Peer
 
     np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
@@ -99,9 +91,7 @@ def test_smplfitter_poses_the_same_body_from_the_file(
     )
 
 
-def test_embedded_bodies_are_fitted_and_the_error_is_stated(
-    result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path
-):
+def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, model, tmp_path):
     done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
     vertices, joints = alone(model, read_amass(done.files[0]))
     matrix = export_frame(result.scene.floor, "z").from_camera
@@ -121,16 +111,12 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
     assert np.abs(joints[0] - transform_points(matrix, result.people[1].joints[0])).max() < 0.06
 
 
-def test_without_a_file_the_message_says_what_is_needed_and_why(
-    result: Reconstruction, tmp_path: Path
-):
+def test_without_a_file_the_message_says_what_is_needed_and_why(result, tmp_path):
     with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X"):
         result.export(str(tmp_path / "a.npz"))
 
 
-def test_another_file_than_that_of_the_run_is_refused(
-    converted: Reconstruction, other: OtherBody, tmp_path: Path
-):
+def test_another_file_than_that_of_the_run_is_refused(converted, other, tmp_path):
     arrays = smplx_file_arrays(other)
     taller = tmp_path / "SMPLX_MALE.npz"
     np.savez(taller, **(arrays | {"v_template": 1.1 * arrays["v_template"]}))
@@ -138,7 +124,7 @@ def test_another_file_than_that_of_the_run_is_refused(
         converted.export(str(tmp_path / "a.npz"), body_model=taller)
 
 
-def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction, tmp_path: Path):
+def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted, tmp_path):
     done = converted.export(str(tmp_path / "a.glb"), scene=False)
     assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0", "person_1"}
     lost = replace(converted, config={})
@@ -146,7 +132,7 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction
         lost.export(str(tmp_path / "b.glb"))
 
 
-def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):
+def test_a_file_that_is_not_amass_is_refused(tmp_path):
     path = tmp_path / "a.npz"
     path.write_text("no")
     with pytest.raises(InputError, match="not an npz file"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import JOINT_NAMES
@@ -28,11 +26,11 @@ FLOOR = ContactPartner("floor")
 
 
 @pytest.fixture(scope="module")
-def standing(result: Reconstruction) -> Reconstruction:
+def standing(result):
     return upright(result)
 
 
-def upright(result: Reconstruction, lean: float = 0.0) -> Reconstruction:
+def upright(result, lean=0.0):
     """The first person in a T-pose, upright, with the soles on a floor without a scene.
 
     Args:
@@ -75,7 +73,7 @@ def upright(result: Reconstruction, lean: float = 0.0) -> Reconstruction:
     )
 
 
-def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_path: Path):
+def test_an_upright_body_stands_on_its_actuators(standing, tmp_path):
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(standing.export(str(tmp_path / "a.xml")).files[0]))
@@ -92,16 +90,14 @@ def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_p
 
 
 @pytest.fixture(scope="module")
-def leaning(result: Reconstruction) -> Reconstruction:
+def leaning(result):
     """A body that leans backwards by 8 degrees over its feet, which carry it."""
     leaning = upright(result, lean=np.deg2rad(-8))
     feet = support(SupportState.BALANCED, ("left_foot", "right_foot"), FLOOR)
     return replace(leaning, people=(replace(leaning.people[0], support=feet),))
 
 
-def test_an_exported_body_is_turned_over_its_soles_which_stay(
-    leaning: Reconstruction, tmp_path: Path
-):
+def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning, tmp_path):
     import mujoco
 
     soles = []
@@ -126,7 +122,7 @@ def test_an_exported_body_is_turned_over_its_soles_which_stay(
     assert inside[1] == pytest.approx(0.04, abs=2e-3)
 
 
-def head_after(file: Path, seconds: float) -> tuple[float, float]:
+def head_after(file, seconds):
     """Return the height of the head in the keyframe and after a simulation, metres."""
     import mujoco
 
@@ -142,7 +138,7 @@ def head_after(file: Path, seconds: float) -> tuple[float, float]:
 
 
 def test_who_is_balanced_within_the_error_of_the_lean_stays_up_and_falls_with_the_lean_of_the_photo(
-    leaning: Reconstruction, tmp_path: Path
+    leaning, tmp_path
 ):
     start, end = head_after(leaning.export(str(tmp_path / "a.xml")).files[0], 1.5)
     assert end == pytest.approx(start, abs=0.03)
@@ -151,7 +147,7 @@ def test_who_is_balanced_within_the_error_of_the_lean_stays_up_and_falls_with_th
 
 
 def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_higher(
-    leaning: Reconstruction, tmp_path: Path
+    leaning, tmp_path
 ):
     import mujoco
 
@@ -171,14 +167,14 @@ def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_hig
 
 
 @pytest.mark.parametrize("state", [SupportState.UNBALANCED, SupportState.AIRBORNE])
-def test_the_export_says_who_falls(leaning: Reconstruction, tmp_path: Path, state: SupportState):
+def test_the_export_says_who_falls(leaning, tmp_path, state):
     moving = replace(leaning.people[0], support=support(state, ("left_foot",), FLOOR))
     notes = replace(leaning, people=(moving,)).export(str(tmp_path / "a.xml")).notes
     assert any(note.startswith("person 0 falls") for note in notes)
     assert not any("ankles" in note for note in notes)
 
 
-def test_who_sits_is_not_turned(leaning: Reconstruction, tmp_path: Path):
+def test_who_sits_is_not_turned(leaning, tmp_path):
     seat = support(SupportState.BALANCED, ("left_foot", "seat"), FLOOR)
     sitter = replace(leaning, people=(replace(leaning.people[0], support=seat),))
     notes = sitter.export(str(tmp_path / "a.xml")).notes
@@ -193,11 +189,11 @@ def test_tiles_that_reach_into_a_body_are_left_out_also_those_within_it():
     assert tiles_without([small, beside, through], [body]) == [beside]
 
 
-def cube(low: float, high: float) -> Tile:
+def cube(low, high):
     hull = trimesh.convex.convex_hull(np.array(list(itertools.product((low, high), repeat=3))))
     return Tile(np.asarray(hull.vertices), np.asarray(hull.faces), np.zeros(3))
 
 
-def support(state: SupportState, parts, partner: ContactPartner) -> Support:
+def support(state, parts, partner):
     contacts = tuple(BodyContact(part, partner, 0.9, 100) for part in parts)
     return Support(state, contacts, -0.1, (0.0, 0.0, 3.0))

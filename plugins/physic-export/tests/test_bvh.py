@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from physic_core import InputError, Reconstruction
+from physic_core import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_export.skeleton import bone_names
 
 
-def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
+def read_bvh(path, frame):
     """Poses (4, 4) of the joints in a frame, by the rules of the format alone."""
     words = iter(path.read_text().split())
     stack: list[str] = []
@@ -59,12 +57,12 @@ def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
     return poses
 
 
-def joints_of(path: Path, frame: int) -> dict[str, np.ndarray]:
+def joints_of(path, frame):
     return {name: pose[:3, 3] for name, pose in read_bvh(path, frame).items()}
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_joints_are_where_the_result_has_them(export, result: Reconstruction, up: str):
+def test_joints_are_where_the_result_has_them(export, result, up):
     files = export("a.bvh", up=up).files
     matrix = export_frame(result.scene.floor, up).from_camera
     for path, person in zip(files, result.people, strict=True):
@@ -76,9 +74,7 @@ def test_joints_are_where_the_result_has_them(export, result: Reconstruction, up
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(
-    export, result: Reconstruction, up: str, axis: int
-):
+def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, result, up, axis):
     path = export("a.bvh", up=up, person=0, names="smplx").files[0]
     stands = joints_of(path, 0)
     posed = joints_of(path, 1)
@@ -107,9 +103,7 @@ BONES = (
 
 
 @pytest.mark.parametrize("frame", [0, 1])
-def test_lafan_has_the_joints_of_the_result_in_centimetres(
-    export, result: Reconstruction, frame: int
-):
+def test_lafan_has_the_joints_of_the_result_in_centimetres(export, result, frame):
     files = export("a.bvh", names="lafan").files
     matrix = export_frame(result.scene.floor, "y").from_camera
     for path, person in zip(files, result.people, strict=True):
@@ -141,7 +135,7 @@ def test_lafan_is_refused_where_y_is_not_up(export):
         export("a.bvh", names="lafan", up="z")
 
 
-def test_a_retargeter_reads_lafan(export, result: Reconstruction):
+def test_a_retargeter_reads_lafan(export, result):
     loader = pytest.importorskip("general_motion_retargeting.utils.lafan1")
     path = export("a.bvh", names="lafan", person=0).files[0]
     frames, _ = loader.load_bvh_file(str(path), format="lafan1")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import io
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, reconstruct
+from physic_core import reconstruct
 from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
 from physic_testing.worlds import load_world
@@ -19,21 +18,21 @@ from physic_testing.worlds import load_world
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 
 
-def opened(file: Path):
+def opened(file):
     coco = pytest.importorskip("pycocotools.coco")
     with contextlib.redirect_stdout(io.StringIO()):
         return coco.COCO(str(file))
 
 
 @pytest.fixture
-def thrice(result: Reconstruction) -> Reconstruction:
+def thrice(result):
     """The result of a photo file of three times its size."""
     width = result.intrinsics.width
     height = result.intrinsics.height
     return replace(result, file_size=(3 * width, 3 * height), photo_name="a.jpg")
 
 
-def test_pycocotools_reads_the_keypoints_and_boxes_of_every_person(export, thrice: Reconstruction):
+def test_pycocotools_reads_the_keypoints_and_boxes_of_every_person(export, thrice):
     data = opened(export("a.json", "coco", of=thrice).files[0])
     assert data.imgs[1]["file_name"] == "a.jpg"
     assert (data.imgs[1]["width"], data.imgs[1]["height"]) == thrice.file_size
@@ -50,7 +49,7 @@ def test_pycocotools_reads_the_keypoints_and_boxes_of_every_person(export, thric
         np.testing.assert_allclose([x, y, x + width, y + height], 3 * person.box, atol=1e-3)
 
 
-def test_pycocotools_decodes_the_masks(export, thrice: Reconstruction):
+def test_pycocotools_decodes_the_masks(export, thrice):
     data = opened(export("a.json", "coco", of=thrice).files[0])
     for index, person in enumerate(thrice.people):
         mask = data.annToMask(data.anns[index + 1])
@@ -58,9 +57,7 @@ def test_pycocotools_decodes_the_masks(export, thrice: Reconstruction):
         assert data.anns[index + 1]["area"] == mask.sum()
 
 
-def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(
-    export, result: Reconstruction
-):
+def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(export, result):
     (category,) = opened(export("a.json", "coco").files[0]).loadCats([1])
     names = category["keypoints"]
     assert len(names) == len(skeleton_named(result.skeleton))
@@ -77,7 +74,7 @@ def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(
     assert frozenset({"left_hip", "right_hip"}) in links
 
 
-def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, result: Reconstruction):
+def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, result):
     camera = result.intrinsics
     lens = Lens(replace(camera, fx=0.9 * camera.fx, fy=0.9 * camera.fy), (0.1, 0.0, 0.0, 0.0, 0.0))
     data = opened(export("a.json", "coco", of=replace(result, lens=lens)).files[0])
@@ -95,7 +92,7 @@ def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, resul
     assert mask.sum() == pytest.approx(0.81 * person.mask.sum(), rel=0.1)
 
 
-def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result: Reconstruction):
+def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result):
     hidden = replace(
         result.people[0], mask=np.zeros_like(result.people[0].mask), box=np.zeros(4, np.float32)
     )
@@ -112,7 +109,7 @@ def test_two_formats_have_the_suffix_json(export):
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_run_with_the_written_annotations_gives_the_same_bodies(export, tmp_path: Path):
+def test_a_run_with_the_written_annotations_gives_the_same_bodies(export, tmp_path):
     world = load_world("stand_indoors", (160, 120))
     config = {"extends": "mock", "run": {"cache": False}}
     first = reconstruct(world.image, config)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core import Reconstruction
 from physic_core.errors import ConfigError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
@@ -46,13 +45,11 @@ class Model:
 
 
 @pytest.fixture(params=["camera", "z", "y"])
-def up(request: pytest.FixtureRequest) -> str:
+def up(request):
     return request.param
 
 
-def test_each_pixel_sees_its_point_which_is_that_of_the_result(
-    export, result: Reconstruction, tmp_path: Path, up: str
-):
+def test_each_pixel_sees_its_point_which_is_that_of_the_result(export, result, tmp_path, up):
     export("", "colmap", up=up)
     model = Model(tmp_path / "sparse" / "0")
     camera = result.intrinsics
@@ -75,7 +72,7 @@ def test_each_pixel_sees_its_point_which_is_that_of_the_result(
 
 
 def test_no_point_is_on_a_person_and_the_mask_of_the_photo_is_without_people(
-    export, result: Reconstruction, tmp_path: Path
+    export, result, tmp_path
 ):
     export("", "colmap")
     model = Model(tmp_path / "sparse" / "0")
@@ -87,7 +84,7 @@ def test_no_point_is_on_a_person_and_the_mask_of_the_photo_is_without_people(
     np.testing.assert_array_equal(mask, np.where(people, 0, 255))
 
 
-def test_pycolmap_reads_the_model(export, result: Reconstruction, tmp_path: Path):
+def test_pycolmap_reads_the_model(export, result, tmp_path):
     pycolmap = pytest.importorskip("pycolmap")
     export("", "colmap", up="z")
     model = pycolmap.Reconstruction(str(tmp_path / "sparse" / "0"))
@@ -104,16 +101,14 @@ def test_pycolmap_reads_the_model(export, result: Reconstruction, tmp_path: Path
         )
 
 
-def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_path: Path):
+def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_path):
     export("cameras.bin")
     assert (tmp_path / "points3D.bin").is_file()
     with pytest.raises(ConfigError, match="not a"):
         export("a.bin")
 
 
-def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(
-    result: Reconstruction, tmp_path: Path, physic
-):
+def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(result, tmp_path, physic):
     out = tmp_path / "out"
     result.save(str(out), "numbers")
     before = {file.name for file in out.iterdir()}
@@ -125,9 +120,7 @@ def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(
     assert [file.name for file in (out / "images").iterdir()] == ["mine.jpg"]
 
 
-def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(
-    result: Reconstruction, tmp_path: Path, physic
-):
+def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(result, tmp_path, physic):
     out = tmp_path / "out"
     moved = tmp_path / "moved"
     result.save(str(out), "numbers")

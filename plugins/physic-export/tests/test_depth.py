@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction
 from physic_core.errors import ConfigError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
 
-def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(
-    export, result: Reconstruction, tmp_path: Path
-):
+def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, result, tmp_path):
     export("a.png")
     depth = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
     assert depth.dtype == np.uint16
@@ -34,7 +30,7 @@ def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(
     assert np.abs(points - result.scene.points[valid]).max() < 0.00051
 
 
-def test_each_person_has_a_mask(export, result: Reconstruction, tmp_path: Path):
+def test_each_person_has_a_mask(export, result, tmp_path):
     export("a.png")
     masks = json.loads((tmp_path / "a_camera.json").read_text())["masks"]
     assert len(masks) == len(result.people)
@@ -43,9 +39,7 @@ def test_each_person_has_a_mask(export, result: Reconstruction, tmp_path: Path):
         np.testing.assert_array_equal(mask, 255 * result.people[int(index)].mask)
 
 
-def test_what_16_bits_cannot_hold_is_unknown_and_said(
-    export, result: Reconstruction, tmp_path: Path
-):
+def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result, tmp_path):
     points = result.scene.points.copy()
     points[:12] *= 65.6 / points[:12, :, 2:]
     done = export("a.png", of=replace(result, scene=replace(result.scene, points=points)))
@@ -55,15 +49,13 @@ def test_what_16_bits_cannot_hold_is_unknown_and_said(
 
 
 @pytest.mark.parametrize("name", ["depth", "nerfstudio", "colmap"])
-def test_depth_without_the_scene_is_refused(export, name: str):
+def test_depth_without_the_scene_is_refused(export, name):
     with pytest.raises(ConfigError, match="--no-scene"):
         export("a", name, scene=False)
 
 
 @pytest.mark.parametrize("up", ["z", "y", "camera"])
-def test_rays_of_nerfstudio_meet_the_points_of_the_scene(
-    export, result: Reconstruction, tmp_path: Path, up: str
-):
+def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result, tmp_path, up):
     export("a.json", "nerfstudio", up=up)
     data = json.loads((tmp_path / "a.json").read_text())
     (frame,) = data["frames"]
@@ -81,7 +73,7 @@ def test_rays_of_nerfstudio_meet_the_points_of_the_scene(
     assert np.abs(back - result.scene.points[valid]).max() < 0.00051
 
 
-def test_the_mask_of_nerfstudio_leaves_people_out(export, result: Reconstruction, tmp_path: Path):
+def test_the_mask_of_nerfstudio_leaves_people_out(export, result, tmp_path):
     export("a.json", "nerfstudio")
     mask = cv2.imread(str(tmp_path / "a_mask.png"), cv2.IMREAD_UNCHANGED)
     people = np.any([person.mask for person in result.people], axis=0)

@@ -6,24 +6,21 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, reconstruct
+from physic_core import reconstruct
 from physic_core.types import Lens, skeleton_named
 from physic_testing.worlds import load_world
 
 
-def rows_of(file: Path) -> list[dict[str, str]]:
+def rows_of(file):
     with file.open(newline="") as lines:
         return list(csv.DictReader(lines))
 
 
-def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(
-    export, result: Reconstruction, tmp_path: Path
-):
+def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(export, result, tmp_path):
     width = result.intrinsics.width
     height = result.intrinsics.height
     export("a.csv", of=replace(result, file_size=(3 * width, 3 * height)))
@@ -41,9 +38,7 @@ def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(
     assert shown == pytest.approx(3 * points + 1, abs=0.006)
 
 
-def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(
-    export, result: Reconstruction, tmp_path: Path
-):
+def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(export, result, tmp_path):
     lens = Lens(result.intrinsics, (0.1, 0.0, 0.0, 0.0, 0.0))
     export("a.csv", of=replace(result, lens=lens))
     row = rows_of(tmp_path / "a.csv")[0]
@@ -54,7 +49,7 @@ def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path: Path):
+def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path):
     world = load_world("stand_indoors", (160, 120))
     config = {"extends": "mock", "run": {"cache": False}}
     first = reconstruct(world.image, config)

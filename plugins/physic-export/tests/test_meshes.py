@@ -9,19 +9,18 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.palette import BODY_RGB, contact_colors, contact_legend
 
 
-def wanted_vertices(result: Reconstruction, person: int, up: str) -> np.ndarray:
+def wanted_vertices(result, person, up):
     return transform_points(
         export_frame(result.scene.floor, up).from_camera, result.people[person].vertices
     )
 
 
-def test_plyfile_reads_points_colours_normals_and_contact(export, result: Reconstruction):
+def test_plyfile_reads_points_colours_normals_and_contact(export, result):
     plyfile = pytest.importorskip("plyfile")
     data = plyfile.PlyData.read(str(export("a.ply", up="camera").files[0]))
     rows = data["vertex"].data
@@ -54,9 +53,7 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result: Recons
 
 @pytest.mark.parametrize("name", ["a.ply", "a.obj"])
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_trimesh_reads_closed_bodies_whose_normals_point_out(
-    export, result: Reconstruction, name: str, up: str
-):
+def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result, name, up):
     path = export(name, up=up, scene=False, person=0, skin="contact").files[0]
     mesh = trimesh.load(path, process=False, force="mesh", skip_materials=True)
     wanted = wanted_vertices(result, 0, up)
@@ -82,7 +79,7 @@ def test_trimesh_reads_closed_bodies_whose_normals_point_out(
         ("neutral", lambda person, _: np.tile(BODY_RGB, (len(person.vertices), 1))),
     ],
 )
-def test_vertex_colours_are_those_of_the_skin(export, result: Reconstruction, skin: str, wanted):
+def test_vertex_colours_are_those_of_the_skin(export, result, skin, wanted):
     text = export("a.obj", scene=False, person=0, skin=skin).files[0].read_text()
     colors = np.array(
         [line.split()[4:] for line in text.splitlines() if line.startswith("v ")], float
@@ -90,7 +87,7 @@ def test_vertex_colours_are_those_of_the_skin(export, result: Reconstruction, sk
     np.testing.assert_allclose(255 * colors, wanted(result.people[0], result), atol=0.2)
 
 
-def test_an_obj_has_a_picture_for_each_material(export, result: Reconstruction):
+def test_an_obj_has_a_picture_for_each_material(export, result):
     done = export("a.obj")
     names = {file.name for file in done.files}
     materials = next(file for file in done.files if file.suffix == ".mtl").read_text()
@@ -113,7 +110,7 @@ def test_an_obj_has_a_picture_for_each_material(export, result: Reconstruction):
     assert len(trimesh.load_scene(done.files[0]).geometry) == 3
 
 
-def test_a_scene_without_a_valid_pixel_leaves_people(export, result: Reconstruction):
+def test_a_scene_without_a_valid_pixel_leaves_people(export, result):
     empty = replace(result, scene=replace(result.scene, valid=np.zeros_like(result.scene.valid)))
     for name in ("a.ply", "a.obj", "a.glb"):
         assert export(name, of=empty).files[0].stat().st_size > 1000

@@ -13,21 +13,20 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_export.tiles import FLAT_M, FLOOR_M, Tile, convex_tiles
+from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
 
 RADIUS = 0.05
 
 
 @pytest.fixture(scope="module")
-def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(result, tmp_path_factory):
     return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0]
 
 
-def opened(file: Path):
+def opened(file):
     """MuJoCo, and its model and data of a file in the pose of the photo."""
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(file))
@@ -36,7 +35,7 @@ def opened(file: Path):
     return mujoco, model, data
 
 
-def rays_of(result: Reconstruction) -> np.ndarray:
+def rays_of(result):
     """(H, W, 3) the point of each pixel at a depth of 1."""
     camera = result.intrinsics
     rows, columns = np.indices(result.scene.valid.shape)
@@ -45,7 +44,7 @@ def rays_of(result: Reconstruction) -> np.ndarray:
     )
 
 
-def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstruction):
+def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result):
     tiles = convex_tiles(result)
     assert 20 < len(tiles) < 2500
     for tile in tiles:
@@ -72,7 +71,7 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
     assert np.quantile(apart, 0.9) < 2 * FLAT_M
 
 
-def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, export):
+def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result, export):
     """A table of 1 m x 0.6 m, 0.5 m over the floor, stands alone in front of the camera."""
     mujoco = pytest.importorskip("mujoco")
     scene = result.scene
@@ -101,9 +100,7 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
     assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
 
 
-def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
-    result: Reconstruction, export
-):
+def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result, export):
     _, model, data = opened(export("a.xml", rigid=True).files[0])
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
     matrix = export_frame(result.scene.floor, "z").from_camera
@@ -124,15 +121,13 @@ def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
         assert sum(model.geom_contype[i] > 0 for i in collide) == 14
 
 
-def joint_places(model, data, person: int) -> np.ndarray:
+def joint_places(model, data, person):
     """Positions (22, 3) of the bodies of a person."""
     names = [f"person_{person}", *(f"person_{person}_{name}" for name in JOINT_NAMES[1:22])]
     return np.stack([data.body(name).xpos for name in names])
 
 
-def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(
-    result: Reconstruction, file: Path
-):
+def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, file):
     mujoco, model, data = opened(file)
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
@@ -149,7 +144,7 @@ def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(
     assert (angles <= model.jnt_range[hinges, 1]).all()
 
 
-def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
+def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file):
     mujoco, model, data = opened(file)
     assert model.nu == 2 * 51
     mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
@@ -169,7 +164,7 @@ def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
     assert np.rad2deg(worst) < 1.0
 
 
-def test_the_scene_is_one_textured_mesh_that_does_not_collide(result: Reconstruction, file: Path):
+def test_the_scene_is_one_textured_mesh_that_does_not_collide(result, file):
     _, model, data = opened(file)
     scene = model.geom("scene")
     assert (int(scene.contype[0]), int(scene.conaffinity[0]), int(scene.group[0])) == (0, 0, 2)
@@ -196,19 +191,19 @@ def test_the_scene_is_one_textured_mesh_that_does_not_collide(result: Reconstruc
     assert np.median(np.abs(pixels - np.stack([columns, rows], 1))) < 1.0
 
 
-def corners(model, mesh: int) -> tuple[np.ndarray, np.ndarray]:
+def corners(model, mesh):
     """Indices (F, 3) of the vertices and of the texture coordinates of a mesh."""
     part = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     return model.mesh_face[part], model.mesh_facetexcoord[part]
 
 
-def test_people_do_not_collide_with_themselves(file: Path):
+def test_people_do_not_collide_with_themselves(file):
     _, model, _ = opened(file)
     first, second, floor = (
         model.geom(name) for name in ("person_0_head", "person_1_head", "floor")
     )
 
-    def collide(one, other) -> bool:
+    def collide(one, other):
         return bool(one.contype[0] & other.conaffinity[0] or other.contype[0] & one.conaffinity[0])
 
     assert collide(first, second)
@@ -216,7 +211,7 @@ def test_people_do_not_collide_with_themselves(file: Path):
     assert not collide(first, model.geom("person_0"))
 
 
-def test_no_tile_reaches_a_person_behind_it(result: Reconstruction):
+def test_no_tile_reaches_a_person_behind_it(result):
     nearest = float(result.people[0].vertices[:, 2].min())
     scene = result.scene
     wall = (rays_of(result) * (nearest - 0.05)).astype(np.float32)  # 5 cm before the first person
@@ -234,13 +229,13 @@ def test_no_tile_reaches_a_person_behind_it(result: Reconstruction):
     assert inside == 0
 
 
-def tile_depths(tile: Tile, points: np.ndarray) -> np.ndarray:
+def tile_depths(tile, points):
     """Distances (n,) of points outside the planes of a tile; negative inside."""
     hull = ConvexHull(tile.vertices)
     return (hull.equations[:, :3] @ points.T + hull.equations[:, 3:]).max(0)
 
 
-def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstruction, file: Path):
+def test_arms_are_capsules_and_feet_have_soles_on_one_level(result, file):
     mujoco, model, data = opened(file)
     for limb in ("left_shoulder", "right_elbow"):
         assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
@@ -257,7 +252,7 @@ def test_the_error_of_the_collision_mesh_is_stated(export):
     )
 
 
-def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, file: Path):
+def test_the_camera_has_the_field_of_view_of_the_photo(result, file):
     _, model, data = opened(file)
     camera = result.intrinsics
     assert model.cam("photo").fovy[0] == pytest.approx(
@@ -268,7 +263,7 @@ def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, f
     np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)
 
 
-def test_a_result_without_a_surface_is_a_floor_with_people(export, result: Reconstruction):
+def test_a_result_without_a_surface_is_a_floor_with_people(export, result):
     without = export("a.xml", scene=False, person=1).files[0].read_text()
     assert 'name="scene_0"' not in without
     assert 'name="person_1"' in without

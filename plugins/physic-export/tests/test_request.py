@@ -5,26 +5,24 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from physic_core import Reconstruction, export_reconstruction, find_exporter
-from physic_core.errors import ConfigError, InputError, OutputError, PhysicError
+from physic_core.errors import ConfigError, InputError, OutputError
 from physic_export import physic_exporters
 
 
-def without_floor(result: Reconstruction) -> Reconstruction:
+def without_floor(result):
     return replace(
         result, scene=replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
     )
 
 
-def without_body(result: Reconstruction, index: int) -> Reconstruction:
+def without_body(result, index):
     person = result.people[index]
     lost = replace(
         person,
@@ -48,7 +46,7 @@ def test_the_list_names_every_format_with_suffix_and_needs(physic):
 
 
 @pytest.mark.parametrize(("suffix", "name"), [(".npz", "amass"), (".PLY", "ply"), (".usdz", "usd")])
-def test_a_suffix_selects_a_format(suffix: str, name: str):
+def test_a_suffix_selects_a_format(suffix, name):
     assert find_exporter(None, suffix).record.name == name
 
 
@@ -56,7 +54,7 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
     ("name", "suffix"),
     [(None, ".stl"), ("smplx", "")],
 )
-def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suffix: str):
+def test_an_unknown_format_is_refused_with_the_known_ones(name, suffix):
     with pytest.raises(ConfigError, match=f"'{name or suffix}'.*amass, bvh"):
         find_exporter(name, suffix)
 
@@ -64,9 +62,7 @@ def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suff
 @pytest.mark.parametrize(
     ("name", "option"), [("mixamo", "--to bvh --names mixamo"), ("photo", "--to glb --skin photo")]
 )
-def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
-    name: str, option: str
-):
+def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(name, option):
     with pytest.raises(ConfigError, match=f"'{name}' is an option: .*{option}"):
         find_exporter(name)
 
@@ -96,35 +92,33 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
     ],
 )
 def test_what_a_format_needs(
-    result: Reconstruction,
-    tmp_path: Path,
-    kind: type[PhysicError],
-    change: Callable[[Reconstruction], Reconstruction] | None,
-    name: str,
-    options: dict[str, Any],
-    message: str,
+    result,
+    tmp_path,
+    kind,
+    change,
+    name,
+    options,
+    message,
 ):
     with pytest.raises(kind, match=message):
         export_reconstruction(change(result) if change else result, tmp_path / name, **options)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_person_without_a_body_is_left_out_with_a_note(
-    result: Reconstruction, export, tmp_path: Path
-):
+def test_a_person_without_a_body_is_left_out_with_a_note(result, export, tmp_path):
     done = export("a.bvh", of=without_body(result, 0))
     assert done.files == (tmp_path / "a.bvh",)
     assert done.notes[0] == "person 0 has no body and is skipped"
 
 
-def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
+def test_several_people_are_numbered_and_one_is_not(export, tmp_path):
     assert export("a.bvh").files == (tmp_path / "a_0.bvh", tmp_path / "a_1.bvh")
     assert export("b.bvh", person=1).files == (tmp_path / "b.bvh",)
     assert export("new", "bvh", person=0).files == (tmp_path / "new" / "skeleton.bvh",)
     assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
 
 
-def test_an_existing_file_is_refused(saved_pair: Path, tmp_path: Path, physic):
+def test_an_existing_file_is_refused(saved_pair, tmp_path, physic):
     copy = shutil.copytree(saved_pair, tmp_path / "copy")
     (copy / "skeleton_1.bvh").write_text("mine")
     done = physic("export", copy, "--to", "bvh")
@@ -133,7 +127,7 @@ def test_an_existing_file_is_refused(saved_pair: Path, tmp_path: Path, physic):
     assert (copy / "skeleton_1.bvh").read_text() == "mine"
 
 
-def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
+def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path):
     (tmp_path / "a.obj").write_text("mine")
     with pytest.raises(OutputError, match="overwrite=True in Python"):
         export("a.obj")
@@ -143,7 +137,7 @@ def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", ["photo", "link"])
-def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path: Path, kind: str):
+def test_the_photo_and_links_are_never_replaced(result, tmp_path, kind):
     there = tmp_path / "a_scene.png"  # which an export to a.xml writes too
     shown = b"mine" if kind == "photo" else b"another file"
     if kind == "photo":
@@ -158,7 +152,7 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
     assert not (tmp_path / "a.xml").exists()
 
 
-def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path, physic):
+def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair, physic):
     done = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert done.exit_code == 0, done.output
     names = [

@@ -5,14 +5,12 @@ step.
 from __future__ import annotations
 
 import io
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.palette import contact_colors
@@ -20,7 +18,7 @@ from physic_core.visual.palette import contact_colors
 pytest.importorskip("rerun")
 
 
-def read(path: Path) -> dict[str, dict[str, list[Any]]]:
+def read(path):
     """Return entity -> component -> its rows, in the order of the steps."""
     from rerun.chunk import RrdReader
 
@@ -32,7 +30,7 @@ def read(path: Path) -> dict[str, dict[str, list[Any]]]:
     return found
 
 
-def test_rerun_reads_photo_scene_people_and_contact(export, result: Reconstruction):
+def test_rerun_reads_photo_scene_people_and_contact(export, result):
     found = read(export("a.rrd", up="camera", skin="neutral").files[0])
     assert [row[0] for row in found["/stages"]["TextLog:text"]] == [
         "photo",
@@ -64,7 +62,7 @@ def test_rerun_reads_photo_scene_people_and_contact(export, result: Reconstructi
         np.testing.assert_array_equal(rgb, contact_colors(person, result.contact_partners))
 
 
-def test_the_camera_stands_where_the_frame_says(export, result: Reconstruction):
+def test_the_camera_stands_where_the_frame_says(export, result):
     found = read(export("a.rrd", scene=False, person=1).files[0])
     pose = export_frame(result.scene.floor, "y").from_camera
     camera = found["/world/camera"]

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import ExportRequest, Reconstruction
+from physic_core import ExportRequest
 from physic_core.errors import InputError
 from physic_core.visual.export.request import export_frame
 from physic_export.skins import textured_bodies
 
 
-def request_of(result: Reconstruction) -> ExportRequest:
+def request_of(result):
     frame = export_frame(result.scene.floor, "y")
     return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
 
 
-def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruction):
+def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
     """Masks in which each person has one colour, apart from a stripe over their middle."""
     image = result.image.copy()
     colors = ([200, 30, 30], [20, 40, 220])
@@ -38,7 +38,7 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruct
         assert np.abs(texture.vertex_colors.astype(int) - color).max() <= 3
 
 
-def test_the_side_away_from_the_camera_is_marked_as_filled(result: Reconstruction):
+def test_the_side_away_from_the_camera_is_marked_as_filled(result):
     textured = textured_bodies(request_of(result), 256)
     for index, person in enumerate(result.people):
         mesh = person.mesh()
@@ -48,14 +48,14 @@ def test_the_side_away_from_the_camera_is_marked_as_filled(result: Reconstructio
         assert np.median(filled[away < -0.8]) < 0.5
 
 
-def test_a_person_without_a_mask_is_filled_everywhere(result: Reconstruction):
+def test_a_person_without_a_mask_is_filled_everywhere(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
     assert textured.textures[0].shown == 0
     assert textured.textures[0].filled.min() == 255
 
 
-def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
+def test_bodies_of_another_mesh_have_no_texture(result):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="13348 vertices"):
         textured_bodies(request_of(replace(result, people=(person,))), 128)

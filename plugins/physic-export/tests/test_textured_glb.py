@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core import ExportRequest, Reconstruction
+from physic_core import ExportRequest
 from physic_core.errors import ConfigError
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import rigs
@@ -19,7 +18,7 @@ pygltflib = pytest.importorskip("pygltflib")
 
 
 @pytest.fixture(scope="module")
-def tree(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
+def tree(result, tmp_path_factory):
     path = result.export(
         str(tmp_path_factory.mktemp("textured") / "a.glb"), names="unity", texture_size="512"
     ).files[0]
@@ -93,7 +92,7 @@ def test_bones_have_the_names_of_the_option(tree, export):
     assert len(names) == 68
 
 
-def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result: Reconstruction):
+def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result):
     request = ExportRequest(result, (0,), export_frame(result.scene.floor, "y"), "a", ".glb")
     ((_, rig),) = rigs(request)
     whole = with_ends(replace(rig, names=bone_names("mixamo")))
@@ -139,7 +138,7 @@ def test_the_names_are_those_of_unreals_mannequin():
 
 
 @pytest.mark.parametrize("style", BONE_NAMES)
-def test_every_bone_has_a_name_of_its_own(style: str):
+def test_every_bone_has_a_name_of_its_own(style):
     assert len(set(bone_names(style))) == 55
 
 
@@ -155,7 +154,7 @@ def test_every_bone_has_a_name_of_its_own(style: str):
     ],
 )
 def test_an_option_that_a_format_does_not_have_is_an_error(
-    export, tmp_path: Path, name: str, options, message: str
+    export, tmp_path, name, options, message
 ):
     with pytest.raises(ConfigError) as raised:
         export(name, options.pop("format", None), **options)

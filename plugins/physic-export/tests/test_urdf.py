@@ -5,7 +5,6 @@ photo.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,20 +13,19 @@ import trimesh
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
 
 @pytest.fixture(scope="module")
-def folder(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("urdf")
     result.export(str(folder / "a.urdf"))
     return folder
 
 
-def read(folder: Path, person: int, angles: bool = True):
+def read(folder, person, angles=True):
     """MuJoCo's model and data of a person in the pose of the photo, or of a T-pose."""
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(folder / f"a_{person}.urdf"))
@@ -40,9 +38,7 @@ def read(folder: Path, person: int, angles: bool = True):
     return model, data, pose
 
 
-def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(
-    result: Reconstruction, folder: Path
-):
+def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, folder):
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         model, data, pose = read(folder, index)
@@ -63,7 +59,7 @@ def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(
         assert (data.qpos <= limits[:, 1]).all()
 
 
-def test_the_scene_is_a_robot_of_one_link_that_collides(result: Reconstruction, folder: Path):
+def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder):
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(folder / "a_scene.urdf"))
     assert model.njnt == 0
@@ -75,9 +71,7 @@ def test_the_scene_is_a_robot_of_one_link_that_collides(result: Reconstruction, 
     assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
 
 
-def test_a_run_removes_the_meshes_of_an_earlier_result(
-    result: Reconstruction, tmp_path: Path, physic
-):
+def test_a_run_removes_the_meshes_of_an_earlier_result(result, tmp_path, physic):
     out = tmp_path / "out"
     result.save(str(out), "numbers")
     before = {file.name for file in out.iterdir()}
@@ -90,7 +84,7 @@ def test_a_run_removes_the_meshes_of_an_earlier_result(
     assert [file.name for file in (out / "meshes").iterdir()] == ["notes.txt"]
 
 
-def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder: Path):
+def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder):
     _, data, _ = read(folder, 0, angles=False)
     arm = data.body("left_wrist").xpos - data.body("left_shoulder").xpos
     leg = data.body("right_hip").xpos - data.body("right_ankle").xpos
@@ -98,7 +92,7 @@ def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder: Path):
     assert leg[1] == pytest.approx(np.linalg.norm(leg), rel=0.02)
 
 
-def test_the_masses_are_those_of_the_mjcf_file(result: Reconstruction, folder: Path, export):
+def test_the_masses_are_those_of_the_mjcf_file(result, folder, export):
     mujoco = pytest.importorskip("mujoco")
     model, _, _ = read(folder, 0)
     other = mujoco.MjModel.from_xml_path(str(export("b.xml", scene=False).files[0]))
@@ -115,7 +109,7 @@ def test_the_masses_are_those_of_the_mjcf_file(result: Reconstruction, folder: P
     assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)
 
 
-def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder: Path):
+def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder):
     mujoco = pytest.importorskip("mujoco")
     model, data, _ = read(folder, 0)
     masses = ElementTree.parse(folder / "a_0.urdf").findall("link/inertial/mass")
@@ -130,7 +124,7 @@ def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravit
     np.testing.assert_allclose(data.qpos, before, atol=1e-6)
 
 
-def test_an_arm_collides_as_a_cylinder_with_round_ends(folder: Path):
+def test_an_arm_collides_as_a_cylinder_with_round_ends(folder):
     root = ElementTree.parse(folder / "a_0.urdf").getroot()
     (elbow,) = (link for link in root.iter("link") if link.get("name") == "left_elbow")
     cylinder, first, second = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
@@ -15,7 +14,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
 
 
 @pytest.fixture(scope="module")
-def stage(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
+def stage(result, tmp_path_factory):
     return Usd.Stage.Open(
         str(result.export(str(tmp_path_factory.mktemp("usd") / "a.usdc")).files[0])
     )
@@ -39,7 +38,7 @@ def test_the_usd_stage_is_in_metres_with_z_up(stage):
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
 
 
-def skinned_points(stage, index: int, time: float) -> np.ndarray:
+def skinned_points(stage, index, time):
     """Points of a body as UsdSkel poses them."""
     root = UsdSkel.Root.Get(stage, f"/physic/person_{index}")
     mesh = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/mesh")
@@ -52,7 +51,7 @@ def skinned_points(stage, index: int, time: float) -> np.ndarray:
     return np.array(points)
 
 
-def test_skinned_bodies_and_their_contact_are_those_of_the_result(stage, result: Reconstruction):
+def test_skinned_bodies_and_their_contact_are_those_of_the_result(stage, result):
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         mesh = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/mesh")
@@ -78,7 +77,7 @@ def test_time_0_is_a_t_pose_on_the_floor(stage):
 
 
 @pytest.mark.parametrize("index", [0, 1])
-def test_the_bounds_of_a_person_are_those_of_its_surface(stage, index: int):
+def test_the_bounds_of_a_person_are_those_of_its_surface(stage, index):
     for time in (0, 1):
         points = skinned_points(stage, index, time)
         cache = UsdGeom.BBoxCache(time, [UsdGeom.Tokens.default_])
@@ -102,7 +101,7 @@ def test_skins_are_variants_with_materials(stage, export):
     assert list(joints)[:3] == ["pelvis", "pelvis/thigh_l", "pelvis/thigh_r"]
 
 
-def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstruction):
+def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result):
     camera = UsdGeom.Camera.Get(stage, "/physic/camera").GetCamera()
     intrinsics = result.intrinsics
     frustum = camera.frustum
@@ -128,7 +127,7 @@ def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
-def test_the_validators_of_usd_find_nothing(export, suffix: str):
+def test_the_validators_of_usd_find_nothing(export, suffix):
     path = str(export(f"a{suffix}").files[0])
     # what usdchecker ran, until it was replaced by the validators
     if hasattr(UsdUtils, "ComplianceChecker"):

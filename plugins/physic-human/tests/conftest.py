@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -14,7 +12,7 @@ from .seen import smpl_arrays
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _one_thread() -> Iterator[None]:
+def _one_thread():
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -22,10 +20,10 @@ def _one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def stub(tmp_path: Path) -> Callable[..., Path]:
+def stub(tmp_path):
     """Write a checkout, files by their path, and return its folder."""
 
-    def write(name: str, files: dict[str, str]) -> Path:
+    def write(name, files):
         folder = tmp_path / name
         for path, text in files.items():
             place = folder / path
@@ -37,7 +35,7 @@ def stub(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def smpl_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def smpl_file(tmp_path_factory):
     """A made-up SMPL file."""
     path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
     np.savez(path, **smpl_arrays())
@@ -45,7 +43,7 @@ def smpl_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def torchvision(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def torchvision(monkeypatch):
     """A torchvision that can be imported."""
     import importlib.machinery
     import sys

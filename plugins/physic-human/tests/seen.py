@@ -24,14 +24,14 @@ MEAN = np.array([0.485, 0.456, 0.406])
 STD = np.array([0.229, 0.224, 0.225])
 
 
-def network_of(backend: Any) -> Any:
+def network_of(backend):
     """Return the network that a backend has loaded from its checkout; stand-ins record there what
     they are shown.
     """
     return backend._network
 
 
-def coordinates(height: int, width: int) -> np.ndarray:
+def coordinates(height, width):
     """The picture of coordinates (H, W, 3) uint8."""
     picture = np.full((height, width, 3), BLUE, np.uint8)
     picture[..., 0] = np.round(40 + 200 * np.arange(width) / width)
@@ -77,7 +77,7 @@ class CropsOnWorlds(OnWorlds):
             if image.shape[2:] == (3,) and image.dtype == np.uint8
             else image
         )
-        return super().infer(shown, *estimates)  # type: ignore[misc]
+        return super().infer(shown, *estimates)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Place:
         return self.origin + self.step * share * self.side
 
 
-def place_of(crop: np.ndarray, height: int, width: int) -> Place:
+def place_of(crop, height, width):
     """From a crop (S, S, 3) of the picture of coordinates of a photo, red, green, blue in grey
     levels.
 
@@ -130,24 +130,24 @@ def place_of(crop: np.ndarray, height: int, width: int) -> Place:
     return Place(origin, step, crop.shape[1])
 
 
-def normalised_back(planes: np.ndarray) -> np.ndarray:
+def normalised_back(planes):
     """(3, S, S) of a network -> (S, S, 3) grey levels."""
     return 255 * (planes.transpose(1, 2, 0) * STD + MEAN)
 
 
-def nearest(points: np.ndarray, place: np.ndarray) -> int:
+def nearest(points, place):
     """Row of the point (N, 2) that is nearest to a place (2,)."""
     return int(np.linalg.norm(points - place, axis=1).argmin())
 
 
-def pixels(points: np.ndarray, world: World) -> np.ndarray:
+def pixels(points, world):
     """Points (..., 3) of the camera frame -> px (..., 2)."""
     k = world.intrinsics
     return points[..., :2] / points[..., 2:] * [k.fx, k.fy] + [k.cx, k.cy]
 
 
 @cache
-def smpl_arrays() -> dict[str, np.ndarray]:
+def smpl_arrays():
     """A made-up SMPL file: points on the embedded body's surface, its joints, its weights; no
     number is anybody's.
 
@@ -209,7 +209,7 @@ def smpl_arrays() -> dict[str, np.ndarray]:
     }
 
 
-def smpl_contact(world: World) -> np.ndarray:
+def smpl_contact(world):
     """(N, 6890) bool: the world's contact on the made-up SMPL."""
     from scipy.spatial import cKDTree
 
@@ -221,7 +221,7 @@ def smpl_contact(world: World) -> np.ndarray:
     return world.contact[:, outer[around]]
 
 
-def smpl_pose(world: World) -> np.ndarray:
+def smpl_pose(world):
     """(N, 24, 3) rotation vectors of the world's bodies."""
     p = world.parameters
     count = len(p.transl)
@@ -229,7 +229,7 @@ def smpl_pose(world: World) -> np.ndarray:
     return np.concatenate([full, np.zeros((count, 2, 3))], axis=1)
 
 
-def wrist_turns(world: World) -> np.ndarray:
+def wrist_turns(world):
     """(N, 2, 3) rotation of each whole hand from the T-pose to the camera frame, left then
     right.
     """

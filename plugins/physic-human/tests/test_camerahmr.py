@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
-from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions, translation_from_crop
 from physic_human.user_smpl import open_smpl
 from physic_testing import check_backend
@@ -32,7 +30,7 @@ from .seen import (
 OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
 
 
-def test_it_is_the_published_formula_where_the_principal_point_is_the_middle() -> None:
+def test_it_is_the_published_formula_where_the_principal_point_is_the_middle():
     s = 0.8
     tx = 0.1
     ty = -0.3
@@ -49,7 +47,7 @@ def test_it_is_the_published_formula_where_the_principal_point_is_the_middle() -
 
 
 @pytest.mark.parametrize("stretch", [0.8, 1.0, 1.25])
-def test_a_body_is_seen_where_its_crop_has_it(stretch: float) -> None:
+def test_a_body_is_seen_where_its_crop_has_it(stretch):
     camera = Intrinsics(900.0, stretch * 900.0, 300.0, 200.0, 640, 480)
     weak = np.array([[0.9, 0.25, -0.5]])
     centres = np.array([[400.0, 100.0]])
@@ -102,13 +100,13 @@ class FLNet(torch.nn.Module):
 }
 
 
-def people() -> People:
+def people():
     boxes = np.array([[100.0, 40, 140, 140], [200.0, 60, 260, 100]])
     return People(np.zeros((2, 200, 300), bool), boxes, np.ones(2))
 
 
 @pytest.fixture
-def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable[..., CameraHmr]:
+def made(stub, tmp_path, smpl_file):
     checkout = stub("chmr", CHECKOUT)
     files = tmp_path / "files"
     files.mkdir()
@@ -117,7 +115,7 @@ def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     torch.save({"state_dict": {"gain": torch.ones(1)}}, files / "cam_model_cleaned.ckpt")
     (files / "smpl_mean_params.npz").write_bytes(b"")
 
-    def make(**options: Any) -> CameraHmr:
+    def make(**options):
         given = {
             "checkout": str(checkout),
             "weights": str(files),
@@ -131,14 +129,14 @@ def made(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     return make
 
 
-def ask(backend: CameraHmr, image: np.ndarray | None = None, camera: Intrinsics = CAMERA) -> Bodies:
+def ask(backend, image=None, camera=CAMERA):
     shown = coordinates(200, 300) if image is None else image
     return backend.infer(shown, people(), camera, NUM_KEYPOINTS, Hints())
 
 
 def test_crops_are_squares_of_the_longer_side_and_red_comes_first(
-    made: Callable[..., CameraHmr],
-) -> None:
+    made,
+):
     backend = made()
     ask(backend)
     seen = network_of(backend).seen[0]
@@ -152,7 +150,7 @@ def test_crops_are_squares_of_the_longer_side_and_red_comes_first(
     np.testing.assert_allclose(seen["box_size"], [100, 60])
 
 
-def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) -> None:
+def test_channels_can_be_exchanged_to_compare(made):
     backend = made(channels="bgr")
     image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     ask(backend, image)
@@ -160,7 +158,7 @@ def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) ->
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
 
 
-def test_pixels_outside_of_the_photo_are_black(made: Callable[..., CameraHmr]) -> None:
+def test_pixels_outside_of_the_photo_are_black(made):
     backend = made()
     who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
     backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, NUM_KEYPOINTS, Hints())
@@ -170,8 +168,8 @@ def test_pixels_outside_of_the_photo_are_black(made: Callable[..., CameraHmr]) -
 
 
 def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_point(
-    made: Callable[..., CameraHmr],
-) -> None:
+    made,
+):
     backend = made()
     ask(backend)
     seen = network_of(backend).seen[0]
@@ -183,9 +181,7 @@ def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_p
     )
 
 
-def test_bodies_are_seen_where_the_crop_has_them(
-    made: Callable[..., CameraHmr], smpl_file: Path
-) -> None:
+def test_bodies_are_seen_where_the_crop_has_them(made, smpl_file):
     bodies = ask(made())
     s = 0.9
     tx = 0.05
@@ -206,8 +202,8 @@ def test_bodies_are_seen_where_the_crop_has_them(
 
 
 def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_body(
-    made: Callable[..., CameraHmr],
-) -> None:
+    made,
+):
     backend = made(focal="own", focal_channels="bgr")
     image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     bodies = ask(backend, image)
@@ -221,7 +217,7 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
     np.testing.assert_allclose(network_of(backend).seen[0]["img"][0], _rgb(image), atol=0.05)
 
 
-def _rgb(image: np.ndarray) -> np.ndarray:
+def _rgb(image):
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
     return np.asarray(
@@ -231,14 +227,14 @@ def _rgb(image: np.ndarray) -> np.ndarray:
     )
 
 
-def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
+def test_people_come_in_batches(made):
     backend = made(batch=1)
     bodies = ask(backend)
     assert [len(seen["img"]) for seen in network_of(backend).seen] == [1, 1]
     assert len(bodies.parameters) == 2
 
 
-def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr]) -> None:
+def test_a_field_of_view_that_is_none_is_refused(made):
     backend = made(focal="own")
     with torch.no_grad():
         backend._focal_network.gain.fill_(0)
@@ -288,7 +284,7 @@ class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
 
 
 @pytest.mark.slow
-def test_camerahmr_conforms(smpl_file: Path) -> None:
+def test_camerahmr_conforms(smpl_file):
     # The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
     options = {"smpl_file": str(smpl_file)}
     limits = {"MPJPE, mm": 105.0}

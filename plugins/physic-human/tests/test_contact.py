@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,13 +17,13 @@ from physic_testing import check_backend
 from .seen import CropsOnWorlds, SeesCrops, network_of, normalised_back, place_of, smpl_contact
 
 
-def test_the_network_gets_the_channels_in_the_order_bgr() -> None:
+def test_the_network_gets_the_channels_in_the_order_bgr():
     image = np.full((50, 50, 3), [200, 100, 10], np.uint8)
     middle = normalised_back(contact_crop(image, np.array([0.0, 0, 50, 50])))[128, 128]
     np.testing.assert_allclose(middle, [10, 100, 200], atol=0.1)
 
 
-def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image() -> None:
+def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image():
     assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (
         slice(30, 270),
         slice(90, 210),
@@ -36,7 +34,7 @@ def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image() -> None:
     )
 
 
-def test_the_rest_is_white_and_the_person_in_the_middle() -> None:
+def test_the_rest_is_white_and_the_person_in_the_middle():
     image = np.zeros((300, 300, 3), np.uint8)
     seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), growth=0.0))
     np.testing.assert_allclose(seen[:, :95], 255, atol=0.1)
@@ -44,13 +42,13 @@ def test_the_rest_is_white_and_the_person_in_the_middle() -> None:
     np.testing.assert_allclose(seen[:, 97:159], 0, atol=0.1)
 
 
-def test_a_squashed_crop_has_no_white() -> None:
+def test_a_squashed_crop_has_no_white():
     image = np.zeros((300, 300, 3), np.uint8)
     seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), fit="squash"))
     np.testing.assert_allclose(seen, 0, atol=0.1)
 
 
-def test_the_crop_keeps_left_and_top() -> None:
+def test_the_crop_keeps_left_and_top():
     image = np.zeros((256, 256, 3), np.uint8)
     image[:100, :60] = 255
     seen = normalised_back(contact_crop(image, np.array([0.0, 0, 256, 256]), growth=0.0))
@@ -61,7 +59,7 @@ def test_the_crop_keeps_left_and_top() -> None:
 @pytest.mark.parametrize(
     "box", [[10.0, 10, 10, 10], [-50.0, -50, -20, -20], [900.0, 900, 950, 990], [3.0, 4, 3.4, 90]]
 )
-def test_boxes_without_pixels_still_give_a_crop(box: list[float]) -> None:
+def test_boxes_without_pixels_still_give_a_crop(box):
     crop = contact_crop(np.full((40, 60, 3), 7, np.uint8), np.array(box))
     assert crop.shape == (3, 256, 256)
     assert crop.dtype == np.float32
@@ -93,7 +91,7 @@ OLD_DECO = DECO.replace("encoder, context, device)", "encoder, device)").replace
 )
 
 
-def people(boxes: list[list[float]]) -> People:
+def people(boxes):
     return People(
         np.zeros((len(boxes), 200, 300), bool),
         np.array(boxes, float).reshape(-1, 4),
@@ -102,8 +100,8 @@ def people(boxes: list[list[float]]) -> People:
 
 
 @pytest.fixture
-def deco(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable[..., Deco]:
-    def make(text: str = DECO, **options: Any) -> Deco:
+def deco(stub, tmp_path, smpl_file):
+    def make(text=DECO, **options):
         checkout = stub("deco", {"models/deco.py": text, "utils/hrnet.py": "WIDTH = 32"})
         torch.save({"deco": {"gain": torch.ones(1)}, "epoch": 3}, tmp_path / "deco_best.pth")
         weights = str(tmp_path / "deco_best.pth")
@@ -119,9 +117,7 @@ def deco(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     return make
 
 
-def test_deco_gives_smpls_labels_with_smpls_t_pose(
-    deco: Callable[..., Deco], smpl_file: Path
-) -> None:
+def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
     found = deco().infer(
         np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY
     )
@@ -134,14 +130,14 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
 
 
-def test_older_versions_of_deco_get_their_own_arguments(deco: Callable[..., Deco]) -> None:
+def test_older_versions_of_deco_get_their_own_arguments(deco):
     found = deco(OLD_DECO).infer(
         np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY
     )
     np.testing.assert_allclose(found.probability[0, 0], 0.75)
 
 
-def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., Deco]) -> None:
+def test_deco_is_called_in_batches_and_never_without_people(deco):
     backend = deco(batch=2)
     backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
     assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
@@ -181,7 +177,7 @@ class DecoOnWorlds(CropsOnWorlds, Deco):
 
 
 @pytest.mark.slow
-def test_deco_conforms(smpl_file: Path) -> None:
+def test_deco_conforms(smpl_file):
     # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders
     # of the contact.
     options = {"smpl_file": str(smpl_file)}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -49,7 +47,7 @@ class MoGeModel(torch.nn.Module):
 
 
 @pytest.fixture
-def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
+def moge(stub, tmp_path):
     checkout = stub("moge", {"moge/__init__.py": "", "moge/model/v1.py": MOGE})
     torch.save({"model_config": {}, "model": {}}, tmp_path / "model.pt")
     backend = Moge1(Moge1Options(checkout=str(checkout), weights=str(tmp_path / "model.pt")))
@@ -57,14 +55,14 @@ def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
     return backend
 
 
-def test_moge_gets_rgb_from_0_to_1(moge: Moge1) -> None:
+def test_moge_gets_rgb_from_0_to_1(moge):
     image = np.full((60, 80, 3), [255, 51, 0], np.uint8)
     moge.infer(image, Hints())
     np.testing.assert_allclose(network_of(moge).seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
     assert network_of(moge).tokens == 2500
 
 
-def test_moges_shift_and_focal_length_are_found(moge: Moge1) -> None:
+def test_moges_shift_and_focal_length_are_found(moge):
     found = moge.infer(np.zeros((60, 80, 3), np.uint8), Hints())
     assert found.unknown == "scale"
     assert found.intrinsics is not None
@@ -125,7 +123,7 @@ class MogeOnWorlds(OnWorlds, Moge1):
 
 @pytest.mark.slow
 @parametrize_with_checks("relative_pointmap", MogeOnWorlds, capabilities={"exact"})
-def test_moge_conforms(check: Callable[[], None]) -> None:
+def test_moge_conforms(check):
     check()
 
 
@@ -139,13 +137,13 @@ class Moge3DepthOnWorlds(OnWorlds, Moge3Depth):
 
 @pytest.mark.slow
 @parametrize_with_checks("relative_pointmap", Moge3PointsOnWorlds, capabilities={"exact"})
-def test_moge_3_conforms_as_a_pointmap(check: Callable[[], None]) -> None:
+def test_moge_3_conforms_as_a_pointmap(check):
     check()
 
 
 @pytest.mark.slow
 @parametrize_with_checks("metric_depth", Moge3DepthOnWorlds, capabilities={"exact"})
-def test_moge_3_conforms_as_a_depth(check: Callable[[], None]) -> None:
+def test_moge_3_conforms_as_a_depth(check):
     check()
 
 
@@ -179,10 +177,8 @@ class MoGeModel(torch.nn.Module):
 
 
 @pytest.fixture
-def moge_3(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Moge3Depth]:
-    def make(
-        state: dict[str, float] | None = None, refine_steps: int = 0, **config: object
-    ) -> Moge3Depth:
+def moge_3(stub, tmp_path):
+    def make(state=None, refine_steps=0, **config):
         checkout = stub("moge3", {"moge/__init__.py": "", "moge/model/v3.py": MOGE_3})
         tensors = {
             name: torch.full((1,), value) for name, value in (state or {"shift": 1.5}).items()
@@ -201,8 +197,8 @@ def moge_3(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Moge3Dept
 
 
 def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(
-    moge_3: Callable[..., Moge3Depth],
-) -> None:
+    moge_3,
+):
     backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
     assert backend.missing() == ()
     backend.load()
@@ -218,8 +214,8 @@ def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(
 
 
 def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(
-    moge_3: Callable[..., Moge3Depth],
-) -> None:
+    moge_3,
+):
     backend = moge_3()
     backend.load()
     image = np.zeros((60, 80, 3), np.uint8)
@@ -229,9 +225,7 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(
         np.testing.assert_allclose(found.fx, fx, rtol=0.01)
 
 
-def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(
-    moge_3: Callable[..., Moge3Depth], tmp_path: Path
-) -> None:
+def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(moge_3, tmp_path):
     depth = moge_3()
     points = Moge3Pointmap(depth.options)
     image = np.zeros((60, 80, 3), np.uint8)
@@ -253,10 +247,8 @@ def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(
         ({"refine_steps": 3}, "runs on a GPU only"),
     ],
 )
-def test_what_moge_3_cannot_do_is_refused(
-    moge_3: Callable[..., Moge3Depth], made: Any, words: str
-) -> None:
-    def use(backend: Moge3Depth) -> None:
+def test_what_moge_3_cannot_do_is_refused(moge_3, made, words):
+    def use(backend):
         backend.load()
         backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
 
@@ -265,7 +257,7 @@ def test_what_moge_3_cannot_do_is_refused(
 
 
 @pytest.mark.filterwarnings("ignore:In CPU autocast")  # their float32 of a CPU
-def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None:
+def test_moge_3_answers_what_its_publishers_code_answers(tmp_path):
     """Their class with random weights, small, and their `infer` without the refiner, for a given
     focal length.
 

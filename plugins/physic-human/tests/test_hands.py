@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError, BodyModelError
 from physic_core.interfaces import HandEstimator
-from physic_core.types import Keypoints, People, Skeleton
+from physic_core.types import Keypoints, People
 from physic_human.hands import chumpy_free_copy, hand_boxes, hands_from_mano, mirror_rotvecs
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing import violations
@@ -38,11 +37,11 @@ from .seen import (
 )
 
 
-def blank(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:
+def blank(skeleton, count, people=1):
     return Keypoints(np.zeros((people, count, 2)), np.zeros((people, count)), skeleton)
 
 
-def test_the_21_points_of_a_hand_give_its_box() -> None:
+def test_the_21_points_of_a_hand_give_its_box():
     given = blank("coco_wholebody133", 133)
     given.points[0, 91:112] = np.random.default_rng(0).uniform([50, 80], [90, 140], (21, 2))
     given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
@@ -55,7 +54,7 @@ def test_the_21_points_of_a_hand_give_its_box() -> None:
     assert not len(hand_boxes(given, least_confidence=0.9))
 
 
-def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
+def test_all_confidences_of_a_hand_count_in_its_mean():
     """As in the code of the PhySIC paper, which lowers no confidence before it chooses hands."""
     given = blank("coco_wholebody133", 133)
     given.points[0, 91:112] = np.linspace([50, 80], [90, 140], 21)
@@ -66,7 +65,7 @@ def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
     )
 
 
-def test_left_is_the_persons_left() -> None:
+def test_left_is_the_persons_left():
     given = blank("coco_wholebody133", 133, people=2)
     given.points[1, 112:133] = np.linspace([0, 0], [30, 40], 21)
     given.confidence[1, 112:133] = 0.9
@@ -75,7 +74,7 @@ def test_left_is_the_persons_left() -> None:
     assert found.right.tolist() == [True]
 
 
-def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
+def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
     for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
         given = blank(skeleton, count)
         given.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
@@ -88,7 +87,7 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
         np.testing.assert_allclose(found.confidence, [0.7])
 
 
-def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
+def test_a_forearm_towards_the_camera_does_not_make_a_small_hand():
     given = blank("coco17", 17)
     given.points[0, [5, 7, 9]] = [[0, 0], [0, 100], [0, 110]]
     given.confidence[0, [5, 7, 9]] = 1.0
@@ -97,18 +96,18 @@ def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
 
 
 @pytest.fixture
-def mano(tmp_path: Path) -> Path:
+def mano(tmp_path):
     return write_published(tmp_path / "MANO_RIGHT.pkl", mano_arrays())
 
 
-def unpickled(path: Path) -> dict[str, Any]:
+def unpickled(path):
     """As smplx reads it."""
     with path.open("rb") as stream:
         found: dict[str, Any] = pickle.load(stream, encoding="latin1")
     return found
 
 
-def require_same(found: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+def require_same(found, arrays):
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
         assert type(found[name]) is np.ndarray
@@ -116,7 +115,7 @@ def require_same(found: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         np.testing.assert_array_equal(found[name], array)
 
 
-def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path) -> None:
+def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano):
     with pytest.raises(ModuleNotFoundError, match="No module named 'chumpy'"):
         unpickled(mano)
     with chumpy_free_copy(str(mano), "mano") as copy:
@@ -124,9 +123,7 @@ def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path
         assert copy.name == "MANO_RIGHT.pkl", "smplx tells right hands by this name"
 
 
-def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(
-    mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
     with chumpy_free_copy(mano, "mano") as copy:
         assert os.name != "posix" or copy.parent.stat().st_mode & 0o077 == 0
@@ -139,7 +136,7 @@ class Runs:
         return pytest.fail, ("the pickle was run",)
 
 
-def test_a_file_that_would_run_code_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_would_run_code_is_refused(tmp_path):
     path = tmp_path / "MANO_RIGHT.pkl"
     path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": Runs()}))
     with (
@@ -149,15 +146,15 @@ def test_a_file_that_would_run_code_is_refused(tmp_path: Path) -> None:
         pass
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_named(tmp_path):
     path = tmp_path / "MANO_RIGHT.pkl"
     with pytest.raises(BodyModelError) as caught, chumpy_free_copy(path, "mano"):
         pass
     assert f"no body model file {path}" in str(caught.value)
 
 
-def test_a_file_that_cannot_be_read_is_named(mano: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path, *arguments: object) -> None:
+def test_a_file_that_cannot_be_read_is_named(mano, monkeypatch):
+    def refuse(path, *arguments):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "open", refuse)
@@ -176,7 +173,7 @@ BOTH = {
 }
 
 
-def test_left_comes_first_and_is_mirrored_back() -> None:
+def test_left_comes_first_and_is_mirrored_back():
     hands = hands_from_mano(2, fingers=FINGERS, wrists=TURNED_WRISTS, **BOTH)
     np.testing.assert_allclose(hands.rotvecs[1, 0], mirror_rotvecs(FINGERS[0]), atol=1e-6)
     np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
@@ -188,7 +185,7 @@ def test_left_comes_first_and_is_mirrored_back() -> None:
     assert violations(HandEstimator, hands, people=2) == []
 
 
-def test_mano_rotations_may_be_matrices_or_vectors() -> None:
+def test_mano_rotations_may_be_matrices_or_vectors():
     matrices = Rotation.from_rotvec(FINGERS.reshape(-1, 3)).as_matrix().reshape(2, 15, 3, 3)
     whole = Rotation.from_rotvec(TURNED_WRISTS.reshape(-1, 3)).as_matrix().reshape(2, 1, 3, 3)
     hands = hands_from_mano(2, fingers=matrices, wrists=whole, **BOTH)
@@ -203,14 +200,14 @@ def test_mano_rotations_may_be_matrices_or_vectors() -> None:
     )
 
 
-def test_the_hand_with_the_higher_confidence_counts() -> None:
+def test_the_hand_with_the_higher_confidence_counts():
     hands = hands_from_mano(
         1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3])
     )
     np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
 
 
-def test_a_hand_that_is_not_a_number_was_not_found() -> None:
+def test_a_hand_that_is_not_a_number_was_not_found():
     broken = FINGERS.copy()
     broken[1, 3] = np.nan
     hands = hands_from_mano(2, fingers=broken, **BOTH)
@@ -218,7 +215,7 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
     assert np.isfinite(hands.rotvecs).all()
 
 
-def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
+def test_mirrored_rotations_are_those_of_a_mirrored_world():
     vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
     mirror = np.diag([-1.0, 1.0, 1.0])
     turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
@@ -277,7 +274,7 @@ class WiLor(torch.nn.Module):
 WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO}
 
 
-def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
+def keypoints(boxes):
     """One person with the 21 points of one or both hands on the edges of boxes, whole-body
     skeleton.
     """
@@ -290,12 +287,12 @@ def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
 
 
 @pytest.fixture
-def make_wilor(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Wilor]:
+def make_wilor(stub, tmp_path):
     """A backend on files of its own; ``code`` is that of its network, ``held`` what its checkpoint
     holds.
     """
 
-    def make(code: str = WILOR, held: Any = None, **options: Any) -> Wilor:
+    def make(code=WILOR, held=None, **options):
         checkout = stub("wilor", WILOR_FILES | {"wilor_mini/models/wilor.py": code})
         folder = tmp_path / "files"
         folder.mkdir(exist_ok=True)
@@ -309,13 +306,13 @@ def make_wilor(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Wilor
 
 
 @pytest.fixture
-def wilor(make_wilor: Callable[..., Wilor]) -> Wilor:
+def wilor(make_wilor):
     backend = make_wilor()
     backend.load()
     return backend
 
 
-def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor: Callable[..., Wilor]) -> None:
+def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor):
     backend = make_wilor(swap_channels=True)
     backend.load()
     image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
@@ -323,7 +320,7 @@ def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor: Callable[.
     np.testing.assert_allclose(network_of(backend).seen[0][0, 128, 128], [200, 100, 10], atol=1)
 
 
-def test_left_hands_are_mirrored_for_the_network_and_back(wilor: Wilor) -> None:
+def test_left_hands_are_mirrored_for_the_network_and_back(wilor):
     picture = coordinates(200, 300)
     hands = wilor.infer(
         picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]})
@@ -338,7 +335,7 @@ def test_left_hands_are_mirrored_for_the_network_and_back(wilor: Wilor) -> None:
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
 
 
-def test_large_hands_are_blurred_before_downsampling(wilor: Wilor) -> None:
+def test_large_hands_are_blurred_before_downsampling(wilor):
     stripes = np.zeros((1300, 1300, 3), np.uint8)
     stripes[:, ::2] = 255
     wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
@@ -349,7 +346,7 @@ def test_large_hands_are_blurred_before_downsampling(wilor: Wilor) -> None:
     assert abs(seen.mean() - 127.5) < 2
 
 
-def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor: Wilor) -> None:
+def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor):
     wilor.options = wilor.options.model_copy(update={"batch": 1})
     image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     before = image.copy()
@@ -361,7 +358,7 @@ def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor: Wilor)
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
-def test_another_wilor_is_recognised_by_its_output(make_wilor: Callable[..., Wilor]) -> None:
+def test_another_wilor_is_recognised_by_its_output(make_wilor):
     backend = make_wilor(
         WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
     )
@@ -371,8 +368,8 @@ def test_another_wilor_is_recognised_by_its_output(make_wilor: Callable[..., Wil
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(
-    make_wilor: Callable[..., Wilor],
-) -> None:
+    make_wilor,
+):
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         make_wilor(held=held).load()
@@ -412,5 +409,5 @@ class WilorOnWorlds(CropsOnWorlds, Wilor):
 @parametrize_with_checks(
     "hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"}
 )
-def test_wilor_conforms(check: Callable[[], None]) -> None:
+def test_wilor_conforms(check):
     check()

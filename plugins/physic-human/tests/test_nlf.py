@@ -6,9 +6,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.errors import BackendError
-from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
 from physic_testing.conformance import check_backend
 from physic_testing.worlds import world_of
@@ -90,28 +88,28 @@ class TinyNlf(torch.nn.Module):
         }
 
 
-def script(folder: Path, relative: bool = False, joints: int = 55) -> str:
+def script(folder, relative=False, joints=55):
     return save(TinyNlf(relative, joints), folder / "nlf.torchscript")
 
 
-def save(network: torch.nn.Module, path: Path) -> str:
+def save(network, path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole
         torch.jit.script(network).save(str(path))
     return str(path)
 
 
-def people(boxes: np.ndarray = BOXES) -> People:
+def people(boxes=BOXES):
     return People(np.zeros((len(boxes), 48, 64), bool), boxes, np.ones(len(boxes)))
 
 
-def ask(backend: Nlf, image: np.ndarray | None = None, who: People | None = None) -> Bodies:
+def ask(backend, image=None, who=None):
     shown = np.zeros((48, 64, 3), np.uint8) if image is None else image
     return backend.infer(shown, people() if who is None else who, CAMERA, NUM_KEYPOINTS, Hints())
 
 
 @pytest.fixture
-def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
+def nlf(tmp_path, torchvision):
     backend = Nlf(
         NlfOptions(weights=script(tmp_path), augmentations=3, beta_regularizer=1.5, batch=7)
     )
@@ -119,7 +117,7 @@ def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
     return backend
 
 
-def test_nlf_is_given_boxes_camera_photo_and_settings(nlf: Nlf) -> None:
+def test_nlf_is_given_boxes_camera_photo_and_settings(nlf):
     """Boxes as left, top, width and height; grey levels, red first."""
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     joints = ask(nlf, image).joints
@@ -132,7 +130,7 @@ def test_nlf_is_given_boxes_camera_photo_and_settings(nlf: Nlf) -> None:
     np.testing.assert_allclose(given[0, 5, 0], 7, rtol=1e-5)
 
 
-def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> None:
+def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf):
     bodies = ask(nlf)
     assert bodies.body_model == "smplx"
     assert bodies.joints is not None
@@ -144,15 +142,13 @@ def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> N
     assert bodies.parameters.expression.shape == (2, 10)
 
 
-def test_translations_of_old_files_get_their_middle_back(
-    tmp_path: Path, torchvision: ModuleType
-) -> None:
+def test_translations_of_old_files_get_their_middle_back(tmp_path, torchvision):
     backend = Nlf(NlfOptions(weights=script(tmp_path, relative=True)))
     backend.load()
     np.testing.assert_allclose(ask(backend).parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-4)
 
 
-def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path: Path, torchvision: ModuleType) -> None:
+def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path, torchvision):
     backend = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smpl"))
     backend.load()
     bodies = ask(backend)
@@ -162,7 +158,7 @@ def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path: Path, torchvision: 
     assert np.isnan(bodies.joints[:, 22:]).all()
 
 
-def test_joints_are_seen_where_their_keypoints_are(nlf: Nlf) -> None:
+def test_joints_are_seen_where_their_keypoints_are(nlf):
     sure = np.ones((2, 17))
     sure[1, 13] = 0.4  # the left knee
     shown = Keypoints(np.full((2, 17, 2), 20.0), sure, "coco17")
@@ -171,13 +167,13 @@ def test_joints_are_seen_where_their_keypoints_are(nlf: Nlf) -> None:
     assert np.argwhere(~found).tolist() == [[1, 4]]
 
 
-def test_a_network_is_not_called_without_people(nlf: Nlf) -> None:
+def test_a_network_is_not_called_without_people(nlf):
     bodies = ask(nlf, who=people(np.zeros((0, 4))))
     assert len(bodies.parameters) == 0
     assert bodies.body_model == "smplx"
 
 
-def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_torchvision_comes_before_the_file(tmp_path, monkeypatch):
     class Broken:
         def find_spec(self, name: str, path: object = None, target: object = None) -> None:
             if name == "torchvision":
@@ -194,9 +190,7 @@ def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.M
         backend.load()
 
 
-def test_missing_names_weights_torchvision_and_body_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_names_weights_torchvision_and_body_file(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     lacking = Nlf(
         NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")
@@ -207,7 +201,7 @@ def test_missing_names_weights_torchvision_and_body_file(
     assert "set smplx_file to your SMPLX_NEUTRAL.npz" in lacking[2]
 
 
-def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> None:
+def test_other_files_are_refused(tmp_path, torchvision):
     (tmp_path / "junk.torchscript").write_bytes(b"no model")
     with pytest.raises(BackendError, match="cannot be read as TorchScript"):
         Nlf(NlfOptions(weights=str(tmp_path / "junk.torchscript"))).load()
@@ -220,7 +214,7 @@ def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> Non
         ask(wrong)
 
 
-def test_nan_bodies_are_an_error(nlf: Nlf) -> None:
+def test_nan_bodies_are_an_error(nlf):
     class Broken:
         def estimate_smpl_batched(
             self, images: torch.Tensor, boxes: Any, **rest: Any
@@ -305,14 +299,12 @@ class NlfOnWorlds(Nlf):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("body", ["smplx", "smpl"])
-def test_nlf_conforms(body: str) -> None:
+def test_nlf_conforms(body):
     check_backend(NlfOnWorlds, options={"body": body}, capabilities={"exact"}).raise_if_failed()
 
 
 @pytest.fixture(scope="module")
-def smplx_file(
-    module_at: Callable[[str], ModuleType], tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def smplx_file(module_at, tmp_path_factory):
     """A made-up SMPL-X file whose pelvis is not at its origin and moves with the shape."""
     bodies = module_at("tests/body/other_body.py")
     path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
@@ -346,7 +338,7 @@ class ExactNlf:
         }
 
 
-def exact_backend(smplx_file: Path, tmp_path: Path, shift: float) -> Nlf:
+def exact_backend(smplx_file, tmp_path, shift):
     """A loaded backend whose network poses the file exactly, with vertices ``shift`` mm off."""
     backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
     backend.load()
@@ -354,9 +346,7 @@ def exact_backend(smplx_file: Path, tmp_path: Path, shift: float) -> Nlf:
     return backend
 
 
-def test_the_users_file_gives_the_exact_place_and_the_surface(
-    smplx_file: Path, tmp_path: Path, torchvision: ModuleType
-) -> None:
+def test_the_users_file_gives_the_exact_place_and_the_surface(smplx_file, tmp_path, torchvision):
     backend = exact_backend(smplx_file, tmp_path, shift=0.0)
     bodies = ask(backend)
     np.testing.assert_allclose(
@@ -367,9 +357,7 @@ def test_the_users_file_gives_the_exact_place_and_the_surface(
     assert bodies.mesh.rest is not None
 
 
-def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(
-    smplx_file: Path, tmp_path: Path, torchvision: ModuleType
-) -> None:
+def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(smplx_file, tmp_path, torchvision):
     backend = exact_backend(smplx_file, tmp_path, shift=30.0)
     with pytest.raises(BackendError, match=r"first body is 5[0-9]\.\d mm"):
         ask(backend)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from physic_core import list_backends
@@ -15,19 +12,19 @@ OFFERS = [offer for offer in list_backends() if offer.distribution == "physic-hu
 
 
 @pytest.fixture(autouse=True)
-def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _nothing_here(monkeypatch, tmp_path):
     monkeypatch.setenv("PHYSIC_WEIGHTS", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("HF_HOME", str(tmp_path))
 
 
 @pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
-def test_a_backend_without_its_files_names_them_and_fails_no_check(offer: Any) -> None:
+def test_a_backend_without_its_files_names_them_and_fails_no_check(offer):
     report = check_backend(offer.name, offer.interface)
     assert not [r for r in report.results if r.outcome == "failed"], report.text
 
 
-def test_weights_with_an_account_or_non_commercial_terms_are_marked() -> None:
+def test_weights_with_an_account_or_non_commercial_terms_are_marked():
     sets = {
         one.weights.name: one.weights
         for one in read_library().sets

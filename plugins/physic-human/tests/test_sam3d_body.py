@@ -8,7 +8,6 @@ import contextlib
 import pickle
 import sys
 import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -117,7 +116,7 @@ class Transformer(torch.nn.Module):
 }
 
 
-def people(count: int = 2) -> People:
+def people(count=2):
     boxes = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])[:count]
     masks = np.zeros((count, 48, 64), bool)
     masks[:1, 5:45, 10:30] = True
@@ -125,17 +124,17 @@ def people(count: int = 2) -> People:
 
 
 @pytest.fixture
-def make_sam(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Sam3dBody]:
+def make_sam(stub, tmp_path):
     """A backend on files of its own; ``held`` is what its checkpoint holds."""
     files = tmp_path / "files"
     checkout = stub("sam", {"sam_3d_body/__init__.py": CHECKOUT})
 
     def make(
-        backbone: str = "vit_hmr_512_384",
-        decoder: str = "    TYPE: sam\n",
-        held: Any = None,
-        **options: Any,
-    ) -> Sam3dBody:
+        backbone="vit_hmr_512_384",
+        decoder="    TYPE: sam\n",
+        held=None,
+        **options,
+    ):
         (files / "assets").mkdir(parents=True, exist_ok=True)
         (files / "assets/mhr_model.pt").write_bytes(b"")
         torch.save(
@@ -152,15 +151,13 @@ def make_sam(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Sam3dBo
 
 
 @pytest.fixture
-def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
+def sam(make_sam):
     backend = make_sam()
     backend._network = backend.build("cpu")
     return backend
 
 
-def test_sam_3d_body_gets_boxes_camera_and_rgb(
-    sam: Sam3dBody, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sam_3d_body_gets_boxes_camera_and_rgb(sam, capsys):
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
     asked = network_of(sam).asked
@@ -172,7 +169,7 @@ def test_sam_3d_body_gets_boxes_camera_and_rgb(
     assert capsys.readouterr().out == ""
 
 
-def test_masks_are_passed_with_the_option(sam: Sam3dBody) -> None:
+def test_masks_are_passed_with_the_option(sam):
     sam.options = sam.options.model_copy(update={"use_masks": True})
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     mask = network_of(sam).asked[0][2]
@@ -180,7 +177,7 @@ def test_masks_are_passed_with_the_option(sam: Sam3dBody) -> None:
     assert mask.sum() == 800
 
 
-def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
+def test_the_translation_is_added_to_surface_and_joints(sam):
     bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     assert bodies.body_model == "mhr"
     assert bodies.mesh is not None
@@ -197,9 +194,7 @@ def test_the_translation_is_added_to_surface_and_joints(sam: Sam3dBody) -> None:
     "decoder", ["", "    USE_INTRIN_CENTER: false\n", "    USE_INTRIN_CENTER: true\n"]
 )
 @pytest.mark.parametrize("centre", [(31.5, 23.5), (12.0, 40.25)])
-def test_bodies_lie_where_the_given_camera_sees_their_boxes(
-    decoder: str, centre: tuple[float, float], make_sam: Callable[..., Sam3dBody]
-) -> None:
+def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, centre, make_sam):
     """Unless its config says otherwise, the network takes the middle of the photo for the principal
     point.
     """
@@ -213,9 +208,7 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(
     np.testing.assert_allclose(seen, middles, atol=1e-4)
 
 
-def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
-    make_sam: Callable[..., Sam3dBody], stub: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(make_sam, stub, monkeypatch):
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
     held = {
@@ -234,9 +227,7 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
 
 
-def test_without_a_folder_for_dinov3_nothing_is_loaded(
-    make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_a_folder_for_dinov3_nothing_is_loaded(make_sam, monkeypatch, tmp_path):
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
     sam = make_sam("dinov3_vith16plus")
@@ -260,11 +251,11 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     ],
 )
 def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
-    state: dict[str, torch.Tensor],
-    absent: str,
-    make_sam: Callable[..., Sam3dBody],
-    stub: Callable[..., Path],
-) -> None:
+    state,
+    absent,
+    make_sam,
+    stub,
+):
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
     sam = make_sam(
         "dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3))
@@ -275,9 +266,7 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
         sam._network = sam.build("cpu")
 
 
-def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
-    make_sam: Callable[..., Sam3dBody], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(make_sam, caplog):
     make_sam(held={"state_dict": {}}).build("cpu")
     (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert said.endswith(
@@ -286,9 +275,7 @@ def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
     )
 
 
-def test_other_code_is_not_fetched_either(
-    stub: Callable[..., Path], make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_code_is_not_fetched_either(stub, make_sam, monkeypatch):
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     stub(
         "sam",
@@ -299,8 +286,8 @@ def test_other_code_is_not_fetched_either(
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(
-    make_sam: Callable[..., Sam3dBody],
-) -> None:
+    make_sam,
+):
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
@@ -310,7 +297,7 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(
     assert network_of(trusting).model.held["hyper_parameters"] == Path("x")
 
 
-def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> None:
+def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path):
     torch.save({"a": Path("x")}, tmp_path / "objects.pt")
     found: list[Any] = []
     with guarded_torch(lambda *_: "guarded", trusted=False):
@@ -328,13 +315,13 @@ def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("device", ["cuda", "cuda:1"])
 def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
-    device: str, make_sam: Callable[..., Sam3dBody], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    device, make_sam, monkeypatch
+):
     """Its batches go to "cuda", which is whatever device torch holds for the current one."""
     current = ["none"]
 
     @contextlib.contextmanager
-    def entered(name: str) -> Iterator[None]:
+    def entered(name):
         current.append(name)
         yield
         current.pop()
@@ -356,12 +343,12 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     assert current == ["none"]
 
 
-def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
+def test_it_needs_a_gpu_and_says_so(sam):
     with pytest.raises(DeviceError, match="a GPU only, got 'cpu'"):
         sam.load("cpu")
 
 
-def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
+def test_another_number_of_people_is_refused(sam):
     network_of(sam).process_one_image = lambda *args, **rest: []
     with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
         sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
@@ -407,5 +394,5 @@ class SamOnWorlds(OnWorlds, Sam3dBody):
 @parametrize_with_checks(
     "body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16}
 )
-def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
+def test_sam_3d_body_conforms(check):
     check()

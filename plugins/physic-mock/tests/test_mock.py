@@ -35,18 +35,18 @@ def two():
     return load_world("hug")
 
 
-def everyone(world) -> People:
+def everyone(world):
     return People(
         masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks))
     )
 
 
-def known(depth: np.ndarray) -> np.ndarray:
+def known(depth):
     """NaN in the sky, as the mocks answer it."""
     return np.where(np.isfinite(depth), depth, np.nan)
 
 
-def no_keypoints(count: int) -> Keypoints:
+def no_keypoints(count):
     return Keypoints(np.zeros((count, 17, 2)), np.zeros((count, 17)), "coco17")
 
 
@@ -165,7 +165,7 @@ def test_a_hole_filled_by_another_inpainter_is_recognised_with_the_hint(two):
     )
 
 
-def refusal(image: np.ndarray) -> str:
+def refusal(image):
     with pytest.raises(BackendError) as caught:
         MockSegmenter().infer(image)
     return str(caught.value)

@@ -34,7 +34,7 @@ def world():
     return load_world("stand")
 
 
-def rng(seed: int = 0) -> np.random.Generator:
+def rng(seed=0):
     return np.random.default_rng(seed)
 
 
@@ -59,7 +59,7 @@ def test_ragged_masks_stay_near_the_truth():
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
 
 
-def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
+def lean(hidden, seed):
     return draw_bone_errors(np.eye(3), hidden, 8.0, 3.0, 0.5, 2.0, 0.5, rng(seed))
 
 

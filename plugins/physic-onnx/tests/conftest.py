@@ -5,9 +5,8 @@ a photo shows.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,18 +36,18 @@ Ports = Mapping[str, tuple[str, Sequence[int | str] | None]]
 
 
 def write_graph(
-    path: Path,
-    inputs: Ports,
-    outputs: Ports,
-    nodes: Sequence[onnx.NodeProto],
-    constants: Mapping[str, Any] | None = None,
-    opset: int = 14,
-) -> Path:
+    path,
+    inputs,
+    outputs,
+    nodes,
+    constants=None,
+    opset=14,
+):
     """An ONNX file with these ports whose body is ``nodes`` of ``onnx.helper.make_node``, over
     named ``constants``.
     """
 
-    def value_info(ports: Ports) -> list[onnx.ValueInfoProto]:
+    def value_info(ports):
         return [
             helper.make_tensor_value_info(
                 name, _ELEMENTS[dtype], None if shape is None else list(shape)
@@ -71,18 +70,18 @@ def write_graph(
 
 
 @pytest.fixture(scope="session")
-def graph() -> Callable[..., Path]:
+def graph():
     """:func:`write_graph`."""
     return write_graph
 
 
 @pytest.fixture(scope="session")
-def constant_graph() -> Callable[..., Path]:
+def constant_graph():
     """``constant_graph(path, inputs, name=array, ...)``: an ONNX file that answers these arrays,
     whatever it is fed.
     """
 
-    def write(path: Path, inputs: Ports, **outputs: Any) -> Path:
+    def write(path, inputs, **outputs):
         held = {f"held_{name}": np.asarray(value, np.float32) for name, value in outputs.items()}
         ports = {name: ("float32", np.shape(value)) for name, value in outputs.items()}
         nodes = [helper.make_node("Identity", [f"held_{name}"], [name]) for name in outputs]
@@ -92,7 +91,7 @@ def constant_graph() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def node() -> Callable[..., onnx.NodeProto]:
+def node():
     """``onnx.helper.make_node(kind, inputs, outputs, **attributes)``."""
     return helper.make_node
 
@@ -148,7 +147,7 @@ class Shown:
             )
 
 
-def look_at(photo: np.ndarray) -> Shown:
+def look_at(photo):
     """Find the world that a photo shows, by its label."""
     photo = np.ascontiguousarray(photo)
     world = world_of(photo)
@@ -161,7 +160,7 @@ def look_at(photo: np.ndarray) -> Shown:
 
 
 @pytest.fixture(scope="session")
-def shown() -> Callable[[np.ndarray], Shown]:
+def shown():
     """:func:`look_at`."""
     return look_at
 
@@ -219,12 +218,12 @@ class StandInNetwork:
 
 
 @pytest.fixture(scope="session")
-def stand_in_network() -> type[StandInNetwork]:
+def stand_in_network():
     return StandInNetwork
 
 
 @pytest.fixture(scope="session")
-def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], type]:
+def stand_in():
     """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files
     are needed.
 
@@ -236,8 +235,8 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
         check_backend(stand_in(Adapter, attach)).raise_if_failed()
     """
 
-    def make(kind: type, attach: Callable[[Any], Iterable[StandInNetwork]]) -> type:
-        class StandIn(kind):  # type: ignore[misc, valid-type]
+    def make(kind, attach):
+        class StandIn(kind):
             capabilities = frozenset(getattr(kind, "capabilities", ())) | {"exact"}
             _stand_ins: Sequence[StandInNetwork] = ()
 
@@ -278,10 +277,10 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
 
 
 @pytest.fixture(scope="session")
-def loaded() -> Callable[..., Any]:
+def loaded():
     """``loaded(Adapter, path, **options)``: the adapter with this file."""
 
-    def load(kind: Any, path: str | Path, **options: Any) -> Any:
+    def load(kind, path, **options):
         backend = kind(kind.Options(weights=str(path), **options))
         backend.load()
         return backend
@@ -290,14 +289,12 @@ def loaded() -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def bound() -> Callable[..., Any]:
+def bound():
     """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in that
     ignores the photo.
     """
 
-    def bind(
-        kind: Any, inputs: Ports, outputs: Ports, answer: Callable[..., Any], **options: Any
-    ) -> Any:
+    def bind(kind, inputs, outputs, answer, **options):
         network = StandInNetwork(inputs, outputs, answer)
         network.show(Shown(np.zeros((1, 1, 3), np.uint8), None, False))
         backend = kind(kind.Options(**options))
@@ -308,15 +305,13 @@ def bound() -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, float]]:
+def accuracy_of(stand_in):
     """``accuracy_of(Adapter, inputs, outputs, answer)``: its errors in the kit, all of whose checks
     have to pass.
     """
 
-    def measure(
-        kind: type, inputs: Ports, outputs: Ports, answer: Callable[..., Any]
-    ) -> Mapping[str, float]:
-        def attach(backend: Any) -> list[StandInNetwork]:
+    def measure(kind, inputs, outputs, answer):
+        def attach(backend):
             network = StandInNetwork(inputs, outputs, answer)
             return [backend.match(network), network]
 
@@ -328,7 +323,7 @@ def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, flo
 
 
 @pytest.fixture
-def exported(tmp_path: Path) -> Callable[..., str]:
+def exported(tmp_path):
     """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model,
     *inputs)``.
 
@@ -338,12 +333,12 @@ def exported(tmp_path: Path) -> Callable[..., str]:
     torch = pytest.importorskip("torch")
 
     def export(
-        model: Any,
-        answer: Callable[..., Any],
-        inputs: Mapping[str, Any],
-        outputs: Mapping[str, Any],
-    ) -> str:
-        class Graph(torch.nn.Module):  # type: ignore[name-defined, misc]
+        model,
+        answer,
+        inputs,
+        outputs,
+    ):
+        class Graph(torch.nn.Module):
             def __init__(self) -> None:
                 super().__init__()
                 self.model = model

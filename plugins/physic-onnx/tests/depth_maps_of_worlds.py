@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 
-def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def at(values, rows, columns):
     """A map at another size, bilinear between pixel centres, by SciPy."""
     v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
     u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
@@ -15,7 +15,7 @@ def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     )
 
 
-def ramp(height: int, width: int, blue: int = 77) -> np.ndarray:
+def ramp(height, width, blue=77):
     """Red grows to the right, green upwards, blue is constant."""
     image = np.zeros((height, width, 3), np.uint8)
     image[..., 0] = np.linspace(20, 220, width)[None, :]
@@ -24,9 +24,7 @@ def ramp(height: int, width: int, blue: int = 77) -> np.ndarray:
     return image
 
 
-def expect_picture(
-    photo: np.ndarray, seen: np.ndarray, tolerance: float, smoothed: int = 1
-) -> None:
+def expect_picture(photo, seen, tolerance, smoothed=1):
     """A network sees (3, h, w) grey levels: the photo, and not a mirrored or recoloured one.
 
     Blocks of ``smoothed`` px are compared where the two are resampled in different ways.

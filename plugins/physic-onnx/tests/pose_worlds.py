@@ -14,25 +14,25 @@ from physic_core.types import SKELETONS, People
 from physic_testing.conformance.true_keypoints import world_keypoints
 
 if TYPE_CHECKING:
-    from physic_testing.worlds import World
+    pass
 
 MEAN = np.array([0.485, 0.456, 0.406])
 STD = np.array([0.229, 0.224, 0.225])
 
 
-def standing(box: np.ndarray, count: int) -> np.ndarray:
+def standing(box, count):
     """(J, 2): joints of somebody of whom nothing is known, spread over the box."""
     share = (np.arange(count) + 0.5) / count
     return box[:2] + np.stack([0.3 + 0.4 * share, share], -1) * (box[2:] - box[:2])
 
 
-def whose(world: World, box: np.ndarray) -> int | None:
+def whose(world, box):
     """Row of the world's person with this box; None where it is nobody's."""
     apart = np.abs(world.boxes - box).max(axis=1)
     return int(apart.argmin()) if apart.min() < 2 else None
 
 
-def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndarray, np.ndarray]:
+def joints(world, box, skeleton):
     """Places (J, 2) px of the photo and confidences (J,) of the person in a box."""
     count = len(SKELETONS[skeleton].names)
     row = None if world is None else whose(world, box)
@@ -42,7 +42,7 @@ def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndar
     return points[row], np.where(visible[row], 0.9, 0.3)
 
 
-def depths(world: World | None, box: np.ndarray, skeleton: str) -> np.ndarray:
+def depths(world, box, skeleton):
     """Metres (J,) by which the joints of the person in a box are farther than the middle of the
     hips.
     """
@@ -58,9 +58,7 @@ def depths(world: World | None, box: np.ndarray, skeleton: str) -> np.ndarray:
     return found
 
 
-def region(
-    box: np.ndarray, width: int, height: int, padding: float = 1.25
-) -> tuple[np.ndarray, np.ndarray]:
+def region(box, width, height, padding=1.25):
     """MMPose's centre and scale of a box, in coordinates whose integers are pixel centres."""
     centre = (box[:2] + box[2:]) / 2 - 0.5
     w, h = np.maximum(box[2:] - box[:2], 1)
@@ -68,14 +66,12 @@ def region(
     return centre, np.array([w, h]) * padding
 
 
-def normalised(pixels: np.ndarray) -> np.ndarray:
+def normalised(pixels):
     """(h, w, 3) 0..255 RGB -> (3, h, w)."""
     return ((pixels / 255 - MEAN) / STD).transpose(2, 0, 1)
 
 
-def sampled(
-    photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int
-) -> np.ndarray:
+def sampled(photo, origin, step, width, height):
     """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear; zero
     outside of it.
     """
@@ -91,7 +87,7 @@ PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
 BOX = (50.0, 20.0, 150.0, 180.0)
 
 
-def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (200, 260)) -> People:
+def people(*boxes, size=(200, 260)):
     """People with these boxes, in a photo of this height and width."""
     return People(
         np.zeros((len(boxes), *size), bool),
@@ -100,9 +96,7 @@ def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (2
     )
 
 
-def blobs(
-    places: list[tuple[float, float]], size: tuple[int, int] = (200, 260), sigma: float = 9.0
-) -> np.ndarray:
+def blobs(places, size=(200, 260), sigma=9.0):
     """A photo with a red, a green and a blue blob."""
     y, x = np.mgrid[: size[0], : size[1]]
     apart = [(x - u) ** 2 + (y - v) ** 2 for u, v in places]

@@ -48,16 +48,16 @@ def contract_graph(graph, node, tmp_path):
     """
 
     def build(
-        name: str = "model.onnx",
-        takes: str = "pixel_values",
-        gives: str = "predicted_depth",
+        name="model.onnx",
+        takes="pixel_values",
+        gives="predicted_depth",
         shape=FREE,
         map_shape=FREE_MAP,
-        channel: int = 0,
-        sigmoid: bool = False,
-        depth: float | None = None,
-        further: dict | None = None,
-    ) -> str:
+        channel=0,
+        sigmoid=False,
+        depth=None,
+        further=None,
+    ):
         where = np.array(channel, np.int64)
         nodes = [node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3)]
         if sigmoid:
@@ -88,7 +88,7 @@ def metric(loaded):
     return partial(loaded, DepthAnythingMetric)
 
 
-def normalised(image: np.ndarray, channel: int = 0) -> np.ndarray:
+def normalised(image, channel=0):
     return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel]
 
 
@@ -352,7 +352,7 @@ class TestCamera:
         assert "default" in answer.notes[0]
 
 
-def expect_normalised(shown, fed: np.ndarray) -> None:
+def expect_normalised(shown, fed):
     planes = fed.reshape(3, *fed.shape[-2:])
     seen = (planes * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
     expect_picture(shown.photo, seen, 4, smoothed=14)
@@ -424,7 +424,7 @@ def test_conformance(name, accuracy_of):
     assert accuracy["abs-rel" if name == "metric" else "abs-rel, aligned"] < 0.003
 
 
-def _packaged() -> Path | None:
+def _packaged():
     """The real small network, where physic-embedded is installed."""
     try:
         path = (
@@ -449,7 +449,7 @@ class TestRealNetwork:
     """Depth Anything V2 small itself."""
 
     @pytest.fixture
-    def photo(self) -> np.ndarray:
+    def photo(self):
         from PIL import Image
 
         with Image.open(PHOTO) as opened:

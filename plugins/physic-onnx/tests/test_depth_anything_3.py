@@ -29,9 +29,7 @@ def contract_graph(graph, node, tmp_path):
     channel.
     """
 
-    def build(
-        form: str = "free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx"
-    ) -> str:
+    def build(form="free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx"):
         shape, map_shape = FORMS[form]
         nodes = [
             node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3),
@@ -58,11 +56,11 @@ def contract_graph(graph, node, tmp_path):
     return build
 
 
-def raw_depth(image: np.ndarray, channel: int = 0) -> np.ndarray:
+def raw_depth(image, channel=0):
     return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel] + 4
 
 
-def hints(focal: float, width: int, height: int) -> Hints:
+def hints(focal, width, height):
     return Hints(intrinsics=Intrinsics.from_focal(focal, width, height))
 
 

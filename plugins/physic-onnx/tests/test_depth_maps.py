@@ -39,7 +39,7 @@ SIDES = st.integers(14, 4000)
 
 
 @given(SIDES, SIDES)
-def test_sizes_are_whole_patches(height: int, width: int) -> None:
+def test_sizes_are_whole_patches(height, width):
     for rows, columns in (
         input_size_least_scaling(height, width, 518),
         input_size_by_long_side(height, width, 504),
@@ -49,7 +49,7 @@ def test_sizes_are_whole_patches(height: int, width: int) -> None:
 
 
 @given(SIDES, SIDES, st.integers(16, 6000))
-def test_a_limit_of_patches_reduces_and_never_enlarges(height: int, width: int, most: int) -> None:
+def test_a_limit_of_patches_reduces_and_never_enlarges(height, width, most):
     rows, columns = input_size_least_scaling(height, width, 518)
     less = limit_patches(rows, columns, most)
     assert less[0] % 14 == less[1] % 14 == 0

@@ -7,7 +7,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -24,7 +23,7 @@ from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
-from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
+from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_onnx.instanthmr import InstantHmr
 from physic_onnx.mhr import JOINT_OF_MHR, MhrModel
 from physic_testing import violations
@@ -54,10 +53,10 @@ OWN_CAMERA = Intrinsics(500.0, 500.0, 199.5, 149.5, 400, 300)
 
 
 @pytest.fixture
-def graph_file(tmp_path: Path, graph: Any, node: Any) -> Any:
+def graph_file(tmp_path, graph, node):
     """A network with random weights: each output is linear in the picture and the condition."""
 
-    def make(metadata: dict[str, str] | None = None, outputs: dict[str, Any] = OUTPUTS) -> Path:
+    def make(metadata=None, outputs=OUTPUTS):
         rng = np.random.default_rng(1)
         nodes = [
             node("AveragePool", ["image"], ["pooled"], kernel_shape=[28, 28], strides=[28, 28]),
@@ -88,7 +87,7 @@ def graph_file(tmp_path: Path, graph: Any, node: Any) -> Any:
     return make
 
 
-def as_published(path: Path, image: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def as_published(path, image, box):
     """(70, 3) metres in the network's own camera and (45,) shape, by the steps that its repository
     describes.
     """
@@ -113,14 +112,12 @@ def as_published(path: Path, image: np.ndarray, box: np.ndarray) -> tuple[np.nda
     return points[0] + place[0], shape[0]
 
 
-def project(points: np.ndarray, camera: Intrinsics) -> np.ndarray:
+def project(points, camera):
     return points[..., :2] / points[..., 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
 
 
 @pytest.mark.parametrize("batch", [1, 8])
-def test_in_its_own_camera_bodies_are_those_of_the_published_steps(
-    graph_file: Any, loaded: Any, batch: int
-) -> None:
+def test_in_its_own_camera_bodies_are_those_of_the_published_steps(graph_file, loaded, batch):
     path = graph_file()
     found = loaded(InstantHmr, path, batch=batch).infer(
         IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints()
@@ -134,9 +131,7 @@ def test_in_its_own_camera_bodies_are_those_of_the_published_steps(
     np.testing.assert_allclose(found.parameters.betas, [shape for _, shape in expected], atol=3e-3)
 
 
-def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(
-    graph_file: Any, loaded: Any
-) -> None:
+def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file, loaded):
     backend = loaded(InstantHmr, graph_file())
     camera = Intrinsics(400.0, 900.0, 150.0, 170.0, 400, 300)
     own, other = (
@@ -150,15 +145,15 @@ def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(
 
 
 def test_a_cliff_focal_network_gets_the_box_as_angles_of_the_given_camera(
-    graph_file: Any, loaded: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    graph_file, loaded, monkeypatch
+):
     """[atan((cx - W / 2) / f), atan((cy - H / 2) / f), side / f], as its training describes it."""
     backend = loaded(InstantHmr, graph_file({"cliff_focal": "true"}))
     camera = Intrinsics(900.0, 900.0, 199.5, 149.5, 400, 300)
     fed = {}
     run = backend.network.network.run
 
-    def recorded(feed: Any, names: Any) -> Any:
+    def recorded(feed, names):
         fed.update(feed)
         return run(feed, names)
 
@@ -197,8 +192,8 @@ class FakeMhr(torch.nn.Module):
 
 
 def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
-    graph_file: Any, stand_in_network: Any, shown: Any, tmp_path: Path
-) -> None:
+    graph_file, stand_in_network, shown, tmp_path
+):
     """MHR rests in an A-pose, with joints turned as it likes; rotations alone show how a hand is
     turned.
     """
@@ -249,7 +244,7 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     )
     assert violations(BodyEstimator, found, people=3) == []
 
-    def wrist_errors_deg(bodies: Bodies) -> np.ndarray:
+    def wrist_errors_deg(bodies):
         converted = convert_with_residuals(bodies, model).bodies.parameters
         turned = rotations_from_tpose(rotations_from_parameters(converted).numpy())
         wrists = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
@@ -260,15 +255,13 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     assert wrist_errors_deg(found).max() < 20 < wrist_errors_deg(bare).max()
 
 
-def test_a_network_without_keypoints_in_3d_needs_the_body_model(
-    graph_file: Any, loaded: Any
-) -> None:
+def test_a_network_without_keypoints_in_3d_needs_the_body_model(graph_file, loaded):
     path = graph_file(outputs={name: port for name, port in OUTPUTS.items() if name != "joints_3d"})
     with pytest.raises(BackendError, match="option mhr"):
         loaded(InstantHmr, path)
 
 
-def test_a_body_behind_the_camera_is_not_a_number(bound: Any) -> None:
+def test_a_body_behind_the_camera_is_not_a_number(bound):
     answers = {name: np.zeros((3, *shape[1:])) for name, (_, shape) in OUTPUTS.items()}
     answers["cam_trans"] -= 1
     backend = bound(InstantHmr, INPUTS, OUTPUTS, lambda *_: answers)
@@ -276,11 +269,11 @@ def test_a_body_behind_the_camera_is_not_a_number(bound: Any) -> None:
     assert np.isnan(found.parameters.transl).all()
 
 
-def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
+def stand_in_instanthmr(stand_in, stand_in_network):
     """The adapter over a network that knows the bodies of worlds, in its own camera."""
 
-    def attach(backend: Any) -> list[Any]:
-        def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+    def attach(backend):
+        def answer(shown, feed):
             answers = {
                 name: np.zeros((len(feed["image"]), *shape[1:]))
                 for name, (_, shape) in OUTPUTS.items()
@@ -314,11 +307,11 @@ def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
         network = stand_in_network(INPUTS, OUTPUTS, answer)
         return [backend.match(network), network]
 
-    return stand_in(InstantHmr, attach)  # type: ignore[no-any-return]
+    return stand_in(InstantHmr, attach)
 
 
 @pytest.mark.slow
-def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
+def test_conformance(stand_in, stand_in_network):
     # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
     report = check_backend(
         stand_in_instanthmr(stand_in, stand_in_network),

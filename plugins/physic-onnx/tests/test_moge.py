@@ -28,7 +28,7 @@ UNIT = 2.3
 """What the stand-in's z lacks, and metres in one of its units."""
 
 
-def outputs_called(scale: str) -> dict:
+def outputs_called(scale):
     return {"points": POINTS_OUT, "normal": NORMAL_OUT, "mask": MASK_OUT, scale: SCALE_OUT}
 
 
@@ -38,7 +38,7 @@ def contract_graph(graph, node, tmp_path):
     tokens.
     """
 
-    def build(name: str = "model.onnx", inputs=INPUTS, outputs=None, mask=0.9) -> str:
+    def build(name="model.onnx", inputs=INPUTS, outputs=None, mask=0.9):
         outputs = outputs_called("scale") if outputs is None else outputs
         points, normal, seen, scale = outputs
         nodes = [

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
@@ -15,7 +13,7 @@ ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
 
 
 @pytest.fixture
-def depth_file(graph, node, tmp_path) -> Path:
+def depth_file(graph, node, tmp_path):
     return graph(
         tmp_path / "own" / "mine.onnx",
         {"image": ("float16", (1, 3, 56, 112))},

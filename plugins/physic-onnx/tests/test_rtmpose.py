@@ -4,9 +4,6 @@ stand-ins.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -21,16 +18,16 @@ from .pose_worlds import BOX, PLACES, blobs, depths, joints, normalised, people,
 
 
 @pytest.fixture
-def rtmpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
+def rtmpose(tmp_path, graph, node, loaded):
     """A file whose joint j is where the colour j mod 3 of what it is shown is strongest."""
 
     def make(
-        count: int = 17,
-        size: tuple[int, int] = (256, 192),
-        scale: float = 1.0,
-        split: int = 2,
-        **options: Any,
-    ) -> RtmPose:
+        count=17,
+        size=(256, 192),
+        scale=1.0,
+        split=2,
+        **options,
+    ):
         height, width = size
         resize = {"mode": "linear", "coordinate_transformation_mode": "asymmetric"}
         nodes = [
@@ -64,9 +61,7 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
 
 @pytest.mark.parametrize("size", [(256, 192), (384, 288)])
 @pytest.mark.parametrize("split", [2, 3])
-def test_each_joint_is_found_at_the_blob_of_its_colour(
-    rtmpose: Any, size: tuple[int, int], split: int
-) -> None:
+def test_each_joint_is_found_at_the_blob_of_its_colour(rtmpose, size, split):
     found = rtmpose(size=size, split=split).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
@@ -79,10 +74,10 @@ def test_each_joint_is_found_at_the_blob_of_its_colour(
 
 
 @pytest.fixture
-def answering(tmp_path: Path, constant_graph: Any, loaded: Any) -> Any:
+def answering(tmp_path, constant_graph, loaded):
     """A file that answers these lines, whatever it is shown."""
 
-    def make(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> RtmPose:
+    def make(x, y, z=None):
         held = {"simcc_x": x, "simcc_y": y} | ({} if z is None else {"simcc_z": z})
         size = (256, 192) if z is None else (384, 288)
         path = constant_graph(
@@ -93,7 +88,7 @@ def answering(tmp_path: Path, constant_graph: Any, loaded: Any) -> Any:
     return make
 
 
-def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering: Any) -> None:
+def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering):
     rng = np.random.default_rng(0)
     at_x = rng.integers(0, 384, 17)
     at_y = rng.integers(0, 512, 17)
@@ -109,14 +104,14 @@ def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering: Any) -> N
     assert np.allclose(found.confidence, 0.7)  # the lower of the two
 
 
-def test_the_network_gets_rgb_unless_bgr_is_chosen(rtmpose: Any) -> None:
+def test_the_network_gets_rgb_unless_bgr_is_chosen(rtmpose):
     rgb = rtmpose().infer(blobs(PLACES), people(BOX)).points[0]
     bgr = rtmpose(channels="bgr").infer(blobs(PLACES), people(BOX)).points[0]
     assert np.abs(rgb[:3] - PLACES).max() < 2.5
     assert np.abs(bgr[:3] - PLACES[::-1]).max() < 2.5
 
 
-def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
+def test_scores_above_one_are_cut_or_divided(rtmpose):
     grey = np.full((200, 260, 3), 255, np.uint8)
     top = (1 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
     assert (rtmpose().infer(grey, people(BOX)).confidence == 1).all()
@@ -126,13 +121,13 @@ def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
     assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
 
 
-def test_lines_that_do_not_fit_the_input_are_refused(answering: Any) -> None:
+def test_lines_that_do_not_fit_the_input_are_refused(answering):
     backend = answering(np.zeros((1, 17, 384), np.float32), np.zeros((1, 17, 500), np.float32))
     with pytest.raises(BackendError, match="as many bins a pixel along both"):
         backend.infer(blobs(PLACES), people(BOX))
 
 
-def test_simcc_decodes_as_rtmlib_does() -> None:
+def test_simcc_decodes_as_rtmlib_does():
     pytest.importorskip("rtmlib")
     from rtmlib.tools.pose_estimation.post_processings import get_simcc_maximum
 
@@ -145,7 +140,7 @@ def test_simcc_decodes_as_rtmlib_does() -> None:
     assert (score <= mean + 1e-9).all()
 
 
-def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering: Any) -> None:
+def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering):
     """A slow twin of the codec in its configurations: 288 x 384 px, two bins a pixel, depths of
     +-2.1744869 m.
     """
@@ -174,7 +169,7 @@ def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering: Any) -> None:
     assert violations(KeypointDetector, found, people=2) == []
 
 
-def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering: Any) -> None:
+def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering):
     """A limb of an adult that points away from the camera looks short, and does not make the person
     small.
     """
@@ -208,17 +203,17 @@ def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering: Any)
 
 
 @pytest.fixture(scope="module")
-def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
+def stand_in_rtmpose(stand_in, stand_in_network):
     """The adapter over a network that knows where each joint of the person in the crop truly is."""
 
-    def make(kind: type, skeleton: str, count: int, size: tuple[int, int]) -> type:
+    def make(kind, skeleton, count, size):
         height, width = size
         axes = {"simcc_x": width, "simcc_y": height} | (
             {"simcc_z": width} if kind is Rtmw3d else {}
         )
 
-        def attach(backend: Any) -> list[Any]:
-            def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+        def attach(backend):
+            def answer(shown, feed):
                 boxes = backend.next_boxes(len(feed["input"]))
                 lines: dict[str, list[np.ndarray]] = {name: [] for name in axes}
                 for picture, box in zip(feed["input"], boxes, strict=True):
@@ -246,7 +241,7 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
             )
             return [backend.match(network), network]
 
-        return stand_in(kind, attach)  # type: ignore[no-any-return]
+        return stand_in(kind, attach)
 
     return make
 
@@ -260,9 +255,7 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
         (Rtmw3d, "coco_wholebody133", 133, (384, 288)),
     ],
 )
-def test_conformance(
-    stand_in_rtmpose: Any, kind: type, skeleton: str, count: int, size: tuple[int, int]
-) -> None:
+def test_conformance(stand_in_rtmpose, kind, skeleton, count, size):
     report = check_backend(stand_in_rtmpose(kind, skeleton, count, size), "keypoint_detector")
     print(report.summary, report.accuracy)
     report.raise_if_failed()
@@ -271,8 +264,8 @@ def test_conformance(
 
 @pytest.mark.parametrize("batch", ["batch", 1, 4])
 def test_people_of_a_network_with_dynamic_ranges_do_not_change_each_other(
-    graph: Any, node: Any, loaded: Any, tmp_path: Path, batch: str | int
-) -> None:
+    graph, node, loaded, tmp_path, batch
+):
     """DynamicQuantizeLinear has one range for all rows: a bright person would make steps of a dark
     one coarse.
     """

@@ -4,7 +4,6 @@ stand-ins.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ PORTS = {
 
 
 @pytest.fixture
-def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
+def vitpose(tmp_path, graph, node, loaded):
     """A file whose joint j is the colour j mod 3 of what it is shown, on the grid that such a
     network is trained on.
 
@@ -37,12 +36,12 @@ def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
     """
 
     def make(
-        kind: str = "easy",
-        count: int = 17,
-        batch: int | str = "batch",
-        stated: bool = True,
-        **options: Any,
-    ) -> VitPose:
+        kind="easy",
+        count=17,
+        batch="batch",
+        stated=True,
+        **options,
+    ):
         picture, maps, plus = PORTS[kind]
         inputs: dict[str, Any] = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
         nodes = [
@@ -96,7 +95,7 @@ def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
 
 
 @pytest.mark.parametrize("kind", list(PORTS))
-def test_each_joint_is_found_at_the_blob_of_its_colour(vitpose: Any, kind: str) -> None:
+def test_each_joint_is_found_at_the_blob_of_its_colour(vitpose, kind):
     found = vitpose(kind).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
@@ -110,8 +109,8 @@ def test_each_joint_is_found_at_the_blob_of_its_colour(vitpose: Any, kind: str) 
     ("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")]
 )
 def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(
-    vitpose: Any, count: int, skeleton: str, stated: bool
-) -> None:
+    vitpose, count, skeleton, stated
+):
     box = (300.0, 60.0, 560.0, 700.0)
     backend = vitpose(count=count, stated=stated)
     worst = 0.0
@@ -126,7 +125,7 @@ def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(
     assert worst < 1.0  # read on the other grid, a foot is 10 px off
 
 
-def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose: Any) -> None:
+def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose):
     seen = blobs(PLACES)
     boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
     found = vitpose().infer(seen, people(*boxes))
@@ -134,15 +133,13 @@ def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose: An
 
 
 @pytest.mark.parametrize(("count", "expert"), [(17, 0), (133, 5)])
-def test_vitpose_plus_gets_the_expert_of_its_joint_set(
-    vitpose: Any, count: int, expert: int
-) -> None:
+def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose, count, expert):
     """The fake network adds the number of its expert to its heat maps."""
     black = np.zeros((200, 260, 3), np.uint8)  # -2.1 to -1.8 after the normalisation
     assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()
 
 
-def test_keypoints_of_one_hand_are_refused(vitpose: Any) -> None:
+def test_keypoints_of_one_hand_are_refused(vitpose):
     with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         vitpose(count=21)
     with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
@@ -150,7 +147,7 @@ def test_keypoints_of_one_hand_are_refused(vitpose: Any) -> None:
 
 
 @pytest.mark.parametrize("batch", [1, "batch"])
-def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> None:
+def test_people_do_not_depend_on_their_batch(vitpose, batch):
     seen = blobs(PLACES)
     boxes = [(60.0 + i, 40.0, 140.0, 170.0) for i in range(5)]
     together = vitpose(batch=batch).infer(seen, people(*boxes))
@@ -159,14 +156,14 @@ def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> 
 
 
 @pytest.fixture(scope="module")
-def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
+def stand_in_vitpose(stand_in, stand_in_network):
     """The adapter over a network that draws a Gaussian where each joint of the person in the crop
     truly is.
     """
 
-    def make(skeleton: str, count: int) -> type:
-        def attach(backend: Any) -> list[Any]:
-            def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+    def make(skeleton, count):
+        def attach(backend):
+            def answer(shown, feed):
                 maps = []
                 # UDP counts from the first pixel to the last, the others pixels
                 ends = 1 if count == 17 else 0
@@ -193,14 +190,14 @@ def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
             )
             return [backend.match(network), network]
 
-        return stand_in(VitPose, attach)  # type: ignore[no-any-return]
+        return stand_in(VitPose, attach)
 
     return make
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("skeleton", "count"), [("coco_wholebody133", 133), ("coco17", 17)])
-def test_conformance(stand_in_vitpose: Any, skeleton: str, count: int) -> None:
+def test_conformance(stand_in_vitpose, skeleton, count):
     report = check_backend(stand_in_vitpose(skeleton, count), "keypoint_detector")
     print(report.accuracy)
     report.raise_if_failed()

@@ -4,9 +4,7 @@ own pipeline.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +19,7 @@ transformers = pytest.importorskip("transformers")
 
 
 @pytest.fixture(params=[False, True], ids=["plain", "plus"])
-def network(request: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool]:
+def network(request, exported):
     import torch
 
     torch.manual_seed(0)
@@ -31,15 +29,13 @@ def network(request: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool
     if request.param:
         inputs["dataset_index"] = (torch.zeros(2, dtype=torch.int64), free)
 
-    def heat_maps(model: Any, *values: Any) -> Any:
+    def heat_maps(model, *values):
         return model(**dict(zip(inputs, values, strict=True))).heatmaps
 
     return model, Path(exported(model, heat_maps, inputs, {"heatmaps": free})), request.param
 
 
-def test_the_exported_class_answers_as_transformers_own_pipeline(
-    network: tuple[Any, Path, bool], loaded: Any
-) -> None:
+def test_the_exported_class_answers_as_transformers_own_pipeline(network, loaded):
     import torch
     from scipy.ndimage import gaussian_filter
     from transformers.models.vitpose.image_processing_pil_vitpose import VitPoseImageProcessorPil

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
 
-
-def depth_anything(kind: str = "metric") -> Any:
+def depth_anything(kind="metric"):
     from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation, Dinov2Config
 
     backbone = Dinov2Config(
@@ -26,7 +24,7 @@ def depth_anything(kind: str = "metric") -> Any:
     )
 
 
-def vitpose(experts: int = 1) -> Any:
+def vitpose(experts=1):
     from transformers import VitPoseBackboneConfig, VitPoseConfig, VitPoseForPoseEstimation
 
     backbone = VitPoseBackboneConfig(

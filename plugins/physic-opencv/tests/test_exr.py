@@ -19,7 +19,7 @@ FILES = Path(__file__).parent / "exr"
 @pytest.mark.parametrize(
     "name", ["blender5_bw_V_depth", "blender5_rgba_depth", "blender5_parts", "blender45_multilayer"]
 )
-def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(name: str) -> None:
+def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(name):
     depth, _ = read_depth(FILES / f"{name}.exr", 1.0, None)
     assert depth.shape == (48, 64)
     assert np.nanmin(depth) == pytest.approx(3.0, abs=1e-5)
@@ -28,31 +28,31 @@ def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(n
 
 
 @pytest.mark.parametrize("name", ["opencv4_one.exr", "opencv4_three.exr", "depth_anything_3.npz"])
-def test_depth_of_opencv_and_of_depth_anything_3_arrives_as_it_was(name: str) -> None:
+def test_depth_of_opencv_and_of_depth_anything_3_arrives_as_it_was(name):
     depth, _ = read_depth(FILES / name, 1.0, None)
     assert depth.shape == (28, 42)
     assert depth == pytest.approx(np.linspace(1, 5, 28 * 42).reshape(28, 42), abs=1e-5)
 
 
-def test_the_only_channel_z_is_depth() -> None:
+def test_the_only_channel_z_is_depth():
     depth, _ = read_depth(FILES / "Z.exr", 1.0, None)
     assert depth[0, 0] == 1.0
     assert depth[-1, -1] == 48.0
 
 
-def test_a_position_is_no_depth() -> None:
+def test_a_position_is_no_depth():
     with pytest.raises(InputError, match="X, Y, Z"):
         read_depth(FILES / "XYZ.exr", 1.0, None)
 
 
-def written(path: Path, channels: dict[str, np.ndarray]) -> Path:
+def written(path, channels):
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, channels).write(str(path))
     return path
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
-def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path: Path, dtype: type) -> None:
+def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path, dtype):
     values = np.linspace(1, 8, 24, dtype=dtype).reshape(4, 6)
     values[0, 0] = 65504
     depth, _ = read_depth(
@@ -62,7 +62,7 @@ def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path: Path, dt
     assert np.isnan(depth[0, 0])
 
 
-def test_a_colour_picture_is_no_depth(tmp_path: Path) -> None:
+def test_a_colour_picture_is_no_depth(tmp_path):
     colours = {
         name: np.full((4, 6), value, np.float32)
         for name, value in zip("RGB", (1, 2, 3), strict=True)
@@ -71,7 +71,7 @@ def test_a_colour_picture_is_no_depth(tmp_path: Path) -> None:
         read_depth(written(tmp_path / "d.exr", colours), 1.0, None)
 
 
-def test_a_file_that_claims_gigabytes_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_claims_gigabytes_is_refused(tmp_path):
     path = written(tmp_path / "d.exr", {"Z": np.ones((4, 6), np.float32)})
     window = np.array([0, 0, 5, 3], "<i4").tobytes()
     huge = np.array([0, 0, 29_999, 29_999], "<i4").tobytes()
@@ -81,7 +81,7 @@ def test_a_file_that_claims_gigabytes_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kept", [3, 4, 40])
-def test_a_cut_file_is_refused(tmp_path: Path, kept: int) -> None:
+def test_a_cut_file_is_refused(tmp_path, kept):
     path = written(tmp_path / "d.exr", {"Z": np.ones((4, 6), np.float32)})
     path.write_bytes(path.read_bytes()[:kept])
     with pytest.raises(InputError, match="damaged"):

@@ -17,19 +17,17 @@ from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 IMAGE = np.zeros((4, 6, 3), np.uint8)
 DEPTH = np.arange(1, 25, dtype=np.float64).reshape(4, 6) / 4
 
 
-def depth(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float):
+def depth(path, hole=None, image=IMAGE, **options):
     return DepthFile(DepthFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
 
 
-def pointmap(
-    path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float
-):
+def pointmap(path, hole=None, image=IMAGE, **options):
     return PointmapFile(PointmapFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
 
 
@@ -37,7 +35,7 @@ def pointmap(
 # --------------------------------------------------------------------------------------------------
 
 
-def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path: Path) -> None:
+def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path):
     values = DEPTH.copy()
     hole = np.zeros((4, 6), bool)
     values[0, :4] = np.nan, np.inf, 0, -1
@@ -49,7 +47,7 @@ def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path: P
     assert (found.depth.dtype, found.scale_sigma, found.notes) == (np.float32, 0.01, ())
 
 
-def test_a_16_bit_png_in_millimetres(tmp_path: Path) -> None:
+def test_a_16_bit_png_in_millimetres(tmp_path):
     stored = (DEPTH * 1000).astype(np.uint16)
     stored[0, 0], stored[1, 1] = 0, 65535
     cv2.imwrite(str(tmp_path / "d.png"), stored)
@@ -62,7 +60,7 @@ def test_a_16_bit_png_in_millimetres(tmp_path: Path) -> None:
         depth(tmp_path / "d.png")
 
 
-def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -> None:
+def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path):
     np.save(tmp_path / "d.npy", np.array([[1.0, np.nan, 3.0], [4.0, 5.0, 6.0]]))
     found = depth(tmp_path / "d.npy")
     np.testing.assert_array_equal(found.depth[0], [1, 1, np.nan, np.nan, 3, 3])
@@ -79,16 +77,14 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -
         ("d.tif", np.ones((4, 6)), "ends in none of"),
     ],
 )
-def test_unusable_depth_is_refused(
-    tmp_path: Path, name: str, values: np.ndarray, message: str
-) -> None:
+def test_unusable_depth_is_refused(tmp_path, name, values, message):
     with (tmp_path / name).open("wb") as file:
         np.save(file, values)
     with pytest.raises(InputError, match=message):
         depth(tmp_path / name)
 
 
-def test_damaged_and_missing_files_are_refused(tmp_path: Path) -> None:
+def test_damaged_and_missing_files_are_refused(tmp_path):
     for name, reader in (("d.npy", depth), ("d.png", depth), ("d.npz", pointmap)):
         (tmp_path / name).write_bytes(b"nothing of the kind")
         with pytest.raises(InputError, match="cannot read"):
@@ -114,7 +110,7 @@ DISPARITY = 0.25 + 1.75 * np.linspace(0, 255, 32).round() / 255
 RELATIVE = b"<depthData:Accuracy>relative</depthData:Accuracy>"
 
 
-def heic(tmp_path: Path, old: bytes = b"", new: bytes = b"", end: bytes = b"") -> Path:
+def heic(tmp_path, old=b"", new=b"", end=b""):
     """A copy of the file with other bytes, and with a box at its end that readers skip."""
     pytest.importorskip("pi_heif")
     content = HEIC.read_bytes()
@@ -124,20 +120,20 @@ def heic(tmp_path: Path, old: bytes = b"", new: bytes = b"", end: bytes = b"") -
     return path
 
 
-def test_disparity_beside_a_photo_is_read_as_metres(tmp_path: Path) -> None:
+def test_disparity_beside_a_photo_is_read_as_metres(tmp_path):
     found = depth(heic(tmp_path), image=np.zeros((24, 32, 3), np.uint8))
     np.testing.assert_allclose(found.depth, np.tile(1 / DISPARITY, (24, 1)), rtol=1e-6)
     assert (found.scale_sigma, found.notes) == (0.01, ())
 
 
-def test_the_scale_of_relative_disparity_is_uncertain(tmp_path: Path) -> None:
+def test_the_scale_of_relative_disparity_is_uncertain(tmp_path):
     photo = np.zeros((24, 32, 3), np.uint8)
     found = depth(heic(tmp_path, end=RELATIVE), image=photo, relative_sigma=0.3)
     assert found.scale_sigma == 0.3
     assert "relative" in found.notes[0]
 
 
-def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
+def test_a_photo_without_depth_is_refused(tmp_path):
     path = heic(tmp_path, b"auxid:2", b"auxid:9")
     with pytest.raises(
         InputError, match=f"the photo {path} has no depth map: take one in portrait mode"
@@ -145,14 +141,14 @@ def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
         depth(path)
 
 
-def test_depth_without_its_range_is_refused(tmp_path: Path) -> None:
+def test_depth_without_its_range_is_refused(tmp_path):
     # another kind of message than depth representation
     path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")
     with pytest.raises(InputError, match="not disparity with its range"):
         depth(path)
 
 
-def test_a_heic_file_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_heic_file_needs_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "pi_heif", None)
     with pytest.raises(PackageMissingError, match="run `pip install pi-heif`"):
         depth(HEIC)
@@ -164,7 +160,7 @@ def test_a_heic_file_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
 POINTS = np.stack([*np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4)), DEPTH], -1)
 
 
-def test_a_file_of_points_gives_points_and_validity(tmp_path: Path) -> None:
+def test_a_file_of_points_gives_points_and_validity(tmp_path):
     valid = np.ones((4, 6), bool)
     valid[0, 0] = False
     broken = POINTS.copy()
@@ -185,11 +181,11 @@ def test_a_file_of_points_gives_points_and_validity(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def stand() -> World:
+def stand():
     return load_world("stand_indoors", (160, 120))
 
 
-def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: World) -> None:
+def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path, stand):
     np.save(tmp_path / "depth.npy", stand.depth)
     np.save(tmp_path / "points.npy", stand.points(people=True) / 3)
     config = load_config(
@@ -213,9 +209,7 @@ def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: Wo
     assert result.scene.floor.offset == pytest.approx(stand.floor.offset, rel=0.02)
 
 
-def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(
-    tmp_path: Path, stand: World
-) -> None:
+def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(tmp_path, stand):
     depth = stand.points(people=True)[..., 2] * np.linspace(1, 1.1, stand.depth.shape[1])[None]
     np.save(tmp_path / "depth.npy", depth)
     config = load_config(
@@ -239,16 +233,14 @@ def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(
     assert result.scene.scale_sigma == pytest.approx(0.01, abs=0.002)
 
 
-def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path: Path, stand: World) -> None:
+def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path, stand):
     np.save(tmp_path / "depth.npy", 30 / stand.points(people=True)[..., 2])
     config = load_config(preset="mock", overrides=["run.cache=false"])
     with pytest.raises(ConfigError, match="disparity"):
         reconstruct(stand.image, config.with_photo({"depth": str(tmp_path / "depth.npy")}))
 
 
-def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(
-    tmp_path: Path, stand: World
-) -> None:
+def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(tmp_path, stand):
     millimetres = np.nan_to_num(stand.depth * 1000).round().astype(np.uint16)
     cv2.imwrite(str(tmp_path / "depth.png"), millimetres)
     with Pipeline({"extends": "mock", "run": {"cache": False}}) as pipeline:
@@ -273,7 +265,7 @@ def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(
     )
 
 
-def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
+def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend():
     flags = {
         "--depth": {"photo": {"depth": "d.png"}},
         "--pointmap": {"photo": {"pointmap": "p.npz"}},
@@ -300,7 +292,7 @@ def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
     ("unit", "metres"),
     [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("ft", 0.3048), ("1/5000", 0.0002)],
 )
-def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> None:
+def test_the_unit_of_a_depth_is_that_of_its_option(unit, metres):
     for name in ("d.png", "d.npy"):
         flags = {
             "--depth": {"photo": {"depth": name}},
@@ -325,15 +317,13 @@ def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> 
         ),
     ],
 )
-def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(
-    given: dict[str, str], message: str
-) -> None:
+def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(given, message):
     with pytest.raises(ConfigError, match=message):
         load_config(preset="mock", flags={"flags": {"photo": given}})
 
 
-def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
-    def options(world: World, values: np.ndarray) -> dict[str, str]:
+def test_both_pass_the_conformance_kit(tmp_path):
+    def options(world, values):
         path = tmp_path / f"{world.name}-{world.image.shape[1]}-{values.ndim}.npy"
         np.save(path, values)
         return {"path": str(path)}
@@ -345,7 +335,7 @@ def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
         check_backend("file", interface, options=made, capabilities={"exact"}).raise_if_failed()
 
 
-def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
+def test_files_that_claim_more_than_they_have_are_refused(tmp_path):
     array = (
         "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
     )
@@ -374,9 +364,7 @@ def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
 @pytest.mark.parametrize(
     ("photo", "made"), [((1080, 1920), (280, 504)), ((2532, 1170), (504, 238))]
 )
-def test_a_map_whose_sides_a_network_rounded_to_14_px_is_stretched(
-    photo: tuple[int, int], made: tuple[int, int]
-) -> None:
+def test_a_map_whose_sides_a_network_rounded_to_14_px_is_stretched(photo, made):
     values, notes = resize_nearest(
         np.arange(made[0] * made[1], dtype=float).reshape(made), *photo, Path("a.npy")
     )
@@ -386,18 +374,18 @@ def test_a_map_whose_sides_a_network_rounded_to_14_px_is_stretched(
     assert len(notes) == 1
 
 
-def test_a_cropped_map_of_whole_patches_is_refused() -> None:
+def test_a_cropped_map_of_whole_patches_is_refused():
     with pytest.raises(InputError, match="aspect"):
         resize_nearest(np.ones((280, 448)), 1080, 1920, Path("a.npy"))
 
 
 @pytest.mark.parametrize("lead", [(), (1,)], ids=["MoGe and Depth Pro", "Depth Anything 3"])
-def test_a_depth_in_an_archive_of_arrays_is_read(tmp_path: Path, lead: tuple[int, ...]) -> None:
+def test_a_depth_in_an_archive_of_arrays_is_read(tmp_path, lead):
     np.savez(tmp_path / "results.npz", depth=DEPTH.reshape(*lead, *DEPTH.shape), conf=np.ones(3))
     np.testing.assert_allclose(depth(tmp_path / "results.npz").depth, DEPTH, rtol=1e-6)
 
 
-def test_an_archive_without_depth_is_refused_with_its_arrays(tmp_path: Path) -> None:
+def test_an_archive_without_depth_is_refused_with_its_arrays(tmp_path):
     np.savez(tmp_path / "a.npz", disparity=DEPTH)
     with pytest.raises(InputError, match="it has disparity"):
         depth(tmp_path / "a.npz")

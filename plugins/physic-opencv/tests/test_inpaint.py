@@ -6,7 +6,7 @@ import pytest
 from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea
 
 
-def gradient(height: int = 90, width: int = 120) -> np.ndarray:
+def gradient(height=90, width=120):
     """A slope of 120 grey levels along x, 90 along y."""
     v, u = np.mgrid[:height, :width]
     u = 120 * u / width
@@ -14,7 +14,7 @@ def gradient(height: int = 90, width: int = 120) -> np.ndarray:
     return np.stack([u + v, 200 - u, 60 + v], axis=2).astype(np.uint8)
 
 
-def disc(shape: tuple[int, int], centre: tuple[int, int], radius: int) -> np.ndarray:
+def disc(shape, centre, radius):
     v, u = np.mgrid[: shape[0], : shape[1]]
     return (u - centre[0]) ** 2 + (v - centre[1]) ** 2 <= radius**2
 

@@ -263,7 +263,7 @@ class Published:
 _ROWS = {"root": slice(0, 1), "body": slice(1, 22), "lhand": slice(25, 40), "rhand": slice(40, 55)}
 
 
-def contour_row(rotations: Tensor) -> int:
+def contour_row(rotations):
     """Which of 79 rows the face's contour takes: whole degrees of the head's yaw, 0 to 39, then -1
     to -39.
     """
@@ -275,11 +275,11 @@ def contour_row(rotations: Tensor) -> int:
     return degrees if degrees >= 0 else 39 - degrees
 
 
-def _ninefold(line: Tensor) -> Tensor:
+def _ninefold(line):
     """(n,) every ninth of evenly spaced numbers -> all of them."""
     return torch.from_numpy(np.linspace(float(line[0]), float(line[-1]), 9 * (len(line) - 1) + 1))
 
 
-def _columns(six: Tensor) -> Tensor:
+def _columns(six):
     """(..., 6) as stored -> (..., 3, 2), the first two columns of the rotation."""
     return six.reshape(*six.shape[:-1], 2, 3).transpose(-1, -2)

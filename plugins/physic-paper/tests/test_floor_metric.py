@@ -22,7 +22,7 @@ RAYS = pixel_rays(
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 
 
-def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
+def test_the_floor_of_its_mask_is_found_to_the_centimetre():
     up = torch.tensor(
         [0.0, -math.cos(math.radians(15)), -math.sin(math.radians(15))], dtype=torch.float64
     )
@@ -41,13 +41,13 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
     assert found.inlier_share > 0.7
 
 
-def test_without_a_floor_mask_no_floor_is_found() -> None:
+def test_without_a_floor_mask_no_floor_is_found():
     points = RAYS * 2
     assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, None).reason == "no_pixels"
     assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, ~ALL).reason == "no_pixels"
 
 
-def test_points_without_a_plane_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_without_a_plane_are_refused(monkeypatch):
     points = RAYS * (
         1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0))
     )

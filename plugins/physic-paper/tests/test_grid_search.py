@@ -8,7 +8,7 @@ from physic_core.geometry.neighbors import NearestPointSearch
 from physic_paper.grid_search import GridSearch
 
 
-def room(count: int = 20_000) -> tuple[torch.Tensor, torch.Tensor]:
+def room(count=20_000):
     """Points of a floor and a wall, with their normals."""
     g = torch.Generator().manual_seed(0)
     floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor(
@@ -24,7 +24,7 @@ def room(count: int = 20_000) -> tuple[torch.Tensor, torch.Tensor]:
     )
 
 
-def vertices(count: int = 500) -> torch.Tensor:
+def vertices(count=500):
     box = torch.rand(2, count, 3, generator=torch.Generator().manual_seed(1)) * torch.tensor(
         [1.0, 1.8, 1.0]
     )

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import surface_distances
@@ -25,7 +24,6 @@ from physic_core.engine.placement.solve import human_points
 from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput, build_scene
-from physic_core.engine.state import State
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
 from physic_paper.grid_search import GridSearch
@@ -54,11 +52,11 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def published() -> Published:
+def published():
     return Published(FILE)
 
 
-def at(published: Published, state: str) -> JointEnergy:
+def at(published, state):
     """The preset's energy at a stored state, what is seen of people as it is stored with it."""
     energy = JointEnergy(published.state(state), RELEASE.joint)
     with torch.no_grad():
@@ -88,20 +86,20 @@ def at(published: Published, state: str) -> JointEnergy:
     return energy
 
 
-def unweighted(energy: JointEnergy) -> dict[str, Tensor]:
+def unweighted(energy):
     terms = {name: value.sum() for name, value in energy().items()}
     names = {"j2d": ("reprojection",), "reg": ("regularisation", "scale")}
-    return {t: sum(terms[n] for n in names.get(t, (t,))) / WEIGHTS[t] for t in TERMS}  # type: ignore[misc]
+    return {t: sum(terms[n] for n in names.get(t, (t,))) / WEIGHTS[t] for t in TERMS}
 
 
-def constant_part(published: Published) -> float:
+def constant_part(published):
     """Of the reprojection: two keypoints that no body has, projected to pixel (0, 0)."""
     shares = published["one/in/keypoints"][0] / published["camera/size_wh"]
     weight = published["one/out/pre/keypoint_weight"][0]
     return sum(float(weight[j] * shares[j].sum()) for j in (91, 112)) / (2 * 133)
 
 
-def stored_terms(published: Published, state: str) -> dict[str, float]:
+def stored_terms(published, state):
     terms = dict(zip(TERMS, published[f"one/out/{state}/terms"].tolist(), strict=True))
     terms["j2d"] -= constant_part(published)
     terms["contact"], terms["penetration"] = published[f"one/out/{state}/robust_no_const"].tolist()
@@ -109,7 +107,7 @@ def stored_terms(published: Published, state: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_every_term_is_the_published_one(published: Published, state: str) -> None:
+def test_every_term_is_the_published_one(published, state):
     got = unweighted(at(published, state))
     want = stored_terms(published, state)
     for term in TERMS:
@@ -118,7 +116,7 @@ def test_every_term_is_the_published_one(published: Published, state: str) -> No
 
 
 @pytest.mark.parametrize("state", WITH_GRADIENTS)
-def test_every_gradient_is_the_published_one(published: Published, state: str) -> None:
+def test_every_gradient_is_the_published_one(published, state):
     energy = at(published, state)
     for term, value in unweighted(energy).items():
         stored = published.gradients(state, term)
@@ -135,7 +133,7 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
             assert float((got - want).abs().max()) <= allowed, (term, group)
 
 
-def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Published) -> None:
+def test_visibility_is_computed_once_at_the_placement_by_keypoints(published):
     energy = JointEnergy(published.state(), RELEASE.joint)
     for _ in range(2):
         assert torch.equal(
@@ -151,7 +149,7 @@ def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Pu
 
 
 @pytest.mark.parametrize("state", ["s3_start", "probe"])
-def test_limbs_are_seen_by_the_published_share(published: Published, state: str) -> None:
+def test_limbs_are_seen_by_the_published_share(published, state):
     model = published.state().model
     names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
     parts = sorted(
@@ -167,7 +165,7 @@ def test_limbs_are_seen_by_the_published_share(published: Published, state: str)
     assert float((shares - stored).abs().max()) < 0.05
 
 
-def test_keypoints_weigh_as_published(published: Published) -> None:
+def test_keypoints_weigh_as_published(published):
     columns = JOINT_SETS[SKELETON]
     sampling = JointEnergy(published.state(), RELEASE.joint).sampling
     assert torch.equal(
@@ -175,7 +173,7 @@ def test_keypoints_weigh_as_published(published: Published) -> None:
     )
 
 
-def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> None:
+def test_each_keypoint_pulls_alike_in_every_joint_set(published):
     """Only body and feet are detected: of 23, 69 and 131 keypoints.
 
     Then of 33, which lie elsewhere, by the weight.
@@ -200,7 +198,7 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
     assert sampling.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
 
-def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
+def test_nearest_points_are_those_of_the_published_grid(published):
     points = torch.cat([published.scene.surface[0], published.floor])
     scene = GridSearch(points, torch.zeros_like(points), 10.0)
     query = published["one/in/knn/query"]
@@ -215,8 +213,8 @@ def test_nearest_points_are_those_of_the_published_grid(published: Published) ->
 
 
 def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(
-    published: Published,
-) -> None:
+    published,
+):
     state, (rotations, betas, transl) = published.state(), published.given("init")
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
@@ -257,7 +255,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     assert float((transl + fit.x[:3] - published["one/out/s2_wolfe/transl"]).norm()) < 1e-4
 
 
-def test_stage_three_ends_within_5_mm(published: Published) -> None:
+def test_stage_three_ends_within_5_mm(published):
     result = optimize(published.state(), RELEASE.joint)
     off = 1e3 * (result.vertices - published["one/out/s3_end/vertices"]).norm(dim=-1)
     assert float(off.mean()) < 5
@@ -267,14 +265,14 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
 
 
 @pytest.mark.parametrize("whose", WHOSE)
-def test_no_vertex_of_the_contact_map_differs(published: Published, whose: str) -> None:
+def test_no_vertex_of_the_contact_map_differs(published, whose):
     vertices, scale = whose_body(published, whose)
     state = published.state()
     contact = contact_map(state, vertices, scale)
     assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 
-def contact_map(state: State, vertices: Tensor, scale: float) -> Tensor:
+def contact_map(state, vertices, scale):
     """Contact (B, V) bool by the rule of preset "release"."""
     method = RELEASE.contact
     assert isinstance(method, DistanceContact)
@@ -284,7 +282,7 @@ def contact_map(state: State, vertices: Tensor, scale: float) -> Tensor:
     return method.contains(near.nearest) & state.model.outer
 
 
-def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
+def whose_body(published, whose):
     """Vertices, and the scale of their scene."""
     if whose == "truth":
         return published["one/in/truth/vertices"], 1.0
@@ -292,7 +290,7 @@ def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
     return published[f"one/out/{state}/vertices"], float(published[f"one/out/{state}/param/scale"])
 
 
-def test_stage_one_is_the_published_one(published: Published) -> None:
+def test_stage_one_is_the_published_one(published):
     points = published.points()
     valid = torch.isfinite(points).all(-1)
     normals = published_normals(points, valid)
@@ -321,7 +319,7 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
         assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 
-def test_outliers_are_the_published_ones(published: Published) -> None:
+def test_outliers_are_the_published_ones(published):
     points = published.points()
     valid = torch.isfinite(points).all(-1)
     kept = valid.clone()

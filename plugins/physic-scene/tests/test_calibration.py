@@ -21,7 +21,7 @@ PHOTOS = [Path("left_0001.jpg"), Path("right_0001.jpg")]
 SIZES = [(640, 480), (640, 480)]
 
 
-def camera_table(**changes) -> str:
+def camera_table(**changes):
     entries = {
         "size": [640, 480],
         "K": K,
@@ -40,7 +40,7 @@ def camera_table(**changes) -> str:
 def written(tmp_path):
     """Return a function that writes the file and returns its path."""
 
-    def write(text: str) -> Path:
+    def write(text):
         path = tmp_path / "rig.toml"
         path.write_text(text)
         return path

@@ -20,7 +20,7 @@ TURN = Rotation.from_euler("y", 40, degrees=True).as_matrix()
 HALF_TURN = Rotation.from_euler("y", 180, degrees=True).as_matrix()
 
 
-def photo(joints: np.ndarray) -> PhotoPeople:
+def photo(joints):
     """Return people in like clothes with joints (N, 55, 3), and the keypoints that a photo of 120 x
     90 px shows.
     """
@@ -59,7 +59,7 @@ def facing_each_other():
     return photo(joints), photo(motion.to_camera(joints)), motion
 
 
-def in_clothes(people: PhotoPeople, *colours: float) -> PhotoPeople:
+def in_clothes(people, *colours):
     """Return people in clothes of these colours; NaN where the photo shows none."""
     return replace(
         people, colours=np.broadcast_to(np.array(colours)[:, None, None], people.colours.shape)
@@ -110,7 +110,7 @@ def test_a_photo_without_a_sure_pair_is_joined_by_its_likeliest_one(facing_each_
     assert join_tracks(people, matches).tolist() == [[1, 1, 1], [0, 0, -1]]
 
 
-def verdict(*views: SolvedView, rows: list[list[int]]) -> dict[str, list[float | None]]:
+def verdict(*views, rows):
     """Return the values of each check over the photos."""
     found: dict[str, list[float | None]] = {}
     for check in checks_of_cameras(views, np.array(rows)):

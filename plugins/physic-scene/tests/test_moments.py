@@ -18,7 +18,7 @@ from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Grade
-from physic_scene import ScenePipeline, SceneResult
+from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
 from physic_scene.output import save_scene
 from physic_scene.rigid import rotation_angle_deg
@@ -57,7 +57,7 @@ def solver(config):
 
 
 @pytest.fixture(scope="module")
-def solved(solver, alone) -> SceneResult:
+def solved(solver, alone):
     return solver.join(alone, ["a.png", "b.png", "c.png"])
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError, InputError
-from physic_scene import KnownCamera, read_calibration
+from physic_scene import read_calibration
 
 RIGS = Path(__file__).parent / "rigs"
 POINTS = json.loads((RIGS / "points.json").read_text())
@@ -22,7 +22,7 @@ BY_FOLDER = [Path(f"/data/{name}/0001.png") for name in ("left", "middle", "righ
 BY_NUMBER = [Path("cam_0.jpg"), Path("cam_1.jpg"), Path("cam_2.jpg")]
 
 
-def pixels(camera: KnownCamera, points: np.ndarray) -> np.ndarray:
+def pixels(camera, points):
     """Return the pixels of points of the rig, in metres, by OpenCV."""
     to_rig = camera.pose
     rotation = Rotation.from_matrix(to_rig[:3, :3]).inv()
@@ -33,7 +33,7 @@ def pixels(camera: KnownCamera, points: np.ndarray) -> np.ndarray:
     return cv2.projectPoints(points.copy(), vector, offset, K, distortion)[0][:, 0]
 
 
-def distance(a: KnownCamera, b: KnownCamera) -> float:
+def distance(a, b):
     return np.linalg.norm(a.pose[:3, 3] - b.pose[:3, 3])
 
 
@@ -89,7 +89,7 @@ def test_intrinsics_alone_have_no_pose(tmp_path):
     assert [camera.pose for camera in cameras] == [None, None, None]
 
 
-def turned(folder: Path, turns: int) -> Path:
+def turned(folder, turns):
     """Return the path of Caliscope's rig with another number of turns of the cameras 0 and 2."""
     text = (RIGS / "caliscope.toml").read_text()
     path = folder / "rig.toml"
@@ -136,7 +136,7 @@ def test_images_of_one_name_are_told_apart_by_their_folders():
         )
 
 
-def changed(folder: Path, file: str, old: str, new: str) -> Path:
+def changed(folder, file, old, new):
     """Return the path of a copy of a file, with the other files of its folder, in which a text is
     another one.
     """

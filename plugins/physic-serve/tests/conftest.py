@@ -80,7 +80,7 @@ class Served:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[Served]:
+def served(tmp_path):
     """A server that ends with the test."""
     found = Served(tmp_path)
     yield found

@@ -11,10 +11,10 @@ import pytest
 from physic_serve import app
 from physic_serve.worker import Message
 
-from .conftest import PHOTO, Served
+from .conftest import PHOTO
 
 
-def test_a_photo_becomes_a_page_with_its_files(served: Served):
+def test_a_photo_becomes_a_page_with_its_files(served):
     page = served.post("<b>&.jpg")
     running = served.wait(page, "<li>people</li>")
     assert "Stop" in running
@@ -36,7 +36,7 @@ def test_a_photo_becomes_a_page_with_its_files(served: Served):
     assert served.workers[0].tasks[0].photo == PHOTO
 
 
-def test_pages_run_no_scripts_of_others_and_a_report_its_own_only(served: Served):
+def test_pages_run_no_scripts_of_others_and_a_report_its_own_only(served):
     page = served.post()
     served.release.set()
     assert "default-src 'self'" in served.client.get(page).headers["content-security-policy"]
@@ -45,7 +45,7 @@ def test_pages_run_no_scripts_of_others_and_a_report_its_own_only(served: Served
     assert report.headers["content-security-policy"] == "frame-ancestors 'self'"
 
 
-def test_an_example_is_a_click(served: Served):
+def test_an_example_is_a_click(served):
     assert 'value="an-example.jpg"' in served.client.get("/").text
     assert served.client.get("/examples/an-example.jpg").status_code == 200
     posted = served.client.post("/jobs", data={"example": "an-example.jpg"})
@@ -53,7 +53,7 @@ def test_an_example_is_a_click(served: Served):
     assert served.client.post("/jobs", data={"example": "../conftest.py"}).status_code == 400
 
 
-def test_stopped_photos_have_no_result_and_the_next_one_has_a_new_worker(served: Served):
+def test_stopped_photos_have_no_result_and_the_next_one_has_a_new_worker(served):
     running = served.post()
     waiting = served.post()
     served.wait(running, "Running")
@@ -66,7 +66,7 @@ def test_stopped_photos_have_no_result_and_the_next_one_has_a_new_worker(served:
     assert "it was stopped" in served.client.get(running).text
 
 
-def test_a_failed_photo_says_why_and_gives_no_file(served: Served):
+def test_a_failed_photo_says_why_and_gives_no_file(served):
     served.release.set()
     worker = served.workers[0]
 
@@ -80,7 +80,7 @@ def test_a_failed_photo_says_why_and_gives_no_file(served: Served):
     assert served.client.get(f"{page}/files/preview.png").status_code == 404
 
 
-def test_a_browser_lists_its_own_results(served: Served):
+def test_a_browser_lists_its_own_results(served):
     pages = [served.post(f"{number}.jpg") for number in range(2)]
     listed = re.findall(r'<li><a href="([^"]+)">([^<]+)', served.client.get("/").text)
     assert listed == [(pages[1], "1.jpg"), (pages[0], "0.jpg")]
@@ -90,7 +90,7 @@ def test_a_browser_lists_its_own_results(served: Served):
 @pytest.mark.parametrize(
     "name", ["../../../evil.jpg", "/etc/passwd", "reconstruction.json", "n" * 300]
 )
-def test_the_name_of_the_file_is_shown_and_names_no_file(served: Served, tmp_path, name: str):
+def test_the_name_of_the_file_is_shown_and_names_no_file(served, tmp_path, name):
     served.release.set()
     page = served.post(name)
     served.wait(page, "Done")
@@ -102,14 +102,14 @@ def test_the_name_of_the_file_is_shown_and_names_no_file(served: Served, tmp_pat
 @pytest.mark.parametrize(
     "file", ["..%2fphoto", "%2e%2e%2fpreview.png", "%2fetc%2fpasswd", "preview.png%00", "photo"]
 )
-def test_only_files_of_the_result_can_be_read(served: Served, file: str):
+def test_only_files_of_the_result_can_be_read(served, file):
     page = served.post()
     served.release.set()
     served.wait(page, "Done")
     assert served.client.get(f"{page}/files/{file}").status_code == 404
 
 
-def test_settings_come_from_the_form(served: Served):
+def test_settings_come_from_the_form(served):
     served.release.set()
     served.wait(served.post(stature="1.8", age="4.5", focal_px="", other="3"), "Done")
     assert served.workers[0].tasks[0].settings == {"stature": 1.8, "age": 4.5}
@@ -130,9 +130,7 @@ def test_settings_come_from_the_form(served: Served):
         ({"host": "testserver.evil.example"}, 400),
     ],
 )
-def test_a_page_of_another_site_can_send_and_read_nothing(
-    served: Served, headers: dict[str, str], status: int
-):
+def test_a_page_of_another_site_can_send_and_read_nothing(served, headers, status):
     files = {"photo": ("photo.jpg", PHOTO)}
     assert served.client.post("/jobs", files=files, headers=headers).status_code == status
     assert served.client.get("/", headers=headers).status_code == status
@@ -146,14 +144,12 @@ def test_a_page_of_another_site_can_send_and_read_nothing(
         {"host": "TestServer:8000", "origin": "https://testserver:8000"},
     ],
 )
-def test_the_own_page_is_answered(served: Served, headers: dict[str, str]):
+def test_the_own_page_is_answered(served, headers):
     assert served.client.get("/", headers=headers).status_code == 200
     assert served.client.get("/", headers={"host": "[::1]:8000"}).status_code == 200
 
 
-def test_what_cannot_be_found_or_read_is_a_page_of_words(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-):
+def test_what_cannot_be_found_or_read_is_a_page_of_words(served, monkeypatch):
     for answer, status in (
         (served.client.get("/jobs/none"), 404),
         (served.client.get("/none"), 404),
@@ -162,7 +158,7 @@ def test_what_cannot_be_found_or_read_is_a_page_of_words(
         assert (answer.status_code, "It did not work" in answer.text) == (status, True)
 
 
-def test_an_upload_of_too_many_bytes_is_refused(served: Served):
+def test_an_upload_of_too_many_bytes_is_refused(served):
     large = {
         "content-length": str(app.MAX_UPLOAD_BYTES + 1),
         "content-type": "multipart/form-data; boundary=b",
@@ -170,7 +166,7 @@ def test_an_upload_of_too_many_bytes_is_refused(served: Served):
     assert served.client.post("/jobs", content=b"", headers=large).status_code == 413
 
 
-def test_an_upload_that_the_browser_breaks_off_raises_nothing(served: Served):
+def test_an_upload_that_the_browser_breaks_off_raises_nothing(served):
     messages = iter(
         [
             {"type": "http.request", "body": b"--b\r\n", "more_body": True},
@@ -179,10 +175,10 @@ def test_an_upload_that_the_browser_breaks_off_raises_nothing(served: Served):
     )
     sent: list[dict[str, Any]] = []
 
-    async def receive() -> dict[str, Any]:
+    async def receive():
         return next(messages)
 
-    async def send(message: Any) -> None:
+    async def send(message):
         sent.append(message)
 
     headers = {

@@ -13,7 +13,7 @@ def used_port():
         yield server.getsockname()[1]
 
 
-def test_a_port_in_use_is_refused_with_its_option(used_port: int, physic) -> None:
+def test_a_port_in_use_is_refused_with_its_option(used_port, physic):
     done = physic("serve", "--preset", "mock", "--port", str(used_port))
     assert done.exit_code == 2
     assert f"--port {used_port}" in done.output

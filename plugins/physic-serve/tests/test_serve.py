@@ -8,10 +8,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import httpx2
 import pytest
@@ -25,18 +22,18 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def photo(tmp_path_factory):
     path = tmp_path_factory.mktemp("photo") / "walk.png"
     Image.fromarray(load_world("walk").image).save(path)
     return path
 
 
-def _heed_closed_terminals() -> None:
+def _heed_closed_terminals():
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @contextmanager
-def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
+def started(folder, end=signal.SIGTERM):
     """Yield the address of a server with mock estimators, which the signal ends; its folder is then
     as before.
     """
@@ -69,13 +66,13 @@ def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def address(tmp_path_factory):
     with started(tmp_path_factory.mktemp("served")) as found:
         yield found
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no SIGHUP")
-def test_a_closed_terminal_leaves_no_photo_and_the_files_of_the_user(photo: Path, tmp_path: Path):
+def test_a_closed_terminal_leaves_no_photo_and_the_files_of_the_user(photo, tmp_path):
     (tmp_path / "physic-serve-docker" / "jobs").mkdir(parents=True)
     (tmp_path / "physic-serve-docker" / "docker-compose.yml").write_text("mine")
     with started(tmp_path, signal.SIGHUP) as address:
@@ -87,13 +84,11 @@ def test_a_closed_terminal_leaves_no_photo_and_the_files_of_the_user(photo: Path
 @pytest.mark.parametrize(
     ("host", "status"), [("Photos.Example:80", 200), ("photos.example.evil.example", 400)]
 )
-def test_another_name_of_the_server_is_given_with_an_option(address: str, host: str, status: int):
+def test_another_name_of_the_server_is_given_with_an_option(address, host, status):
     assert httpx2.get(f"{address}/", headers={"host": host}).status_code == status
 
 
-def test_a_person_uploads_a_photo_in_the_browser(
-    address: str, photo: Path, chromium: Any, tmp_path: Path
-):
+def test_a_person_uploads_a_photo_in_the_browser(address, photo, chromium, tmp_path):
     page = chromium.open(f"{address}/", 420, 900)
     root = page.call("DOM.getDocument")["root"]["nodeId"]
     field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
@@ -114,7 +109,7 @@ def test_a_person_uploads_a_photo_in_the_browser(
     assert page.picture("iframe").std() > 10
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
     assert page.errors() == []
-    assert {re.match(r"\w+://[^/]+", place)[0] for place in page.requests()} == {address}  # type: ignore[index]
+    assert {re.match(r"\w+://[^/]+", place)[0] for place in page.requests()} == {address}
     links = page.evaluate(
         "[...document.querySelectorAll('a[download]')].map(a => [a.textContent, a.href])"
     )
@@ -133,7 +128,7 @@ def test_a_person_uploads_a_photo_in_the_browser(
     start.close()
 
 
-def test_an_example_is_clicked_and_stopped_in_the_browser(address: str, chromium: Any):
+def test_an_example_is_clicked_and_stopped_in_the_browser(address, chromium):
     page = chromium.open(f"{address}/", 1000, 900)
     page.wait(
         "[...document.querySelectorAll('.examples img')].every(picture => picture.naturalWidth > 0)"

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from time import sleep
 
 import pytest
 
 from physic_core import BackendError
-from physic_serve.jobs import Job, Jobs
+from physic_serve.jobs import Jobs
 from physic_serve.worker import Worker
 
 STAND_IN = """
@@ -36,32 +34,32 @@ def open_pipeline(config):
 
 
 @pytest.fixture
-def open_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def open_worker(tmp_path, monkeypatch):
     """A worker whose process runs the stand-in; a spawned process has the import path of its
     parent.
     """
     (tmp_path / "stand_in_of_pipeline.py").write_text(STAND_IN)
     monkeypatch.syspath_prepend(tmp_path)
-    import stand_in_of_pipeline  # type: ignore[import-not-found]
+    import stand_in_of_pipeline
 
     return partial(Worker, exports=(), open_=stand_in_of_pipeline.open_pipeline)
 
 
 @pytest.fixture
-def jobs(tmp_path: Path, open_worker) -> Iterator[Jobs]:
+def jobs(tmp_path, open_worker):
     (tmp_path / "results").mkdir()
     found = Jobs(tmp_path / "results", partial(open_worker, ""))
     yield found
     found.close()
 
 
-def ended(job: Job) -> str:
+def ended(job):
     while not job.finished:
         sleep(0.02)
     return job.error
 
 
-def test_a_photo_that_breaks_the_process_costs_itself_alone(jobs: Jobs):
+def test_a_photo_that_breaks_the_process_costs_itself_alone(jobs):
     added = [jobs.add(word, "a photo", {}) for word in (b"kill", b"bad", b"exit", b"bad")]
     killed, bad, left, last = (ended(job) for job in added)
     assert "code -9" in killed
@@ -70,7 +68,7 @@ def test_a_photo_that_breaks_the_process_costs_itself_alone(jobs: Jobs):
     assert [job.stages for job in added] == [[("people", 0, 1)]] * 4
 
 
-def test_a_photo_that_hangs_can_be_stopped(jobs: Jobs):
+def test_a_photo_that_hangs_can_be_stopped(jobs):
     hanging, next_one = (jobs.add(word, "a photo", {}) for word in (b"hang", b"bad"))
     while not hanging.stages:
         sleep(0.02)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from typing import Any
 
 import jsonschema
 import pytest
@@ -16,17 +15,17 @@ pytestmark = pytest.mark.quick
 
 
 @pytest.fixture(scope="module")
-def schema() -> dict[str, Any]:
+def schema():
     return config_schema()
 
 
-def faults(schema: dict[str, Any], text: str) -> list[str]:
+def faults(schema, text):
     found = jsonschema.Draft202012Validator(schema).iter_errors(tomllib.loads(text))
     return sorted(".".join(map(str, fault.absolute_path)) for fault in found)
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_fulfils_the_schema(schema, name: str):
+def test_every_preset_fulfils_the_schema(schema, name):
     jsonschema.Draft202012Validator(schema).validate(load_config(preset=name).as_dict())
 
 
@@ -44,7 +43,7 @@ def test_every_preset_fulfils_the_schema(schema, name: str):
         "[inpainter]\noptions = {radius_px = 3.0}",
     ],
 )
-def test_a_valid_config_fulfils_the_schema(schema, text: str):
+def test_a_valid_config_fulfils_the_schema(schema, text):
     assert faults(schema, text) == []
 
 
@@ -72,7 +71,7 @@ def test_a_valid_config_fulfils_the_schema(schema, text: str):
         ("colour = 3", ""),
     ],
 )
-def test_a_mistake_is_found_where_it_is(schema, text: str, path: str):
+def test_a_mistake_is_found_where_it_is(schema, text, path):
     assert faults(schema, text) == [path]
 
 

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -63,8 +62,8 @@ source = "https://example.org/other.onnx"
 
 @pytest.mark.parametrize("run", [(), ("--run",)])
 def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: tuple[str, ...], physic
-) -> None:
+    tmp_path, monkeypatch, run, physic
+):
     monkeypatch.setattr("physic_setup.commands._run", lambda step: None)
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
@@ -80,7 +79,7 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
 
 
 @pytest.fixture
-def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
+def thing(tmp_path, monkeypatch):
     """A plugin whose repository is a folder here; its commit."""
     origin = tmp_path / "origin" / "Thing"
     origin.mkdir(parents=True)
@@ -124,7 +123,7 @@ def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
     return tmp_path, commit
 
 
-def written(folder: Path, **options: str) -> Path:
+def written(folder, **options):
     """A configuration that uses the plugin, as an earlier setup wrote it."""
     lines = [
         'extends = "embedded"',
@@ -138,9 +137,7 @@ def written(folder: Path, **options: str) -> Path:
     return path
 
 
-def test_the_embedded_preset_needs_a_configuration_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-) -> None:
+def test_the_embedded_preset_needs_a_configuration_alone(tmp_path, monkeypatch, physic):
     monkeypatch.chdir(tmp_path)
     printed = physic("setup", "embedded", "--folder", "mine")
     assert printed.exit_code == 4
@@ -154,9 +151,7 @@ def test_the_embedded_preset_needs_a_configuration_alone(
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 
 
-def test_each_requirement_is_a_step_and_their_costs_are_added(
-    thing: tuple[Path, str], physic
-) -> None:
+def test_each_requirement_is_a_step_and_their_costs_are_added(thing, physic):
     folder, commit = thing
     written(folder)
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
@@ -179,7 +174,7 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(
         assert line in lines
 
 
-def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str], physic) -> None:
+def test_a_licence_that_restricts_use_is_left_to_the_user(thing, physic):
     written(thing[0], weights="other-net")
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     assert "#    by hand: licence: https://example.org/licence" in lines
@@ -191,8 +186,8 @@ def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str
 
 
 def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
-    thing: tuple[Path, str],
-) -> None:
+    thing,
+):
     folder, commit = thing
     (folder / "weights" / "free-net").mkdir(parents=True)
     (folder / "weights" / "free-net" / "net.onnx").write_bytes(b"x" * 500)
@@ -234,8 +229,8 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
     ],
 )
 def test_a_small_installation_is_told_the_plugins_of_each_preset(
-    monkeypatch: pytest.MonkeyPatch, preset: str, missing: list[str], physic
-) -> None:
+    monkeypatch, preset, missing, physic
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-embedded,physic-setup")
     printed = physic("setup", preset)
     installs = [
@@ -257,12 +252,12 @@ def test_a_small_installation_is_told_the_plugins_of_each_preset(
     ],
 )
 def test_torchvision_is_of_the_build_of_the_installed_torch(
-    thing: tuple[Path, str],
-    monkeypatch: pytest.MonkeyPatch,
-    version: str,
-    expected: list[str],
+    thing,
+    monkeypatch,
+    version,
+    expected,
     physic,
-) -> None:
+):
     import torch
 
     from physic_setup import steps
@@ -281,7 +276,7 @@ def test_torchvision_is_of_the_build_of_the_installed_torch(
     assert line.endswith(expected[1])
 
 
-def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> None:
+def test_the_open_preset_is_one_download_without_an_account_or_a_condition():
     from physic_core.configuration.resolve import named_weights, resolve
     from physic_core.interfaces import Repository, UserFile
 
@@ -301,8 +296,8 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> 
 
 
 def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfaces(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, physic
-) -> None:
+    tmp_path, monkeypatch, physic
+):
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
     text = physic("setup", "open", "--folder", str(tmp_path / "open")).stdout
@@ -321,7 +316,7 @@ def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfac
     assert lines.count(f'checkout = "{place}"') == 2
 
 
-def test_a_package_without_commercial_use_is_left_to_the_user(physic) -> None:
+def test_a_package_without_commercial_use_is_left_to_the_user(physic):
     lines = physic("setup", "paper").stdout.splitlines()
     installs = [line for line in lines if line.startswith("python -m pip install")]
     assert installs

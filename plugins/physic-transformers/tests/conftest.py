@@ -29,7 +29,7 @@ WORDS = (
 )
 
 
-def write_bert_tokenizer(folder: Path) -> None:
+def write_bert_tokenizer(folder):
     """A WordPiece tokenizer of ``WORDS``, as GroundingDINO's repositories hold one."""
     from transformers import BertTokenizerFast
 
@@ -38,7 +38,7 @@ def write_bert_tokenizer(folder: Path) -> None:
     BertTokenizerFast(str(vocabulary), do_lower_case=True).save_pretrained(str(folder))
 
 
-def write_clip_tokenizer(folder: Path) -> None:
+def write_clip_tokenizer(folder):
     """A byte-pair tokenizer of a few letters, as SAM 3's repository holds one."""
     from transformers import CLIPTokenizerFast
 
@@ -60,7 +60,7 @@ def write_clip_tokenizer(folder: Path) -> None:
     )
 
 
-def grounding_dino() -> Any:
+def grounding_dino():
     from transformers import (
         BertConfig,
         GroundingDinoConfig,
@@ -100,7 +100,7 @@ def grounding_dino() -> Any:
     )
 
 
-def sam2_config() -> dict[str, Any]:
+def sam2_config():
     return {
         "vision_config": {
             "model_type": "sam2_vision_model",
@@ -121,13 +121,13 @@ def sam2_config() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def sam2() -> Any:
+def sam2():
     from transformers import Sam2Config, Sam2Model
 
     return Sam2Model(Sam2Config(**sam2_config()))
 
 
-def sam3_config() -> dict[str, Any]:
+def sam3_config():
     small = {"hidden_size": 32, "num_attention_heads": 2, "intermediate_size": 32, "num_layers": 1}
     return {
         "vision_config": {
@@ -152,7 +152,7 @@ def sam3_config() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def sam3() -> Any:
+def sam3():
     from transformers import Sam3Config, Sam3Model
 
     return Sam3Model(Sam3Config(**sam3_config()))
@@ -174,13 +174,13 @@ MEMORY = {
 """Of the trackers in videos, of SAM 2 and of SAM 3."""
 
 
-def sam2_video() -> Any:
+def sam2_video():
     from transformers import Sam2VideoConfig, Sam2VideoModel
 
     return Sam2VideoModel(Sam2VideoConfig(**sam2_config(), **MEMORY, image_size=128))
 
 
-def sam3_video() -> Any:
+def sam3_video():
     from transformers import Sam3VideoConfig, Sam3VideoModel
 
     detector = {"model_type": "sam3", **sam3_config()}
@@ -190,7 +190,7 @@ def sam3_video() -> Any:
     return Sam3VideoModel(Sam3VideoConfig(detector_config=detector, tracker_config=tracker))
 
 
-def depth_pro(*, use_fov_model: bool = True) -> Any:
+def depth_pro(*, use_fov_model=True):
     from transformers import DepthProConfig, DepthProForDepthEstimation
 
     encoder = {
@@ -221,14 +221,14 @@ _TOKENIZERS: dict[Any, Callable[[Path], None]] = {
 
 
 @pytest.fixture(scope="session")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def saved(tmp_path_factory):
     """The folder of a tiny network by the name of its function here, written once."""
     import torch
     from transformers.utils import logging
 
     done: dict[tuple[Any, ...], Path] = {}
 
-    def folder(name: str, *args: Any, **kwargs: Any) -> Path:
+    def folder(name, *args, **kwargs):
         key = (name, args, tuple(kwargs.items()))
         if key not in done:
             make = globals()[name]

@@ -16,10 +16,7 @@ from physic_transformers import depth_pro, grounded_sam2
 from physic_transformers.models import size_from_edges
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from numpy.typing import NDArray
+    pass
 
 SIZES = [
     (480, 640),
@@ -35,7 +32,7 @@ SIZES = [
 """Height and width."""
 
 
-def photo(height: int, width: int) -> NDArray[np.uint8]:
+def photo(height, width):
     """Coarse patches of colour, and fine grain."""
     rng = np.random.default_rng(height * 7 + width)
     coarse = np.kron(
@@ -47,7 +44,7 @@ def photo(height: int, width: int) -> NDArray[np.uint8]:
 
 class TestGroundingDino:
     @pytest.mark.parametrize(("height", "width"), SIZES)
-    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+    def test_the_pixels_are_those_of_the_library(self, height, width):
         from transformers import GroundingDinoImageProcessorPil
 
         image = photo(height, width)
@@ -56,7 +53,7 @@ class TestGroundingDino:
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
-    def test_sizes_are_those_of_the_library_everywhere(self) -> None:
+    def test_sizes_are_those_of_the_library_everywhere(self):
         from transformers.image_transforms import get_size_with_aspect_ratio
 
         rng = np.random.default_rng(0)
@@ -65,9 +62,7 @@ class TestGroundingDino:
                 (height, width), 800, 1333
             )
 
-    def test_boxes_scores_and_words_are_those_of_the_library(
-        self, saved: Callable[..., Path]
-    ) -> None:
+    def test_boxes_scores_and_words_are_those_of_the_library(self, saved):
         from transformers import AutoTokenizer, GroundingDinoProcessor
 
         tokenizer = AutoTokenizer.from_pretrained(str(saved("grounding_dino")))
@@ -97,9 +92,7 @@ class TestGroundingDino:
 
 class TestDepthPro:
     @pytest.mark.parametrize(("height", "width"), [(480, 640), (1200, 1920), (97, 131)])
-    def test_the_pixels_are_normalised_and_resized_without_antialiasing(
-        self, height: int, width: int
-    ) -> None:
+    def test_the_pixels_are_normalised_and_resized_without_antialiasing(self, height, width):
         image = photo(height, width)
         normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5
         theirs = torch.nn.functional.interpolate(
@@ -107,7 +100,7 @@ class TestDepthPro:
         )
         np.testing.assert_allclose(depth_pro.preprocess(image, 768), theirs.numpy(), atol=2e-4)
 
-    def test_depth_and_focal_length_follow_the_formulas_of_the_library(self) -> None:
+    def test_depth_and_focal_length_follow_the_formulas_of_the_library(self):
         rng = np.random.default_rng(3)
         raw = torch.from_numpy(rng.uniform(0.05, 2.0, (1, 24, 24)).astype(np.float32))
         out = SimpleNamespace(predicted_depth=raw, field_of_view=torch.tensor([52.0]))

@@ -73,7 +73,7 @@ class StandIn:
         return self.world.floor_mask if self.people else self.world.empty_floor_mask
 
 
-def squashed(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def squashed(values, rows, columns):
     """A map of the photo at the pixels of another grid over it, cells of both meeting at the
     edges.
     """
@@ -83,19 +83,17 @@ def squashed(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     return map_coordinates(values, np.meshgrid(v, u, indexing="ij"), order=1, mode="nearest")
 
 
-def soft(mask: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def soft(mask, rows, columns):
     """Logits of a mask over the photo on a grid."""
     blur = 0.3 * max(mask.shape[0] / rows, mask.shape[1] / columns)
     return 20 * squashed(gaussian_filter(mask.astype(float), blur) - 0.5, rows, columns)
 
 
-def batch(values: np.ndarray) -> torch.Tensor:
+def batch(values):
     return torch.from_numpy(np.ascontiguousarray(values, np.float32))[None]
 
 
-def require_shown(
-    pixels: np.ndarray, seen: np.ndarray, mean: tuple[float, ...], std: tuple[float, ...]
-) -> None:
+def require_shown(pixels, seen, mean, std):
     """Refuse pixels (3, h, w) that are not those of ``seen`` (h, w, 3), 0..1, or that are
     normalised otherwise.
     """
@@ -104,7 +102,7 @@ def require_shown(
     assert pixels.dtype == np.float32
 
 
-def photo_at(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def photo_at(image, rows, columns):
     """(rows, columns, 3) in 0..1: each pixel the mean of those it covers."""
     blurs = [0.4 * max(0, a / b - 1) for a, b in zip(image.shape, (rows, columns), strict=False)]
     smooth = gaussian_filter(image / 255, (*blurs, 0))
@@ -244,7 +242,7 @@ class Sam3StandIn(StandIn):
         return SimpleNamespace(**{name: torch.from_numpy(value) for name, value in answer.items()})
 
 
-def _edges(mask: np.ndarray) -> np.ndarray:
+def _edges(mask):
     columns = np.flatnonzero(mask.any(0))
     rows = np.flatnonzero(mask.any(1))
     return (
@@ -254,11 +252,11 @@ def _edges(mask: np.ndarray) -> np.ndarray:
     )
 
 
-def on_arrays(network: Any) -> Any:
+def on_arrays(network):
     """Give a stand-in its pixels as an array."""
     run = network.run
 
-    def on_array(*method: str, **inputs: Any) -> Any:
+    def on_array(*method, **inputs):
         return run(
             *method,
             **{name: np.asarray(v) if name == "pixel_values" else v for name, v in inputs.items()},
@@ -285,7 +283,7 @@ class Telling:
                 network.show(image)
                 if hasattr(network, "show_people"):
                     network.show_people(rest[0].boxes)
-        return super().infer(image, *rest)  # type: ignore[misc]
+        return super().infer(image, *rest)
 
 
 class TellingDepthPro(Telling, DepthPro):
@@ -307,7 +305,7 @@ WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", Telling.__subclasses__(), ids=lambda kind: kind.__name__)
-def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
+def test_a_backend_with_a_perfect_network_holds_its_contract(kind):
     own = frozenset(getattr(kind, "capabilities", ()))
     report = check_backend(kind, capabilities=own | {"exact"})
     print(report.text)
@@ -324,7 +322,7 @@ def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     assert all(bounds), report.accuracy
 
 
-def test_points_and_boxes_are_prompts_of_sam_2() -> None:
+def test_points_and_boxes_are_prompts_of_sam_2():
     world = load_world("sit_side_by_side", (320, 240))
     backend = TellingGroundedSam2()
     backend.load()

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -20,14 +20,14 @@ from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    pass
 
 BACKENDS = (GroundedSam2, Sam3, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
 @pytest.fixture(autouse=True)
-def _own_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _own_places(monkeypatch, tmp_path):
     """Neither the user's weights nor the network are for the tests."""
     from huggingface_hub import constants
 
@@ -36,9 +36,7 @@ def _own_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
 
 
-def test_a_model_is_found_by_its_name_in_a_folder_of_weights(
-    saved: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved, tmp_path):
     name = DepthProOptions().weights
     backend = DepthPro()
     (problem,) = backend.missing()
@@ -49,18 +47,18 @@ def test_a_model_is_found_by_its_name_in_a_folder_of_weights(
     backend.infer(GREY, Hints())
 
 
-def test_a_gated_model_is_reported_as_gated() -> None:
+def test_a_gated_model_is_reported_as_gated():
     (problem,) = Sam3().missing()
     assert "physic weights fetch sam3-hf" in problem
 
 
-def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_a_model_is_refused(tmp_path):
     with pytest.raises(BackendError, match=r"config\.json"):
         Sam3(Sam3Options(weights=str(tmp_path))).load()
 
 
 @pytest.mark.parametrize("kind", BACKENDS)
-def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
+def test_every_default_is_in_the_list_of_weights(kind):
     known = weights.read_manifest(kind.manifest())
     backend = kind()
     for spec in kind.specs:
@@ -69,15 +67,13 @@ def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
         assert ("tokenizer.json" in files) == spec.needs_tokenizer
 
 
-def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
+def test_a_model_of_another_type_is_refused(saved):
     folder = saved("sam2")
     with pytest.raises(BackendError, match="type 'sam2'"):
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
-def test_incomplete_weights_are_refused_and_never_initialised_randomly(
-    saved: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_incomplete_weights_are_refused_and_never_initialised_randomly(saved, tmp_path):
     from safetensors.numpy import load_file, save_file
 
     folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "torn"))
@@ -91,7 +87,7 @@ def test_incomplete_weights_are_refused_and_never_initialised_randomly(
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
-def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
+def test_weights_of_another_size_are_refused(saved, tmp_path):
     folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "other"))
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps({**config, "fusion_hidden_size": 6}))
@@ -99,14 +95,14 @@ def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_pat
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
-def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_broken_config_is_refused(saved, tmp_path):
     folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "broken"))
     (folder / "config.json").write_text("[]")
     with pytest.raises(BackendError, match=r"config\.json cannot be read"):
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
-def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
+def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved):
     folder = str(saved("depth_pro"))
     with pytest.raises(DeviceError, match="'float16' needs a GPU"):
         DepthPro(DepthProOptions(weights=folder, precision="float16")).load()
@@ -116,7 +112,7 @@ def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32
 
 
-def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> None:
+def test_threads_are_given_back_after_the_call(saved):
     import torch
 
     before = torch.get_num_threads()
@@ -129,9 +125,7 @@ def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> No
     assert torch.get_num_threads() == before
 
 
-def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
-    saved: Callable[..., Path], capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(saved, capfd):
     import torch
     from transformers.utils import logging
 
@@ -150,9 +144,7 @@ def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
     assert torch.is_grad_enabled()
 
 
-def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
-    saved: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(saved, tmp_path):
     folder = saved("depth_pro")
     copy = Path(shutil.copytree(folder, tmp_path / "copy"))
     prints = [DepthPro(DepthProOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
@@ -166,8 +158,8 @@ def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
     [("sam2", "Sam2Model", ""), ("sam3", "Sam3Model", "detector_model.")],
 )
 def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
-    saved: Callable[..., Path], kind: str, network: str, prefix: str
-) -> None:
+    saved, kind, network, prefix
+):
     from safetensors.numpy import load_file
 
     folder = saved(f"{kind}_video")
@@ -180,7 +172,7 @@ def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
         np.testing.assert_array_equal(tensor.numpy(), published[prefix + name])
 
 
-def test_sam_3_runs_from_the_published_layout(saved: Callable[..., Path]) -> None:
+def test_sam_3_runs_from_the_published_layout(saved):
     backend = Sam3(Sam3Options(weights=str(saved("sam3_video")), person_score=0))
     assert backend.missing() == ()
     backend.load()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from physic_core import list_backends
@@ -20,7 +17,7 @@ SETS = {
 
 
 @pytest.fixture(autouse=True)
-def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _nothing_here(monkeypatch, tmp_path):
     from huggingface_hub import constants
 
     monkeypatch.setenv("PHYSIC_WEIGHTS", "")
@@ -29,7 +26,7 @@ def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
-def test_a_backend_without_weights_names_them_and_fails_no_check(offer: Any) -> None:
+def test_a_backend_without_weights_names_them_and_fails_no_check(offer):
     lacking = load_class(offer)().missing()
     assert lacking
     assert all("`physic weights fetch " in line for line in lacking)
@@ -37,7 +34,7 @@ def test_a_backend_without_weights_names_them_and_fails_no_check(offer: Any) -> 
     assert not [result for result in report.results if result.outcome == "failed"], report.text
 
 
-def test_every_set_can_be_fetched_and_states_non_commercial_terms() -> None:
+def test_every_set_can_be_fetched_and_states_non_commercial_terms():
     for name, group in SETS.items():
         assert name.endswith("-hf"), "names of other plugins' sets have no such end"
         assert all(file.source.startswith("hf://") for file in group.files), name

@@ -28,8 +28,6 @@ from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
 LOW = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
@@ -61,12 +59,12 @@ class Recorded:
         return found
 
 
-def given(backend: Any, **networks: Recorded) -> Any:
+def given(backend, **networks):
     backend._network = networks
     return backend
 
 
-def tensors(**arrays: Any) -> SimpleNamespace:
+def tensors(**arrays):
     return SimpleNamespace(**{name: torch.as_tensor(value) for name, value in arrays.items()})
 
 
@@ -74,10 +72,10 @@ class TestWithoutTorchvision:
     """The library's image processors want torchvision, which cannot always be had."""
 
     @pytest.fixture(autouse=True)
-    def _none_of_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def _none_of_it(self, monkeypatch):
         import transformers
 
-        def refuse(*_: Any, **__: Any) -> None:
+        def refuse(*_, **__):
             raise AssertionError("a processor of the library was asked for")
 
         monkeypatch.setitem(sys.modules, "torchvision", None)
@@ -95,12 +93,12 @@ class TestWithoutTorchvision:
     )
     def test_the_real_classes_load_and_infer(
         self,
-        saved: Callable[..., Path],
-        kind: Any,
-        networks: dict[str, str],
-        options: dict[str, float],
-        dtype: str,
-    ) -> None:
+        saved,
+        kind,
+        networks,
+        options,
+        dtype,
+    ):
         folders = {option: str(saved(model)) for option, model in networks.items()}
         backend = kind(kind.Options(**folders, **options, precision=dtype))
         assert backend.missing() == ()
@@ -128,9 +126,7 @@ except Exception as error:
 """
 
 
-def test_a_torchvision_that_does_not_fit_torch_is_named(
-    saved: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_torchvision_that_does_not_fit_torch_is_named(saved, tmp_path):
     """The library imports it where it is installed, and then says that its own class is missing."""
     for folder, file, text in (
         (
@@ -168,26 +164,26 @@ class TestDepthPro:
         backend = given(DepthPro(DepthProOptions(**options)), weights=Recorded(self.CONFIG, out))
         return backend.infer(WIDE, hints)
 
-    def test_a_known_focal_length_scales_the_depth(self) -> None:
+    def test_a_known_focal_length_scales_the_depth(self):
         known = Intrinsics.from_focal(200.0, 100, 60, "EXIF")
         answer = self.asked(0.5, 90.0, Hints(intrinsics=known))
         np.testing.assert_allclose(answer.depth, 4.0, rtol=1e-5)
         assert answer.intrinsics == known
         assert all(size in answer.notes[0] for size in ("50 px", "200 px"))
 
-    def test_the_networks_focal_length_replaces_a_guessed_one(self) -> None:
+    def test_the_networks_focal_length_replaces_a_guessed_one(self):
         guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
         np.testing.assert_allclose(
             self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5
         )
 
-    def test_an_option_prefers_the_networks_own_focal_length(self) -> None:
+    def test_an_option_prefers_the_networks_own_focal_length(self):
         known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
         np.testing.assert_allclose(
             self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5
         )
 
-    def test_depth_is_never_left_unscaled_without_an_angle(self) -> None:
+    def test_depth_is_never_left_unscaled_without_an_angle(self):
         with pytest.raises(BackendError, match="does not tell the focal length"):
             self.asked(0.5, None)
         np.testing.assert_allclose(
@@ -196,7 +192,7 @@ class TestDepthPro:
             rtol=1e-5,
         )
 
-    def test_the_camera_of_a_photo_of_another_size_is_resized(self) -> None:
+    def test_the_camera_of_a_photo_of_another_size_is_resized(self):
         known = Intrinsics.from_focal(400.0, 200, 120)
         assert self.asked(0.5, 90.0, Hints(intrinsics=known)).intrinsics == known.resized(100, 60)
 
@@ -211,12 +207,12 @@ class TestDepthPro:
     )
     def test_a_small_machine_is_refused_before_it_is_out_of_memory(
         self,
-        monkeypatch: pytest.MonkeyPatch,
-        there: float,
-        side: int,
-        options: dict[str, float],
-        refused: bool,
-    ) -> None:
+        monkeypatch,
+        there,
+        side,
+        options,
+        refused,
+    ):
         config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
         monkeypatch.setattr(DepthPro, "file", lambda *_, **__: Path("here"))
         monkeypatch.setattr("physic_transformers.models.open_model", lambda *_: Recorded(config))
@@ -230,7 +226,7 @@ class TestDepthPro:
         with pytest.raises(BackendError, match="call load"):
             backend.model()
 
-    def test_the_sky_is_not_known(self) -> None:
+    def test_the_sky_is_not_known(self):
         assert np.isnan(self.asked(0.0, 90.0).depth).all()
 
 
@@ -266,16 +262,16 @@ class TestGroundedSam2:
             mask[y0:y1, x0:x1] = 5.0
         return tensors(pred_masks=logits)
 
-    def test_words_are_lower_case_and_end_with_a_dot(self) -> None:
+    def test_words_are_lower_case_and_end_with_a_dot(self):
         assert format_prompt(" A Person") == "a person."
         assert format_prompt("person.") == "person."
 
-    def test_the_first_token_is_no_word(self) -> None:
+    def test_the_first_token_is_no_word(self):
         found = decode_text_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
         assert len(found.scores) == 1
         assert found.tokens == ((),)
 
-    def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self) -> None:
+    def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self):
         people = self.found((0.9, [0.25, 0.5, 0.3, 0.8]), (0.4, [0.75, 0.5, 0.2, 0.8]))
         floor = self.found(
             (0.35, [0.5, 0.9, 1.0, 0.2]), (0.5, [0.5, 0.75, 0.2, 0.5]), (0.2, [0.1, 0.1, 0.1, 0.1])
@@ -304,26 +300,26 @@ class TestGroundedSam2:
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
 
-    def test_no_people_and_no_floor_need_no_masks(self) -> None:
+    def test_no_people_and_no_floor_need_no_masks(self):
         answer, _, sam = self.run(self.NOTHING, self.NOTHING, [])
         assert len(answer) == 0
         assert answer.floor is not None
         assert not answer.floor.any()
         assert sam.asked == []
 
-    def test_without_floor_words_no_floor_is_searched(self) -> None:
+    def test_without_floor_words_no_floor_is_searched(self):
         answer, detector, _ = self.run(self.NOTHING, self.NOTHING, [], floor_words="")
         assert answer.floor is None
         assert len(detector.asked) == 1
 
-    def test_one_person_found_twice_is_one(self) -> None:
+    def test_one_person_found_twice_is_one(self):
         people = self.found((0.9, [0.3, 0.5, 0.4, 0.8]), (0.8, [0.3, 0.5, 0.42, 0.8]))
         answer, *_ = self.run(
             people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))]
         )
         assert len(answer) == 1
 
-    def test_prompts_keep_their_fractions_in_bfloat16(self) -> None:
+    def test_prompts_keep_their_fractions_in_bfloat16(self):
         class Model:
             config = None
             device = "cpu"
@@ -369,10 +365,10 @@ class TestSam3:
         network = Recorded(self.CONFIG, "seen", *floors, people, None, tokenizer=self.words)
         return given(Sam3(Sam3Options(**options)), weights=network).infer(WIDE), network
 
-    def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self) -> None:
+    def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self):
         assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
 
-    def test_each_word_for_the_floor_is_searched_alone(self) -> None:
+    def test_each_word_for_the_floor_is_searched_alone(self):
         """Ground is at the left, floor at the right, and there is no carpet, wherever the network
         would see it.
         """
@@ -384,7 +380,7 @@ class TestSam3:
         everywhere.semantic_seg[:] = 5
         texts: list[str] = []
 
-        def words(text: str, **options: Any) -> dict[str, Any]:
+        def words(text, **options):
             texts.append(text)
             return self.words(text, **options)
 

@@ -25,23 +25,23 @@ PAGE = files("physic_viewer.report") / "page"
 ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0 \udce9.jpg"
 
 
-def data_of(page: str) -> dict:
+def data_of(page):
     return json.loads(
         re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)[1]
     )
 
 
-def scripts_of(page: str) -> list[str]:
+def scripts_of(page):
     return re.findall(r"<script(?: type=\"module\")?>(.*?)</script>", page, re.S)
 
 
-def points_of(packed: dict) -> np.ndarray:
+def points_of(packed):
     levels = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(-1, 3)
     assert len(levels) == packed["count"]
     return np.array(packed["origin"]) + np.array(packed["step"]) * levels
 
 
-def flags_of(text: str, count: int) -> np.ndarray:
+def flags_of(text, count):
     return np.unpackbits(
         np.frombuffer(base64.b64decode(text), np.uint8), count=count, bitorder="little"
     ).astype(bool)

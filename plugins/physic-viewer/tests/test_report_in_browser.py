@@ -93,15 +93,15 @@ def show(chromium, tmp_path):
         page.close()
 
 
-def text(page, selector: str) -> str:
+def text(page, selector):
     return page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
 
 
-def click(page, selector: str) -> None:
+def click(page, selector):
     page.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
 
 
-def difference(one: np.ndarray, other: np.ndarray) -> float:
+def difference(one, other):
     """Share of the pixels that differ."""
     return float((np.abs(one.astype(int) - other.astype(int)).max(-1) > 8).mean())
 
@@ -125,7 +125,7 @@ def test_each_switch_shows_and_hides_its_part(page, overview, name):
 
 
 def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
-    def red(picture: np.ndarray) -> int:
+    def red(picture):
         picture = picture.astype(int)
         return int(
             ((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum()
@@ -207,7 +207,7 @@ def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns
     page.picture("#view")
 
 
-def place_on_canvas(page, result, column: float, row: float) -> tuple[float, float]:
+def place_on_canvas(page, result, column, row):
     """Return where a pixel of the photo is in the photo's view, px of the page."""
     x, y, width, height = page.box("#canvas")
     camera = result.intrinsics
@@ -361,7 +361,7 @@ LAST_FILE = """window.made.pop().arrayBuffer().then(content => btoa(
     Array.from(new Uint8Array(content), byte => String.fromCharCode(byte)).join("")))"""
 
 
-def saved_file(page, button: str) -> bytes:
+def saved_file(page, button):
     click(page, button)
     page.wait("window.made.length === 1")
     return base64.b64decode(page.evaluate(LAST_FILE))

@@ -9,10 +9,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import run_batch, run_locally
@@ -21,7 +19,7 @@ from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, NoPersonError, OutputError
 
 
-def work(text: str, seconds: float = 0.0) -> str:
+def work(text, seconds=0.0):
     """Do what a text or the name of a file says."""
     name = Path(text).stem
     time.sleep(seconds)
@@ -65,19 +63,19 @@ def work(text: str, seconds: float = 0.0) -> str:
     return f"{name} by {os.getpid()}"
 
 
-def open_worker(seconds: float = 0.0) -> Callable[[str], str]:
+def open_worker(seconds=0.0):
     return partial(work, seconds=seconds)
 
 
-def refuse() -> Callable[[str], str]:
+def refuse():
     raise ConfigError("preset mock: 1 error")
 
 
-def refuse_oddly() -> Callable[[str], str]:
+def refuse_oddly():
     raise KeyError("weights")
 
 
-def crash() -> Callable[[str], str]:
+def crash():
     os.abort()
 
 
@@ -94,28 +92,28 @@ class Result:
         return {"people": 1, "seconds": 0.5, "load_seconds": 0.0, "check_floor": 0.25}
 
 
-def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Result:
+def reconstruct(path, settings, seconds):
     work(path, seconds)
     return Result()
 
 
-def open_processor(job: BatchJob, seconds: float = 0.0) -> PhotoProcessor:
+def open_processor(job, seconds=0.0):
     return PhotoProcessor(job, partial(reconstruct, seconds=seconds))
 
 
-def standin_job(out: Path) -> BatchJob:
+def standin_job(out):
     return BatchJob(load_config(preset="mock"), str(out), "none", thumbnails=False)
 
 
 def run_standin(
-    folder: Path,
-    out: Path,
+    folder,
+    out,
     *,
-    workers: int = 2,
-    seconds: float = 0.0,
-    timeout: float | None = None,
-    **plan: Any,
-) -> None:
+    workers=2,
+    seconds=0.0,
+    timeout=None,
+    **plan,
+):
     """Run or resume a batch over the files of a folder, without networks."""
     from physic_core.batch.photos import list_photos
     from physic_core.batch.run import plan_batch

@@ -14,12 +14,12 @@ from physic_bench.worlds.columns import COLUMNS
 from physic_bench.worlds.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
 from physic_core.body import load_body
 from physic_core.types import SURFACE_NAMES, ContactPartner
-from physic_testing.worlds import World, load_world
+from physic_testing.worlds import load_world
 
 SIZE = (96, 72)
 
 
-def true_contacts(world: World) -> ContactMap:
+def true_contacts(world):
     """The truth as an estimate: the scene goes before people, those before the own body and small
     objects.
     """
@@ -47,13 +47,13 @@ def true_contacts(world: World) -> ContactMap:
     return ContactMap(touching, touching.astype(np.float32), partner, tuple(partners))
 
 
-def counted(world: World, contacts: ContactMap, person: int = 0) -> dict:
+def counted(world, contacts, person=0):
     people = {i: i for i in range(len(world.masks))}
     part = load_body(world.body_model).part_of_vertex.numpy()
     return contact_counts_by_partner(world, contacts, person, person, people, part)
 
 
-def figures(*counts: dict) -> dict[str, float]:
+def figures(*counts):
     people = [{"id": i, "group": "stand", **one} for i, one in enumerate(counts)]
     return {column.key: figure(people, column).value for column in COLUMNS}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Any
 
 SICK = (
     "import os, time\n"
@@ -27,7 +26,7 @@ SICK = (
 NAMES = ("well", "lacking", "failing", "dying", "unclosed")
 
 
-def install(site: Any, *names: str) -> None:
+def install(site, *names):
     entries = "\n".join(f"{name} = physic_sick:{name.capitalize()}" for name in names)
     site.install("physic-sick", SICK, entry=entries, group="physic.inpainter")
 

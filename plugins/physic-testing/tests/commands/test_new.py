@@ -17,7 +17,7 @@ from physic_testing.scaffold.package import PluginNames, plugin_files
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_a_scaffolded_backend_passes_the_kit(interface: str):
+def test_a_scaffolded_backend_passes_the_kit(interface):
     kind = importlib.import_module(f"physic_testing.scaffold.{interface}").Template
     assert kind.written_for == INTERFACES[interface].api
     report = check_backend(kind, size=(160, 120))
@@ -26,7 +26,7 @@ def test_a_scaffolded_backend_passes_the_kit(interface: str):
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_a_scaffold_uses_the_names_that_its_author_gives(interface: str):
+def test_a_scaffold_uses_the_names_that_its_author_gives(interface):
     written = plugin_files(PluginNames("my-2nd.thing", interface), "0.1.0")
     assert list(written) == [
         "pyproject.toml",
@@ -69,7 +69,7 @@ def test_a_new_package_names_nothing_that_an_index_does_not_have_yet():
     assert "physic-testing>=0.1.0" in released["optional-dependencies"]["test"]
 
 
-def refusal(*arguments: str) -> str:
+def refusal(*arguments):
     done = CliRunner().invoke(main, list(arguments))
     assert (done.exit_code, done.stdout) == (2, ""), done.output
     return done.stderr.removeprefix("Error: ").rstrip("\n")

@@ -14,11 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.convert.bodies import rest_mesh_of_model
-from physic_core.types import Keypoints
 from physic_testing.conformance.truth import embedded_surface, mirrored_order
 
 
-def moved(array: np.ndarray, right: int, down: int, empty: Any = None) -> np.ndarray:
+def moved(array, right, down, empty=None):
     """An image moved by whole pixels; what comes in repeats the border, or is ``empty``."""
     rows = np.arange(array.shape[0]) - down
     columns = np.arange(array.shape[1]) - right
@@ -33,7 +32,7 @@ def moved(array: np.ndarray, right: int, down: int, empty: Any = None) -> np.nda
 # --------------------------------------------------------------------------------------------------
 
 
-def boxes_of(masks: np.ndarray) -> np.ndarray:
+def boxes_of(masks):
     found = []
     for mask in masks:
         rows = np.flatnonzero(mask.any(axis=1))
@@ -42,18 +41,18 @@ def boxes_of(masks: np.ndarray) -> np.ndarray:
     return np.array(found, float).reshape(-1, 4)
 
 
-def with_masks(people: Any, change: Callable[[np.ndarray], np.ndarray]) -> Any:
+def with_masks(people, change):
     if not len(people):
         return people
     masks = np.stack([change(mask) for mask in people.masks])
     return replace(people, masks=masks, boxes=boxes_of(masks))
 
 
-def enlarged(mask: np.ndarray) -> np.ndarray:
+def enlarged(mask):
     return mask[np.ix_(*((np.arange(n) / 1.03).astype(int) for n in mask.shape))]
 
 
-def in_one_mask(people: Any, *_: Any) -> Any:
+def in_one_mask(people, *_):
     if not len(people):
         return people
     masks = people.masks.any(axis=0, keepdims=True)
@@ -64,17 +63,17 @@ def in_one_mask(people: Any, *_: Any) -> Any:
 # --------------------------------------------------------------------------------------------------
 
 
-def with_points(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def with_points(change):
     """The points changed, which see the centres (N, 1, 2) of the boxes."""
 
-    def changed(keypoints: Any, image: Any, people: Any) -> Any:
+    def changed(keypoints, image, people):
         centres = ((people.boxes[:, :2] + people.boxes[:, 2:]) / 2 - 0.5)[:, None]
         return replace(keypoints, points=change(keypoints.points, centres))
 
     return changed
 
 
-def exchanged(keypoints: Keypoints, *names: tuple[str, str]) -> Keypoints:
+def exchanged(keypoints, *names):
     order = list(range(len(keypoints.joint_set)))
     for first, second in names:
         i = keypoints.joint_set.names.index(first)
@@ -85,7 +84,7 @@ def exchanged(keypoints: Keypoints, *names: tuple[str, str]) -> Keypoints:
     )
 
 
-def with_world(keypoints: Any, image: Any, people: Any, *, right: int) -> Any:
+def with_world(keypoints, image, people, *, right):
     tall = (people.boxes[:, 3] - people.boxes[:, 1]).reshape(-1, 1, 1)
     flat = (
         (keypoints.points - keypoints.points[:, 23:25].mean(axis=1, keepdims=True))
@@ -97,7 +96,7 @@ def with_world(keypoints: Any, image: Any, people: Any, *, right: int) -> Any:
     )
 
 
-def of_a_lens(keypoints: Any, image: Any, people: Any) -> Any:
+def of_a_lens(keypoints, image, people):
     """The points in a photo that was not undistorted, of a lens of about one photo's width."""
     beside = keypoints.points - (np.array(image.shape[1::-1]) - 1) / 2
     farther = 0.1 * (beside**2).sum(axis=-1, keepdims=True) / max(image.shape) ** 2
@@ -111,21 +110,21 @@ _LEGS = [(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")]
 # --------------------------------------------------------------------------------------------------
 
 
-def with_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def with_depth(change):
     return lambda d, *_: replace(d, depth=change(d.depth).astype(np.float32))
 
 
-def stretch(camera: Any) -> np.ndarray:
+def stretch(camera):
     v, u = np.mgrid[: camera.height, : camera.width]
     return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
 
 
-def along_rays(depth: Any, *_: Any) -> Any:
+def along_rays(depth, *_):
     return replace(depth, depth=(depth.depth * stretch(depth.intrinsics)).astype(np.float32))
 
 
-def with_camera(**by: float) -> Callable[..., Any]:
-    def changed(result: Any, *_: Any) -> Any:
+def with_camera(**by):
+    def changed(result, *_):
         camera = result.intrinsics
         factors = {
             name: getattr(camera, name) * value
@@ -142,23 +141,23 @@ def with_camera(**by: float) -> Callable[..., Any]:
     return changed
 
 
-def with_points_of_map(change: Callable[[np.ndarray, Any], np.ndarray]) -> Callable[..., Any]:
+def with_points_of_map(change):
     return lambda p, *_: replace(p, points=change(p.points, p.intrinsics).astype(np.float32))
 
 
-def half_a_pixel_right(points: np.ndarray, camera: Any) -> np.ndarray:
+def half_a_pixel_right(points, camera):
     return points + points[..., 2:] * [0.5 / camera.fx, 0.5 / camera.fy, 0]
 
 
-def on_same_rays(points: np.ndarray, z: np.ndarray) -> np.ndarray:
+def on_same_rays(points, z):
     return points * (z / points[..., 2])[..., None]
 
 
-def farther(points: np.ndarray) -> np.ndarray:
+def farther(points):
     return on_same_rays(points, points[..., 2] + 0.3 * np.nanmedian(points[..., 2]))
 
 
-def bent(pointmap: Any, *_: Any) -> Any:
+def bent(pointmap, *_):
     z = pointmap.points[..., 2]
     points = on_same_rays(pointmap.points, 1 / (1 / z + 0.3 / np.nanmedian(z)))
     return replace(pointmap, points=points.astype(np.float32), unknown="scale_shift")
@@ -168,10 +167,10 @@ def bent(pointmap: Any, *_: Any) -> Any:
 # --------------------------------------------------------------------------------------------------
 
 
-def with_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def with_fill(change):
     """The photo without people, as the mock fills it, changed inside of the mask."""
 
-    def changed(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    def changed(filled, image, mask):
         from physic_mock.recognition import recognise_world
 
         if not mask.any():
@@ -182,10 +181,10 @@ def with_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
     return changed
 
 
-def rim_left(px: int) -> Callable[..., Any]:
+def rim_left(px):
     """People's outermost pixels as they were."""
 
-    def changed(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    def changed(filled, image, mask):
         import cv2
 
         from physic_mock.recognition import recognise_world
@@ -197,7 +196,7 @@ def rim_left(px: int) -> Callable[..., Any]:
     return changed
 
 
-def moved_picture(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def moved_picture(filled, image, mask):
     return moved(filled, 1, 0) if mask.any() else filled
 
 
@@ -208,8 +207,8 @@ _MIRRORED = np.array(mirrored_order(tuple(JOINT_INDEX)[1:22]))
 _FLIP = np.array([1, -1, -1])
 
 
-def with_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
-    def changed(bodies: Any, *_: Any) -> Any:
+def with_parameters(change):
+    def changed(bodies, *_):
         p = bodies.parameters
         values = (
             {name: np.asarray(v, np.float32) for name, v in change(p).items()} if len(p) else {}
@@ -219,8 +218,8 @@ def with_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[
     return changed
 
 
-def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
-    def changed(bodies: Any, *_: Any) -> Any:
+def pelvis_at(change):
+    def changed(bodies, *_):
         if not len(bodies.parameters):
             return bodies
         pelvis = embedded_surface(bodies)[1][:, 0]
@@ -232,20 +231,20 @@ def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
     return changed
 
 
-def at_the_focal_length_of_the_crop(bodies: Any, image: Any, people: Any, *_: Any) -> Any:
+def at_the_focal_length_of_the_crop(bodies, image, people, *_):
     sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(axis=1, initial=0)[:, None]
     return pelvis_at(lambda pelvis: pelvis * sides / 150)(bodies)
 
 
-def turned(rotvecs: np.ndarray, by: list[float]) -> np.ndarray:
+def turned(rotvecs, by):
     return (Rotation.from_rotvec(by) * Rotation.from_rotvec(rotvecs)).as_rotvec()
 
 
-def pose_of(p: Any, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+def pose_of(p, change):
     return {"body_pose": change(p.body_pose.reshape(len(p), 21, 3)).reshape(len(p), 63)}
 
 
-def of_mirrored_person(p: Any) -> dict[str, np.ndarray]:
+def of_mirrored_person(p):
     root = Rotation.from_euler("x", np.pi) * Rotation.from_rotvec(p.global_orient)
     mirrored = Rotation.from_euler("x", -np.pi) * Rotation.from_rotvec(root.as_rotvec() * _FLIP)
     return {
@@ -254,10 +253,10 @@ def of_mirrored_person(p: Any) -> dict[str, np.ndarray]:
     }
 
 
-def with_joints(order: Callable[[list[int]], list[int]]) -> Callable[..., Any]:
+def with_joints(order):
     """Joints of another body model, in another order."""
 
-    def changed(bodies: Any, *_: Any) -> Any:
+    def changed(bodies, *_):
         joints = embedded_surface(bodies)[1] if len(bodies.parameters) else np.zeros((0, 55, 3))
         joints = joints[:, order(list(range(55)))].astype(np.float32)
         joints[:, 22:] = np.nan
@@ -267,16 +266,16 @@ def with_joints(order: Callable[[list[int]], list[int]]) -> Callable[..., Any]:
     return changed
 
 
-def sides_of_joints(order: list[int]) -> list[int]:
+def sides_of_joints(order):
     return [*mirrored_order(tuple(JOINT_INDEX)[:22]), *order[22:]]
 
 
-def knees_for_ankles(order: list[int]) -> list[int]:
+def knees_for_ankles(order):
     order[4], order[5], order[7], order[8] = 7, 8, 4, 5
     return order
 
 
-def of_pose(*pairs: tuple[str, str]) -> Callable[[np.ndarray], np.ndarray]:
+def of_pose(*pairs):
     order = list(range(21))
     for first, second in pairs:
         i = JOINT_INDEX[first] - 1
@@ -289,27 +288,27 @@ def of_pose(*pairs: tuple[str, str]) -> Callable[[np.ndarray], np.ndarray]:
 # --------------------------------------------------------------------------------------------------
 
 
-def with_fingers(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def with_fingers(change):
     return lambda h, *_: replace(h, rotvecs=change(h.rotvecs).astype(np.float32))
 
 
-def with_contact(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def with_contact(change):
     return lambda c, *_: replace(c, probability=change(c.probability))
 
 
-def mirrored_contact(probability: np.ndarray) -> np.ndarray:
+def mirrored_contact(probability):
     from scipy.spatial import cKDTree
 
     vertices = rest_mesh_of_model(load_body("embedded")).vertices
     return probability[:, cKDTree(vertices).query(vertices * [-1, 1, 1])[1]]
 
 
-def euler(rotvecs: np.ndarray) -> np.ndarray:
+def euler(rotvecs):
     """Rotation vectors (..., 3) as angles about x, y and z."""
     return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_euler("xyz").reshape(rotvecs.shape)
 
 
-def eroded(mask: np.ndarray) -> np.ndarray:
+def eroded(mask):
     return (
         cv2.erode(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
         if mask.sum() > 400
@@ -317,32 +316,32 @@ def eroded(mask: np.ndarray) -> np.ndarray:
     )
 
 
-def eight_bit(z: np.ndarray) -> np.ndarray:
+def eight_bit(z):
     far = np.nanmax(z)
     return np.maximum(np.round(z / far * 255), 1) / 255 * far
 
 
-def of_half_a_grid(z: np.ndarray) -> np.ndarray:
+def of_half_a_grid(z):
     return z[::2, ::2].repeat(2, axis=0).repeat(2, axis=1)[: z.shape[0], : z.shape[1]]
 
 
-def with_sky(depth: Any, *_: Any) -> Any:
+def with_sky(depth, *_):
     return replace(
         depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32)
     )
 
 
-def canonical(depth: Any, *_: Any) -> Any:
+def canonical(depth, *_):
     return replace(depth, depth=(depth.depth * 300 / depth.intrinsics.fx).astype(np.float32))
 
 
-def sky_valid(pointmap: Any, *_: Any) -> Any:
+def sky_valid(pointmap, *_):
     far = np.nan_to_num(pointmap.points, nan=float(np.nanmax(pointmap.points)))
     far[..., 2] = np.maximum(far[..., 2], 1e-3)
     return replace(pointmap, points=far.astype(np.float32), valid=np.ones_like(pointmap.valid))
 
 
-def rays_of_a_square(points: np.ndarray, camera: Any) -> np.ndarray:
+def rays_of_a_square(points, camera):
     return points * [
         camera.width / max(camera.width, camera.height),
         camera.height / max(camera.width, camera.height),
@@ -350,7 +349,7 @@ def rays_of_a_square(points: np.ndarray, camera: Any) -> np.ndarray:
     ]
 
 
-def both_sides(keypoints: Any, image: Any, *_: Any) -> Any:
+def both_sides(keypoints, image, *_):
     """The mean with the output for the mirrored photo, left and right not exchanged."""
     names = keypoints.joint_set.names
     swap = {"left": "right", "right": "left"}
@@ -361,7 +360,7 @@ def both_sides(keypoints: Any, image: Any, *_: Any) -> Any:
     return replace(keypoints, points=(keypoints.points + keypoints.points[:, other]) / 2)
 
 
-def in_box(keypoints: Any, image: Any, people: Any) -> Any:
+def in_box(keypoints, image, people):
     low = people.boxes[:, None, :2]
     high = people.boxes[:, None, 2:]
     return replace(
@@ -370,11 +369,11 @@ def in_box(keypoints: Any, image: Any, people: Any) -> Any:
     )
 
 
-def square_crop(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+def square_crop(points, centres):
     return centres + (points - centres) * [4 / 3, 1]
 
 
-def in_cells(keypoints: Any, image: Any, people: Any) -> Any:
+def in_cells(keypoints, image, people):
     """Points at the upper left corner of a cell of a heat map of 48 x 64."""
     sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(1, initial=0)[:, None, None] / 48
     low = people.boxes[:, None, :2]
@@ -383,11 +382,11 @@ def in_cells(keypoints: Any, image: Any, people: Any) -> Any:
     )
 
 
-def at_a_wide_angle(bodies: Any, image: Any, people: Any, camera: Any, *_: Any) -> Any:
+def at_a_wide_angle(bodies, image, people, camera, *_):
     return pelvis_at(lambda pelvis: pelvis * [1, 1, 250 / camera.fx])(bodies)
 
 
-def seen_by_the_crop(bodies: Any, *_: Any) -> Any:
+def seen_by_the_crop(bodies, *_):
     """Each body turned as in a crop whose camera looks at it."""
     p = bodies.parameters
     if not len(p):
@@ -401,22 +400,22 @@ def seen_by_the_crop(bodies: Any, *_: Any) -> Any:
     return replace(bodies, parameters=replace(p, global_orient=root.as_rotvec().astype(np.float32)))
 
 
-def flip_mean(p: Any) -> dict[str, np.ndarray]:
+def flip_mean(p):
     return pose_of(p, lambda pose: (pose + pose[:, _MIRRORED]) / 2)
 
 
-def second_half_reversed(p: np.ndarray) -> np.ndarray:
+def second_half_reversed(p):
     middle = p.shape[1] // 2
     return np.concatenate([p[:, :middle], p[:, middle:][:, ::-1]], axis=1)
 
 
-def blended(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def blended(filled, image, mask):
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 6)[..., None]
     soft = np.where(mask[..., None], soft * 0.7, 0)
     return np.rint(soft * filled + (1 - soft) * image).astype(np.uint8)
 
 
-def soft_rim(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def soft_rim(filled, image, mask):
     inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     share = np.clip(inside / 8, 0, 1)[..., None]
     return np.where(mask[..., None], np.rint(share * filled + (1 - share) * image), image).astype(
@@ -424,34 +423,34 @@ def soft_rim(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndar
     )
 
 
-def faded(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def faded(filled, image, mask):
     return np.where(mask[..., None], filled * 0.5 + 64, image).astype(np.uint8)
 
 
-def changed_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def changed_fill(change):
     return lambda filled, image, mask: np.where(mask[..., None], change(filled), image).astype(
         np.uint8
     )
 
 
-def on_floor(people: Any, *_: Any) -> Any:
+def on_floor(people, *_):
     floor = people.floor
     return replace(people, floor=None if floor is None else floor[::-1] & ~people.masks.any(axis=0))
 
 
-def floor_of(people: Any, right: int) -> Any:
+def floor_of(people, right):
     return (
         None if people.floor is None else moved(people.floor, right, 0) & ~people.masks.any(axis=0)
     )
 
 
-def flip_mean_of_z(points: np.ndarray, camera: Any) -> np.ndarray:
+def flip_mean_of_z(points, camera):
     z = points[..., 2]
     other = points[:, ::-1, 2]
     return on_same_rays(points, np.where(np.isfinite(other), (z + other) / 2, z))
 
 
-def next_row(points: np.ndarray, camera: Any) -> np.ndarray:
+def next_row(points, camera):
     z = points[..., 2]
     below = moved(points[..., 2], 0, -1)
     return on_same_rays(points, np.where(np.isfinite(below), below, z))

@@ -82,7 +82,7 @@ class RightInpainter(Knowing, interfaces.Inpainter):
         return np.where(mask[..., None], case.empty, image)
 
 
-def bent(shape: tuple[int, ...]) -> np.ndarray:
+def bent(shape):
     return 1 + POOR * np.sin(np.arange(shape[1]) / 5)[None, :] * np.ones(shape[:2])
 
 

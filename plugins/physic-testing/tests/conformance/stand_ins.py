@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import zlib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.field_comparison import named_values
 from physic_testing.conformance.kit import start_checks
-from physic_testing.conformance.run import CheckRun
 
 NO_NOISE: dict[str, dict[str, Any]] = {
     "MockMetricDepth": {"noise": 0, "stated_sigma": 0.1},
@@ -24,7 +22,7 @@ NO_NOISE: dict[str, dict[str, Any]] = {
 _ANSWERS: dict[tuple[Any, ...], Any] = {}
 
 
-def answer_of(kind: type[Any], own: Any, arguments: tuple[Any, ...]) -> Any:
+def answer_of(kind, own, arguments):
     """The mock's answer, each of which is computed once."""
     values = (value for _, value in named_values(arguments))
     parts = [v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode() for v in values]
@@ -34,16 +32,14 @@ def answer_of(kind: type[Any], own: Any, arguments: tuple[Any, ...]) -> Any:
     return _ANSWERS[key]
 
 
-def run_checks(
-    mock: str, change: Callable[..., Any] | None = None, *, noise: float = 0, seed: int = 0
-) -> CheckRun:
+def run_checks(mock, change=None, *, noise=0, seed=0):
     """All checks of a mock whose result is changed by ``change(result, *arguments)``."""
     kind = getattr(mocks, mock)
 
-    def infer(self: Any, *arguments: Any) -> Any:
+    def infer(self, *arguments):
         answer = answer_of(kind, self, arguments)
         return answer if change is None else change(answer, *arguments)
 
-    infer.__signature__ = inspect.signature(kind.infer)  # type: ignore[attr-defined]
+    infer.__signature__ = inspect.signature(kind.infer)
     options = {"noise": noise, "noise_seed": seed} if noise else NO_NOISE.get(mock, {"noise": 0})
     return start_checks(find_backend(type(mock, (kind,), {"infer": infer}), None, options=options))

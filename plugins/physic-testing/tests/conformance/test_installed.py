@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from physic_core import list_backends
@@ -33,7 +31,7 @@ or the truth.
 @pytest.mark.parametrize(
     "offer", list_backends(), ids=lambda offer: f"{offer.interface}-{offer.name}"
 )
-def test_an_installed_backend_does_what_its_interface_promises(offer: Any):
+def test_an_installed_backend_does_what_its_interface_promises(offer):
     report = check_backend(
         f"{offer.distribution}:{offer.name}",
         offer.interface,

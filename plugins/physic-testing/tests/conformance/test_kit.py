@@ -9,7 +9,7 @@ from wrong_backends import WRONG
 
 from physic_core.errors import BackendError, ConfigError
 from physic_testing import check_backend
-from physic_testing.conformance import Report, Result, checks_for
+from physic_testing.conformance import checks_for
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.compare import compare
 
@@ -51,7 +51,7 @@ class Gpu(RightMetricDepth):
     capabilities = ("needs_cuda",)
 
 
-def outcome(report: Report, check: str) -> Result:
+def outcome(report, check):
     return next(r for r in report.results if r.check == check)
 
 
@@ -197,7 +197,7 @@ def test_backends_are_compared_in_one_table():
 
 
 @pytest.mark.slow
-def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester: pytest.Pytester):
+def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester):
     pytester.makepyfile(
         test_conformance="""
         import sys

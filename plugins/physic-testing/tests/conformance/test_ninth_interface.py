@@ -63,14 +63,14 @@ class Turned(NormalEstimator):
 
 
 @pytest.fixture(autouse=True)
-def ninth(monkeypatch: pytest.MonkeyPatch) -> None:
+def ninth(monkeypatch):
     monkeypatch.setitem(INTERFACES, NormalEstimator.interface, NormalEstimator)
 
 
 def test_stages_check_its_results():
     request = NormalsRequest(np.zeros((6, 8, 3), np.uint8), Hints())
 
-    def call(backend: Backend) -> Normals:
+    def call(backend):
         who = Provenance("normal_estimator", "mine", "my_plugin", "my-dist", "1.0", {}, "")
         return StageRunner("cpu", 1).call_backend("normals", ResolvedBackend(backend, who), request)
 

@@ -4,7 +4,7 @@ pass.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,8 +12,6 @@ from faults import FORTY, FOUND_BY, FURTHER
 from stand_ins import run_checks
 
 from physic_testing.conformance.kit import accuracy_checks
-from physic_testing.conformance.report import Result
-from physic_testing.conformance.run import CheckRun
 
 pytestmark = pytest.mark.slow
 
@@ -43,11 +41,11 @@ CLEAN = [
 NOISY = [(mock, f) for mock, faults in FORTY.items() for f in faults if (mock, f[0]) not in UNSEEN]
 
 
-def name_of(value: Any) -> str:
+def name_of(value):
     return value.removeprefix("Mock") if isinstance(value, str) else value[0].replace(" ", "_")
 
 
-def failures(run: CheckRun) -> Iterator[Result]:
+def failures(run):
     """The failures and warnings; a check runs when its result is asked for."""
     names = [
         "returns_valid_output",
@@ -57,18 +55,18 @@ def failures(run: CheckRun) -> Iterator[Result]:
 
 
 @pytest.mark.parametrize(("mock", "fault"), CLEAN, ids=name_of)
-def test_a_fault_is_found_in_a_perfect_network(mock: str, fault: Fault):
+def test_a_fault_is_found_in_a_perfect_network(mock, fault):
     found = [failure.check for failure in failures(run_checks(mock, fault[1]))]
     assert FOUND_BY.get((mock, fault[0]), found[0]) in found
 
 
 @pytest.mark.parametrize(("mock", "fault"), NOISY, ids=name_of)
-def test_a_fault_is_found_among_the_errors_of_a_network(mock: str, fault: Fault):
+def test_a_fault_is_found_among_the_errors_of_a_network(mock, fault):
     assert any(failures(run_checks(mock, fault[1], noise=1, seed=1000)))
 
 
 @pytest.mark.parametrize("mock", FORTY)
 @pytest.mark.parametrize("noise", [0, 1])
-def test_a_mock_without_a_fault_passes(mock: str, noise: int):
+def test_a_mock_without_a_fault_passes(mock, noise):
     for seed in SEEDS if noise else (0,):
         assert list(failures(run_checks(mock, noise=noise, seed=seed))) == []

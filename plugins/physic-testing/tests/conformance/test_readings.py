@@ -15,7 +15,7 @@ ERRORS = [RNG.normal(size=400) for _ in range(12)]
 
 
 @pytest.mark.parametrize("made", [0, 0.5, 1])
-def test_the_share_of_a_mistake_is_found_among_other_errors(made: float):
+def test_the_share_of_a_mistake_is_found_among_other_errors(made):
     off = [made * m + e for m, e in zip(MISTAKE, ERRORS, strict=True)]
     assert np.median(shares(off, MISTAKE)) == pytest.approx(made, abs=0.05)
 

@@ -39,7 +39,7 @@ def physic_commands():
 def offer(site):
     """Install a depth plugin whose module of hooks imports something first."""
 
-    def install(distribution: str, metres: float, first: str = "") -> None:
+    def install(distribution, metres, first=""):
         name = distribution.removeprefix("physic-")
         module = f"{distribution.replace('-', '_')}_backend"
         (site.folder / f"{module}.py").write_text(DEPTH.format(metres=metres))
@@ -50,7 +50,7 @@ def offer(site):
     return install
 
 
-def registration(name: str):
+def registration(name):
     return start_checks(find_backend(name, "metric_depth")).result("registration_is_light")
 
 

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 import wrong_bodies
 from faults import FOUND_BY
 from right_backends import RIGHT, SIZE
-from wrong_backends import WRONG, Wrong
+from wrong_backends import WRONG
 
-from physic_core import interfaces
 from physic_core.interfaces import INTERFACES
 from physic_testing import check_backend
 from physic_testing.conformance import checks_for
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
-from physic_testing.conformance.run import CheckRun
 
 
 @pytest.mark.parametrize("kind", [*RIGHT, *wrong_bodies.RIGHT], ids=lambda kind: kind.__name__)
-def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interfaces.Backend]):
+def test_a_right_backend_passes_every_check_that_can_be_judged(kind):
     report = check_backend(kind, size=SIZE)
     assert report.ok, report.text
     left_out = {r.check for r in report.results if r.outcome == "skipped"}
@@ -34,7 +29,7 @@ def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interf
     }
 
 
-def start(mistake: Wrong, site: Any) -> CheckRun:
+def start(mistake, site):
     if not mistake.plugin:
         return start_checks(find_backend(mistake.kind, None, size=SIZE))
     mistake.kind.written_for = 1
@@ -48,9 +43,7 @@ def start(mistake: Wrong, site: Any) -> CheckRun:
 
 
 @pytest.mark.parametrize("mistake", WRONG, ids=lambda mistake: mistake.id)
-def test_a_wrong_backend_is_caught_by_its_own_check(
-    mistake: Wrong, site: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_wrong_backend_is_caught_by_its_own_check(mistake, site, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = start(mistake, site)
     failure = run.result(mistake.check)

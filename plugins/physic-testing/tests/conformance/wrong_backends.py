@@ -7,7 +7,6 @@ from __future__ import annotations
 import mmap
 import socket
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -55,35 +54,33 @@ class Wrong:
 WRONG: list[Wrong] = []
 
 
-def wrong(mistake: str, check: str) -> Callable[[type[Any]], type[Any]]:
-    def note(kind: type[Any]) -> type[Any]:
+def wrong(mistake, check):
+    def note(kind):
         WRONG.append(Wrong(mistake, kind, check))
         return kind
 
     return note
 
 
-def altered(right: type[Any], mistake: str, check: str, change: Callable[..., Any]) -> None:
+def altered(right, mistake, check, change):
     """A right backend whose answer goes through ``change(answer, *arguments)``."""
 
-    def infer(self: Any, *arguments: Any) -> Any:
+    def infer(self, *arguments):
         return change(right.infer(self, *arguments), *arguments)
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    infer.__signature__ = __import__("inspect").signature(right.infer)
     WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
 
 
-def restless(
-    right: type[Any], mistake: str, check: str, fails: Callable[..., bool], error: Exception
-) -> None:
+def restless(right, mistake, check, fails, error):
     """A right backend that raises where ``fails(*arguments)``."""
 
-    def infer(self: Any, *arguments: Any) -> Any:
+    def infer(self, *arguments):
         if fails(*arguments):
             raise error
         return right.infer(self, *arguments)
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    infer.__signature__ = __import__("inspect").signature(right.infer)
     WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
 
 
@@ -192,7 +189,7 @@ class ClosesOnce(RightMetricDepth):
         super().close()
 
 
-def work() -> None:
+def work():
     """As reading weights would take."""
     end = time.process_time() + 0.3
     while time.process_time() < end:
@@ -293,12 +290,12 @@ altered(
 )
 
 
-def padded(answer: Any, *_: Any) -> Any:
+def padded(answer, *_):
     rows, columns = (-n % 8 for n in answer.depth.shape)
     return replace(answer, depth=np.pad(answer.depth, ((0, rows), (0, columns)), mode="edge"))
 
 
-def lying(answer: Any, *_: Any) -> Any:
+def lying(answer, *_):
     return (
         replace(answer, depth=answer.depth.T)
         if answer.depth.shape[0] > answer.depth.shape[1]
@@ -458,23 +455,23 @@ restless(
 # --------------------------------------------------------------------------------------------------
 
 
-def of_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+def of_depth(change):
     return lambda a, *_: replace(a, depth=change(a.depth).astype(np.float32))
 
 
-def transposed(z: np.ndarray) -> np.ndarray:
+def transposed(z):
     rows = np.arange(z.shape[0]) * z.shape[1] // z.shape[0]
     columns = np.arange(z.shape[1]) * z.shape[0] // z.shape[1]
     return z.T[np.ix_(rows, columns)]
 
 
-def only_corner(z: np.ndarray) -> np.ndarray:
+def only_corner(z):
     kept = np.full_like(z, np.nan)
     kept[: z.shape[0] // 3, : z.shape[1] // 3] = z[: z.shape[0] // 3, : z.shape[1] // 3]
     return kept
 
 
-def normalised_camera(answer: Any, *_: Any) -> Any:
+def normalised_camera(answer, *_):
     return replace(
         answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2)
     )
@@ -521,14 +518,14 @@ class Forgetful(RightMetricDepth):
         return replace(super().infer(image, hints), intrinsics=None)
 
 
-def bgr(right: type[Any]) -> None:
-    def infer(self: Any, image: Any, *rest: Any) -> Any:
+def bgr(right):
+    def infer(self, image, *rest):
         # The lookup that a network trained on RGB would be sees blue where red is.
         return right.infer(
             self, image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image, *rest
         )
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)  # type: ignore[attr-defined]
+    infer.__signature__ = __import__("inspect").signature(right.infer)
     kind = type(f"Bgr{right.__name__}", (right,), {"infer": infer})
     WRONG.append(Wrong("fed BGR", kind, "reads_images_as_rgb"))
 
@@ -568,7 +565,7 @@ restless(
 # --------------------------------------------------------------------------------------------------
 
 
-def inverted(answer: Any, *_: Any) -> Any:
+def inverted(answer, *_):
     if not len(answer):
         return answer
     height, width = answer.masks.shape[1:]
@@ -581,12 +578,12 @@ def inverted(answer: Any, *_: Any) -> Any:
     )
 
 
-def shares(answer: Any, *_: Any) -> Any:
+def shares(answer, *_):
     height, width = answer.masks.shape[1:]
     return replace(answer, boxes=answer.boxes / [width, height, width, height])
 
 
-def floor_over_people(answer: Any, *_: Any) -> Any:
+def floor_over_people(answer, *_):
     return replace(
         answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0)
     )
@@ -645,11 +642,11 @@ restless(
 # --------------------------------------------------------------------------------------------------
 
 
-def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
+def sorted_rows(answer, image, people, *_):
     """Rows by the people's boxes, whatever the order in which they were asked about."""
     order = np.argsort(people.boxes[:, 0])
 
-    def by_size(thing: Any) -> Any:
+    def by_size(thing):
         if isinstance(thing, np.ndarray):
             return thing[order]
         if hasattr(thing, "__dataclass_fields__"):
@@ -681,15 +678,15 @@ for right in (RightKeypoints, RightBodies, RightHands, RightContact):
 # ------------------------------------------------------------------------------------------
 
 
-def of_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
+def of_parameters(change):
     return lambda a, *_: replace(a, parameters=replace(a.parameters, **change(a.parameters)))
 
 
-def opengl(p: Any) -> dict[str, np.ndarray]:
+def opengl(p):
     return placed(p, lambda pelvis: pelvis * [1, -1, -1])
 
 
-def placed(p: Any, move: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+def placed(p, move):
     """The pelvis moved: the rest pelvis of the body is not at its origin."""
     import torch
 

@@ -21,7 +21,7 @@ from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 
 
 @lru_cache(maxsize=1)
-def shuffled() -> tuple[RestMesh, np.ndarray]:
+def shuffled():
     """The embedded body's mesh with another name and order of vertices, and the old number of
     each.
     """

@@ -18,7 +18,7 @@ names = st.text(st.characters(min_codepoint=1, exclude_categories=["Cs"]), min_s
 sizes = st.tuples(st.integers(SMALLEST_PX, 90), st.integers(SMALLEST_PX, 90))
 
 
-def picture(size: tuple[int, int], seed: int = 0) -> np.ndarray:
+def picture(size, seed=0):
     return np.random.default_rng(seed).integers(0, 256, (*size, 3), dtype=np.uint8)
 
 

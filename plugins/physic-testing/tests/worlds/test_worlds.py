@@ -12,7 +12,7 @@ from physic_core.errors import InputError
 from physic_core.types import SURFACE_NAMES
 from physic_testing.conformance.cases import case_of_world
 from physic_testing.conformance.truth import embedded_surface
-from physic_testing.worlds import SKELETONS, World, load_world
+from physic_testing.worlds import SKELETONS, load_world
 from physic_testing.worlds.world import project
 
 SIZE = (160, 120)
@@ -29,11 +29,11 @@ SAMPLE = (
 
 
 @pytest.fixture(scope="module", params=SAMPLE)
-def world(request: pytest.FixtureRequest) -> World:
+def world(request):
     return load_world(request.param, SIZE)
 
 
-def test_masks_and_depth_are_those_of_the_bodies(world: World):
+def test_masks_and_depth_are_those_of_the_bodies(world):
     people = world.masks.any(axis=0)
     points = world.points(people=True)
     for mask, vertices in zip(world.masks, world.vertices, strict=True):
@@ -45,7 +45,7 @@ def test_masks_and_depth_are_those_of_the_bodies(world: World):
     assert (world.depth[people] <= world.empty_depth[people]).all()
 
 
-def test_visible_keypoints_lie_on_their_person(world: World):
+def test_visible_keypoints_lie_on_their_person(world):
     for skeleton in SKELETONS:
         for i, mask in enumerate(world.masks):
             near = cv2.dilate(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
@@ -54,7 +54,7 @@ def test_visible_keypoints_lie_on_their_person(world: World):
             assert near[v, u].all()
 
 
-def test_the_floor_lies_on_its_plane_and_normals_face_the_camera(world: World):
+def test_the_floor_lies_on_its_plane_and_normals_face_the_camera(world):
     points = world.points(people=False)
     height = points[world.empty_floor_mask] @ world.floor.normal + world.floor.offset
     assert (np.abs(height) < 2e-4 + 1e-4 * points[world.empty_floor_mask][:, 2]).all()
@@ -66,13 +66,13 @@ def test_the_floor_lies_on_its_plane_and_normals_face_the_camera(world: World):
     ).all()
 
 
-def test_contact_is_where_the_scene_is_near(world: World):
+def test_contact_is_where_the_scene_is_near(world):
     assert (world.distance[world.contact] < 0.0205).all()
     assert (world.contact == (world.touched_surface > 0)).all()
     assert not (world.contact & ~world.outer).any()
 
 
-def test_the_photo_without_people_differs_at_people(world: World):
+def test_the_photo_without_people_differs_at_people(world):
     people = world.masks.any(axis=0)
     apart = np.abs(world.image.astype(int) - world.empty_image).max(axis=2) > 2
     assert apart[people].mean() > 0.8
@@ -80,7 +80,7 @@ def test_the_photo_without_people_differs_at_people(world: World):
 
 
 @pytest.mark.parametrize("name", ["group", "walk_portrait"])
-def test_another_size_shows_the_same(name: str):
+def test_another_size_shows_the_same(name):
     small, large = load_world(name, SIZE), load_world(name, (640, 480))
     np.testing.assert_array_equal(small.vertices, large.vertices)
     for world in (small, large):
@@ -128,6 +128,6 @@ def test_arrays_are_read_only():
         ("stand", (20, 15), "least 22 px"),
     ],
 )
-def test_what_there_is_not_is_refused(name: str, size: tuple[int, int], words: str):
+def test_what_there_is_not_is_refused(name, size, words):
     with pytest.raises(InputError, match=words):
         load_world(name, size)
