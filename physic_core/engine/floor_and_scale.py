@@ -59,6 +59,7 @@ from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import optional_tensors, tensor
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import select_people
+from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SIDES
 
@@ -125,7 +126,7 @@ class FloorAndScale:
         depth: the given metric depth, at this scale; None without one, and if no size of a person
             gives the scale.
         small: stature in metres of each person who stands on the floor of others and is much too
-            small for an adult.
+            small for an adult, until the contacts are known.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
     """
@@ -496,20 +497,12 @@ def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Pl
         bodies: number of people with a body.
         floor: of the result.
     """
-    stand = sum(any(map(_is_sole_on_floor, person)) for person in contacts)
+    stand = sum(has_sole_on_floor(person) for person in contacts)
     if floor is not None and stand:
         return f"the scale is from the soles of {_people(stand)} on the floor"
+    better = "a floor whose plane is found" if stand else "soles on a visible floor"
     return (
-        f"the scale is from the body size of {_people(bodies)}: soles on a visible floor would "
-        f"give it more exactly"
-    )
-
-
-def _is_sole_on_floor(contact: BodyContact) -> bool:
-    return (
-        contact.likely
-        and not contact.assumed
-        and (contact.partner.kind, contact.part[-4:]) == ("floor", "foot")
+        f"the scale is from the body size of {_people(bodies)}: {better} would give it more exactly"
     )
 
 

@@ -199,12 +199,6 @@ def run_backends(
         or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
     )
     stages.note(*depth.notes)
-    for i, stature in found.small.items():
-        stages.warn(
-            f"person {np.flatnonzero(embodied)[i]} would be {stature:.1f} m tall on the floor of "
-            f"the others: "
-            "if this is a child, give --age"
-        )
 
     return Estimates(
         image=image,
@@ -230,6 +224,7 @@ def run_backends(
         scale_by_people=not found.warning
         and found.measured is None
         and (own is None or found.depth is not None),
+        small={int(np.flatnonzero(embodied)[i]): tall for i, tall in found.small.items()},
         known=sizes,
         measured_scale=found.measured,
         statures=known.stature,

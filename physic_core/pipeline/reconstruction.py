@@ -24,6 +24,7 @@ from physic_core.pipeline.checks import (
     warning_messages,
 )
 from physic_core.types import Grade, Person, Reconstruction
+from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
@@ -91,6 +92,7 @@ def build_reconstruction(
     if estimates.scale_by_people and not estimates.known:
         bodies = sum(support is not None for support in solution.supports)
         stages.note(scale_note(solution.contacts, bodies, solution.scene.floor))
+    stages.warn(*_small_people(estimates, solution))
     if degrees := photo_turned_deg(solution.joints, solution.scene.floor):
         stages.note(
             f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
@@ -114,6 +116,17 @@ def build_reconstruction(
         trust=of_photo,
         contact_partners=solution.partners,
     )
+
+
+def _small_people(estimates: Estimates, solution: Solution) -> list[str]:
+    """Return a warning about each person who stands on the floor of others and is too small."""
+    on_floor = [has_sole_on_floor(contacts) for contacts in solution.contacts]
+    return [
+        f"person {i} would be {stature:.1f} m tall on the floor of the others: if this is a "
+        f"child, give --age"
+        for i, stature in estimates.small.items()
+        if on_floor[i] and sum(on_floor) > 1
+    ]
 
 
 def describe_sources(

@@ -110,6 +110,17 @@ class BodyContact:
         return self.text(self.partner.title)
 
 
+def has_sole_on_floor(contacts: Iterable[BodyContact]) -> bool:
+    """Return whether the contacts of a person show a foot that probably touches the floor."""
+    return any(
+        one.likely
+        and not one.assumed
+        and one.partner.kind == "floor"
+        and one.part in ("left_foot", "right_foot")
+        for one in contacts
+    )
+
+
 def contacts_text(
     contacts: Collection[BodyContact], *, likely: bool = True, assumed: bool | None = None
 ) -> str:

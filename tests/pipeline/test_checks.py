@@ -151,6 +151,7 @@ def case(**changes):
         people=(Measures(**known["report"]),),
         failures=(known["failure"],),
         world_contact=(known["likely"] and FAR | known["likely"],),
+        contacts=((),),
         joints=joints[None],
         intrinsics=known["camera"],
         scene=SimpleNamespace(scale=known["scale"], scale_sigma=known["sigma"], floor=floor),

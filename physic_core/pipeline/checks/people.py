@@ -147,7 +147,6 @@ def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measu
     at_most=0.1,
     unit="m",
     contradicts=True,
-    advice="nothing supports this person: neither the floor nor a surface of the scene is near",
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
@@ -156,7 +155,10 @@ def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """
     if solution.people[person].assumed_support:
         return None, _ASSUMED_SUPPORT
-    return solution.people[person].clearance_m
+    gap = solution.people[person].clearance_m
+    if gap is None:
+        return None
+    return gap, f"the nearest surface that could support this person is {gap:.2f} m away"
 
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.

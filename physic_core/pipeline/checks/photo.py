@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.pipeline.checks.spec import YES, check
+from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
@@ -69,10 +70,14 @@ def floor(estimates: Estimates, solution: Solution) -> Measured:
     if reason == "switched_off":
         return None, "the engine settings disable the floor search"
     if reason != "found":
+        cure = (
+            "the ground at the feet is known by its label alone"
+            if any(map(has_sole_on_floor, solution.contacts))
+            else "use a photo that shows the ground at the feet"
+        )
         return 0.0, (
             f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the "
-            f"ground, and heights "
-            "are unknown: use a photo that shows the ground at the feet"
+            f"ground, and heights are unknown: {cure}"
         )
     plane = solution.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
@@ -103,10 +108,14 @@ def scale_sigma(estimates: Estimates, solution: Solution) -> Measured:
     sigma = solution.scene.scale_sigma
     if sigma is None:
         return None
+    cure = (
+        "give a known length, or --stature"
+        if any(map(has_sole_on_floor, solution.contacts))
+        else "use a metric depth network, or a photo with feet on the floor"
+    )
     return sigma, (
         f"all lengths may be off by {sigma:.0%} (one standard deviation): the photo gives no "
-        f"better scale; use a "
-        "metric depth network, or a photo with feet on the floor"
+        f"better scale; {cure}"
     )
 
 

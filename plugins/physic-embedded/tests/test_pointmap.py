@@ -122,7 +122,7 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll
     normal = floor.normal(found.disparity, FOCAL / WIDTH)
     assert np.degrees(np.arccos(normal @ turn[:, 1])) < 2
     assert found.disparity == pytest.approx(1 - far / span, abs=0.1)
-    assert found.rule.endswith("walls upright on the floor")
+    assert found.rule.endswith("upright walls")
 
 
 @pytest.mark.parametrize("ahead", [2.5, 4.0, 8.0])

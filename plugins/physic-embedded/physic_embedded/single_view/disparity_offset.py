@@ -166,10 +166,10 @@ def _floor_cues(
         cues.append(gravity.source)
     if walls is not None and len(walls):
         cost = cost + walls_cost(walls, candidates, down)
-        cues.append("walls upright on the floor")
+        cues.append("upright walls")
     if bodies is not None and len(bodies):
         cost = cost + axes_cost(bodies, down)
-        cues.append("people upright on the floor")
+        cues.append("bodies on straight legs")
     return cost, cues
 
 
