@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
+from trimesh.exchange.obj import export_obj
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
@@ -63,8 +64,12 @@ class _Robot:
 
     def mesh(self, name: str, mesh: Mesh) -> ElementTree.Element:
         """Add a mesh file, and return the geometry that shows it."""
-        file = f"{_MESHES}/{self.stem}_{name}.stl"
-        self.meshes[file] = trimesh.Trimesh(*mesh, process=False).export(file_type="stl")
+        # Drake reads no STL.
+        file = f"{_MESHES}/{self.stem}_{name}.obj"
+        shape = trimesh.Trimesh(*mesh, process=False)
+        self.meshes[file] = export_obj(
+            shape, include_normals=False, include_color=False, header=None, digits=6
+        ).encode()
         geometry = ElementTree.Element("geometry")
         ElementTree.SubElement(geometry, "mesh", filename=file)
         return geometry

@@ -50,7 +50,7 @@ def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, f
         np.testing.assert_allclose(place, wanted[0], atol=1e-5)
         made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
         np.testing.assert_allclose(made, wanted[1:], atol=1e-4)  # 0.1 mm
-        hand = trimesh.load(folder / "meshes" / f"a_{index}_left_wrist_skin.stl")
+        hand = trimesh.load(folder / "meshes" / f"a_{index}_left_wrist_skin.obj")
         frame = data.body("left_wrist").xmat.reshape(3, 3)
         skin = turn.apply(hand.vertices @ frame.T + data.body("left_wrist").xpos) + place
         assert cKDTree(transform_points(matrix, person.vertices)).query(skin)[0].max() < 2e-4
@@ -66,7 +66,7 @@ def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder):
     assert mujoco.mjtGeom.mjGEOM_BOX in model.geom_type
     matrix = export_frame(result.scene.floor, "z").from_camera
     points = transform_points(matrix, result.scene.points[result.scene.valid])
-    surface = trimesh.load(folder / "meshes" / "a_scene_surface.stl")
+    surface = trimesh.load(folder / "meshes" / "a_scene_surface.obj")
     assert cKDTree(points).query(surface.vertices)[0].max() < 0.01
     assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
 
@@ -77,7 +77,7 @@ def test_a_run_removes_the_meshes_of_an_earlier_result(result, tmp_path, physic)
     before = {file.name for file in out.iterdir()}
     done = physic("export", str(out), "--to", "urdf")
     assert done.exit_code == 0, done.output
-    assert (out / "meshes" / "robot_scene_surface.stl").exists()
+    assert (out / "meshes" / "robot_scene_surface.obj").exists()
     (out / "meshes" / "notes.txt").write_text("mine")
     result.save(str(out), "numbers")
     assert {file.name for file in out.iterdir()} == before | {"meshes"}
