@@ -7,8 +7,8 @@ fraction of a second.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +16,14 @@ import torch
 import torch.nn.functional as F
 
 from physic_core.engine.sizes.known_sizes import size_beside_others
-from physic_core.engine.sizes.stature import stature_sigmas
+from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import dilate_square
 from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_mask
+from physic_core.types import Measures
 from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
@@ -38,41 +39,6 @@ _RIM = 0.03
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
 _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat or knees of another
 _FEWEST_PIXELS = 10  # with a depth, for a median
-
-
-@dataclass(frozen=True)
-class Measures:
-    """Measures of one person; None where nothing could be measured.
-
-    Attributes:
-        placement_problem: why keypoints, depth and floor did not place the body.
-        assumed_support: whether an unseen support is assumed.
-        body_in_mask_share: share of the silhouette within the mask, without pixels occluded by
-            other people or nearer objects, or outside the photo.
-        low_depth_ratio: median ratio of the photo's depth to the body's over the lowest visible
-            part of the silhouette.
-        clearance_m: see :func:`clearance`.
-        sole_height_m: of the lowest sole over the floor.
-        size_sigma: of the logarithm of the body's size.
-        given_keypoints_px: distance of each keypoint that the user gave from that of the body.
-        stature_px: of the standing person at the same depth; only with given keypoints.
-        given_stature_m: given, or usual at the given age.
-        shown_stature_m: by the photo.
-        stature_sigmas: difference of the logarithms of both, in standard deviations.
-    """
-
-    placement_problem: str | None = None
-    assumed_support: bool | None = None
-    body_in_mask_share: float | None = None
-    low_depth_ratio: float | None = None
-    clearance_m: float | None = None
-    sole_height_m: float | None = None
-    size_sigma: float | None = None
-    given_keypoints_px: Mapping[str, float] = field(default_factory=dict)
-    stature_px: float | None = None
-    given_stature_m: float | None = None
-    shown_stature_m: float | None = None
-    stature_sigmas: float | None = None
 
 
 def measure_people(estimates: Estimates, state: State) -> list[Measures]:
@@ -92,7 +58,10 @@ def measure_people(estimates: Estimates, state: State) -> list[Measures]:
         None if around.depth is None else around.depth * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
-    measured = [Measures(problem or None) for problem in state.unplaced]
+    measured = [
+        Measures(problem or None, failure or None)
+        for problem, failure in zip(state.unplaced, state.failures, strict=True)
+    ]
     for i, support in enumerate(found.supports):
         if support is None:
             continue
@@ -132,6 +101,18 @@ def _with_keypoints(
         else one
         for i, (one, own) in enumerate(zip(measured, given, strict=True))
     ]
+
+
+def body_size_sigmas(estimates: Estimates, state: State) -> list[float]:
+    """Return the standard deviation of the logarithm of each body's size."""
+    sigma = state.scale_sigma if state.views or state.size_ratio is not None else None
+    measured = estimates.measured_scale is not None
+    if sigma is not None and measured and not estimates.intrinsics.known:
+        # lengths across a measured depth
+        sigma = math.hypot(sigma, estimates.intrinsics.focal_sigma or 0.0)
+    stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(state))
+    sigmas: list[float] = size_sigmas(stature, years, sigma).tolist()
+    return sigmas
 
 
 def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, float, float]]:

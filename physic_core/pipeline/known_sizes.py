@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,7 @@ from physic_core.types.known_sizes import KnownPeople
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownGeometry
     from physic_core.engine.state import Estimates, State
-    from physic_core.pipeline.solution import Solution
-    from physic_core.types import FloatArray, KnownSizes
+    from physic_core.types import FloatArray, KnownSizes, Measures
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
@@ -106,23 +104,25 @@ def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
 
 
 def compare_sizes(
-    estimates: Estimates, solution: Solution, placed: State, state: State
-) -> tuple[list[str], Solution]:
-    """Compare the known sizes with the result; return warnings, and the solution with the
-    comparison.
+    estimates: Estimates, people: list[Measures], placed: State, state: State
+) -> tuple[list[str], list[Measures], dict[str, list[dict[str, float | str]]]]:
+    """Compare the known sizes with the result.
 
     Args:
         estimates: of the photo.
-        solution: of the engine.
+        people: measures of the people.
         placed: state of the people before stage 3.
         state: after it.
+
+    Returns:
+        Warnings; the measures with the comparison; diagnostics of :func:`contradictions`.
 
     Raises:
         ConfigError: a size differs from the given one by more than three standard errors.
     """
     warnings, measured = contradictions(estimates.known, state)
-    growth = _growth_to_floor(solution)
-    people = compare_statures(solution.people, estimates, placed, state, growth)
+    growth = _growth_to_floor(people, state)
+    people = compare_statures(people, estimates, placed, state, growth)
     limit = CHECKS["given_size"].threshold
     for i, (person, own) in enumerate(zip(people, growth, strict=True)):
         sigmas = person.stature_sigmas
@@ -133,26 +133,24 @@ def compare_sizes(
                 f"m, and {person.given_stature_m:.2f} m was given or is usual; several sizes go "
                 f"from left to right"
             )
-    return warnings, replace(
-        solution, people=tuple(people), diagnostics={**solution.diagnostics, **measured}
-    )
+    return warnings, people, measured
 
 
-def _growth_to_floor(solution: Solution) -> FloatArray:
+def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
     """Return the log factor (N,) by which people who stand off the floor must grow to stand on it;
     0 for others.
     """
-    found = np.zeros(len(solution.people))
-    floor = solution.scene.floor
-    for i, person in enumerate(solution.people):
+    found = np.zeros(len(people))
+    floor = state.scene.floor
+    for i, person in enumerate(people):
         height = person.sole_height_m
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.
-        if standing_legs(solution.joints[i]).all():
+        if standing_legs(state.joints[i].float().cpu().numpy()).all():
             # A person grows about the camera; a height near the camera's would need an infinite
             # factor.
-            found[i] = -math.log1p(-min(height / floor.offset, 0.9))
+            found[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))
     return found
 
 

@@ -5,27 +5,31 @@ OpenCV camera frame, metres.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
+from physic_core.engine.measures import measure_people
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
-from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
+from physic_core.pipeline.reconstruction import as_reconstruction
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.types import Reconstruction
 
 
 def run_engine(
     estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner
-) -> Solution:
+) -> Reconstruction:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
-    Without people, the scene is the result. The pipeline uses the CPU, since nearest-point search
+    Without people, the scene is the result. Checks and records of the run are not yet in it. The
+    pipeline uses the CPU, since nearest-point search
     and ray casts run there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ
@@ -37,7 +41,7 @@ def run_engine(
     if estimates.scale_guess and not is_sized:
         stages.warn(estimates.scale_guess)
     if not len(estimates.people):
-        return scene_alone(estimates, state)
+        return as_reconstruction(estimates, state)
     with stages.time_engine("placement"):
         placed = solve_placement(estimates, state, settings.placement)
         if placed.size_ratio is not None:
@@ -52,11 +56,12 @@ def run_engine(
         # Before inpainted points are moved out of people: what carries them is there.
         state = solve_contact(estimates, state, settings.contact)
         state = finalize_scene(estimates, state, settings.scene)
-        solution = assemble_solution(estimates, state)
+        measures = measure_people(estimates, state)
     if not estimates.known:
-        return solution
+        return as_reconstruction(estimates, state, measures)
     from physic_core.pipeline.known_sizes import compare_sizes
 
-    warnings, solution = compare_sizes(estimates, solution, placed, state)
+    warnings, measures, sizes = compare_sizes(estimates, measures, placed, state)
     stages.warn(*warnings)
-    return solution
+    result = as_reconstruction(estimates, state, measures)
+    return replace(result, diagnostics={**result.diagnostics, **sizes})

@@ -1,19 +1,24 @@
-"""Build the result of a photo from estimates, solution, checks, and the weights and repositories of
-the run.
+"""Convert the final state of a photo to its result; judge it by checks; describe the weights and
+repositories of the run.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 
+from physic_core.body.bones import parameters_from_rotations
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
+from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.floor_and_scale import scale_note
+from physic_core.engine.measures import body_size_sigmas
+from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import (
     failed_checks,
@@ -21,106 +26,195 @@ from physic_core.pipeline.checks import (
     person_trust,
     photo_trust,
     unknown_checks,
-    warning_messages,
 )
-from physic_core.types import Grade, Person, Reconstruction
+from physic_core.types import (
+    CameraTrust,
+    Grade,
+    Intrinsics,
+    Person,
+    Plane,
+    Reconstruction,
+    Scene,
+)
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.configuration.model import Config
+    from collections.abc import Mapping, Sequence
+
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.engine.state import Estimates
-    from physic_core.pipeline.solution import Solution
-    from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import CheckResult
+    from physic_core.engine.state import Contact, Estimates, State
+    from physic_core.types import CheckResult, Measures
 
 
-def build_reconstruction(
-    estimates: Estimates,
-    solution: Solution,
-    checks: tuple[CheckResult, ...],
-    model: BodyModel,
-    config: Config,
-    stages: StageRunner,
+def as_reconstruction(
+    estimates: Estimates, state: State, measures: Sequence[Measures] = ()
 ) -> Reconstruction:
-    """Return the result of a photo; the messages of failed checks become warnings of the stages."""
-    statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
-    trust = [
-        person_trust(checks, i) if math.isfinite(stature) else no_trust(checks, i)
-        for i, stature in enumerate(statures)
-    ]
-    of_photo = photo_trust(
-        checks, [trust[i].probability for i in main_people(estimates.people.boxes)]
-    )
-    people = []
-    for i in range(len(estimates.people)):
-        people.append(
-            Person(
-                box=estimates.people.boxes[i],
-                score=float(estimates.people.scores[i]),
-                mask=estimates.people.masks[i],
-                keypoints=estimates.keypoints.points[i],
-                keypoint_confidence=estimates.keypoints.confidence[i],
-                parameters=solution.parameters[i : i + 1],
-                vertices=solution.vertices[i],
-                joints=solution.joints[i],
-                contact=solution.contact[i],
-                distance=solution.distance[i],
-                contact_probability=None
-                if solution.contact_probability is None
-                else solution.contact_probability[i],
-                contact_partner=solution.contact_partner[i],
-                contacts=solution.contacts[i],
-                support=solution.supports[i],
-                world_contact=solution.world_contact[i],
-                failed_checks=failed_checks(checks, i),
-                unknown_checks=unknown_checks(checks, i),
-                grade=Grade.of(trust[i].probability),
-                trust=trust[i].probability,
-                why=trust[i].why,
-                stature=statures[i] if math.isfinite(statures[i]) else None,
-                stature_sigma=solution.people[i].size_sigma if math.isfinite(statures[i]) else None,
-                age=None
-                if estimates.ages is None or math.isnan(estimates.ages[i])
-                else float(estimates.ages[i]),
-            )
-        )
-    stages.warn(*warning_messages(checks))
-    if estimates.scale_by_people and not estimates.known:
-        bodies = sum(support is not None for support in solution.supports)
-        stages.note(scale_note(solution.contacts, bodies, solution.scene.floor))
-    stages.warn(*_small_people(estimates, solution))
-    if degrees := photo_turned_deg(solution.joints, solution.scene.floor):
-        stages.note(
-            f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
-        )
+    """Convert the final state of a photo to its result, without checks and records of the run.
+
+    Args:
+        estimates: of the photo.
+        state: after the last stage; after the first one for a photo without people.
+        measures: of each person.
+    """
+    touch = state.contact
     return Reconstruction(
         image=estimates.image,
-        intrinsics=solution.intrinsics,
-        scene=solution.scene,
-        people=tuple(people),
-        faces=model.faces.int().numpy(),
-        body_model=model.name,
+        intrinsics=_intrinsics(estimates, state),
+        scene=_scene(estimates, state),
+        people=() if touch is None else _people(estimates, state, touch, measures),
+        faces=state.model.faces.int().numpy(),
+        body_model=state.model.name,
         skeleton=estimates.keypoints.skeleton,
-        stages=tuple(stages.records),
-        diagnostics={**solution.diagnostics, "people": [asdict(p) for p in solution.people]},
-        warnings=tuple(stages.warnings),
-        notes=tuple(stages.notes),
-        config=config.as_dict(),
-        checks=checks,
+        diagnostics=_diagnostics(state),
         unposed=tuple(estimates.people.unposed),
-        grade=Grade.of(of_photo),
-        trust=of_photo,
-        contact_partners=solution.partners,
+        contact_partners=() if touch is None else touch.partners,
     )
 
 
-def _small_people(estimates: Estimates, solution: Solution) -> list[str]:
+def _people(
+    estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
+) -> tuple[Person, ...]:
+    found = estimates.people
+    parameters = parameters_from_rotations(
+        state.rotations, state.betas, state.expression, state.transl
+    )
+    rows = {
+        "vertices": state.vertices.float().cpu().numpy(),
+        "joints": state.joints.float().cpu().numpy(),
+        "contact": touch.touches.cpu().numpy(),
+        "distance": touch.distance.float().cpu().numpy(),
+        "contact_partner": touch.partner.cpu().numpy(),
+    }
+    if touch.probability is not None:
+        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
+    people = []
+    for i, (stature, sigma) in enumerate(sizes):
+        has_body = bool(torch.isfinite(stature))
+        age = math.nan if estimates.ages is None else float(estimates.ages[i])
+        people.append(
+            Person(
+                box=found.boxes[i],
+                score=float(found.scores[i]),
+                mask=found.masks[i],
+                keypoints=estimates.keypoints.points[i],
+                keypoint_confidence=estimates.keypoints.confidence[i],
+                parameters=parameters[i : i + 1],
+                contacts=touch.contacts[i],
+                support=touch.supports[i],
+                world_contact=_world_contact(touch, i),
+                age=age if math.isfinite(age) else None,
+                stature=float(stature) if has_body else None,
+                stature_sigma=sigma if has_body else None,
+                measures=measures[i],
+                **{name: array[i] for name, array in rows.items()},
+            )
+        )
+    return tuple(people)
+
+
+def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
+    """Return body part -> probability of contact with the world; None without any."""
+    if touch.supports[person] is None:
+        return None
+    found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
+    return found or None
+
+
+def _diagnostics(state: State) -> dict[str, Any]:
+    """Return numbers by stage; those of the scene alone without people."""
+    scene = {"scene": dict(state.scene.diagnostics)}
+    if state.photo_alignment is None:
+        return scene
+    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
+    return scene | {
+        "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
+        "joint": {
+            "losses": losses,
+            "scene_scale": state.scene_scale,
+            "steps": state.steps,
+            "evaluations": state.evaluations,
+        },
+    }
+
+
+def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
+    K = state.scene.K
+    height, width = estimates.hole.shape
+    fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+    for camera in (estimates.intrinsics, estimates.depth.intrinsics):
+        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+            return Intrinsics(
+                fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma
+            )
+    return Intrinsics(
+        fx, fy, cx, cy, width, height, "point map and metric depth", CameraTrust.ESTIMATED
+    )
+
+
+def _scene(estimates: Estimates, state: State) -> Scene:
+    """Convert the scene, multiplied by the scale of stage 3."""
+    scene, scale, floor = state.scene, state.scene_scale, None
+    if scene.floor is not None:
+        floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
+    return Scene(
+        points=(scene.points * scale).float().numpy(),
+        normals=scene.normals.float().numpy(),
+        colors=estimates.inpainted,
+        valid=scene.valid.numpy(),
+        floor=floor,
+        floor_points=(scene.floor_points * scale).float().numpy(),
+        scale=scale,
+        scale_sigma=state.scale_sigma,
+        measured=estimates.measured_scale is not None,
+    )
+
+
+def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
+    """Return a result with its checks, and the grade and trust of the photo and of each person."""
+    trust = [
+        (no_trust if person.stature is None else person_trust)(checks, i)
+        for i, person in enumerate(result.people)
+    ]
+    main = main_people([person.box for person in result.people])
+    of_photo = photo_trust(checks, [trust[i].probability for i in main])
+    people = tuple(
+        replace(
+            person,
+            failed_checks=failed_checks(checks, i),
+            unknown_checks=unknown_checks(checks, i),
+            grade=Grade.of(trust[i].probability),
+            trust=trust[i].probability,
+            why=trust[i].why,
+        )
+        for i, person in enumerate(result.people)
+    )
+    return replace(
+        result, people=people, checks=tuple(checks), grade=Grade.of(of_photo), trust=of_photo
+    )
+
+
+def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
+    """Return notes about the people who give the scale, and about a photo that seems turned."""
+    people = result.people
+    notes = []
+    if estimates.scale_by_people and not estimates.known:
+        bodies = sum(person.support is not None for person in people)
+        contacts = [person.contacts for person in people]
+        notes.append(scale_note(contacts, bodies, result.scene.floor))
+    joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
+    if degrees := photo_turned_deg(joints, result.scene.floor):
+        notes.append(
+            f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
+        )
+    return notes
+
+
+def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[str]:
     """Return a warning about each person who stands on the floor of others and is too small."""
-    on_floor = [has_sole_on_floor(contacts) for contacts in solution.contacts]
+    on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
         f"person {i} would be {stature:.1f} m tall on the floor of the others: if this is a "
         f"child, give --age"

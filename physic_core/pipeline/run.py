@@ -384,19 +384,32 @@ def _reconstruct(
                 stages.trim_cache()
             # so that a worker's networks and engine do not hold theirs at one time
             release_memory()
-    from physic_core.pipeline.checks import run_checks
+    from physic_core.pipeline.checks import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
-    from physic_core.pipeline.reconstruction import build_reconstruction, describe_sources
+    from physic_core.pipeline.reconstruction import (
+        describe_methods,
+        describe_sources,
+        judge,
+        warn_of_small_people,
+    )
 
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
     with limited_threads(plan.config.run.threads):
-        solution = run_engine(estimates, plan.engine, load_model(), stages)
-        checks = run_checks(estimates, solution)
+        found = run_engine(estimates, plan.engine, load_model(), stages)
+        checks = run_checks(estimates, found)
     sources, others = describe_sources(plan, stages.files)
-    stages.warn(*others)
-    found = build_reconstruction(estimates, solution, checks, load_model(), plan.config, stages)
-    found = replace(found, lens=prepared.lens, diagnostics={**found.diagnostics, **sources})
+    stages.warn(*others, *warning_messages(checks), *warn_of_small_people(estimates, found))
+    stages.note(*describe_methods(estimates, found))
+    found = replace(
+        judge(found, checks),
+        stages=tuple(stages.records),
+        warnings=tuple(stages.warnings),
+        notes=tuple(stages.notes),
+        config=plan.config.as_dict(),
+        lens=prepared.lens,
+        diagnostics={**found.diagnostics, **sources},
+    )
     return found if prepared.border is None else prepared.border.added_to(found)
 
 

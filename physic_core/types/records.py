@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -191,6 +191,41 @@ class CheckResult:
     def failed(self) -> bool:
         """Whether the value was measured and is beyond the threshold."""
         return self.state is CheckState.FAILED
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Measures of one person, for the self-checks; None where nothing could be measured.
+
+    Attributes:
+        placement_problem: why keypoints, depth and floor did not place the body.
+        joint_problem: why the joint fit left pose and position unchanged.
+        assumed_support: whether an unseen support is assumed.
+        body_in_mask_share: share of the silhouette within the mask, without pixels occluded by
+            other people or nearer objects, or outside the photo.
+        low_depth_ratio: median ratio of the photo's depth to the body's over the lowest visible
+            part of the silhouette.
+        clearance_m: gap between the body and the nearest surface or floor.
+        sole_height_m: of the lowest sole over the floor.
+        given_keypoints_px: distance of each keypoint that the user gave from that of the body.
+        stature_px: of the standing person at the same depth; only with given keypoints.
+        given_stature_m: given, or usual at the given age.
+        shown_stature_m: by the photo.
+        stature_sigmas: difference of the logarithms of both, in standard deviations.
+    """
+
+    placement_problem: str | None = None
+    joint_problem: str | None = None
+    assumed_support: bool | None = None
+    body_in_mask_share: float | None = None
+    low_depth_ratio: float | None = None
+    clearance_m: float | None = None
+    sole_height_m: float | None = None
+    given_keypoints_px: Mapping[str, float] = field(default_factory=dict)
+    stature_px: float | None = None
+    given_stature_m: float | None = None
+    shown_stature_m: float | None = None
+    stature_sigmas: float | None = None
 
 
 def summarize_checks(checks: Sequence[CheckResult]) -> str:

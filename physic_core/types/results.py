@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text
+from physic_core.types.records import Measures
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ class Person(ShortRepr):
         stature: standing height of the body from soles to crown, metres; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
             unknown age; None without a body.
+        measures: what the checks judge.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
             the person.
     """
@@ -132,6 +134,7 @@ class Person(ShortRepr):
     age: float | None = None
     stature: float | None = None
     stature_sigma: float | None = None
+    measures: Measures = field(default_factory=Measures)
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z

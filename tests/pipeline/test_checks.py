@@ -14,7 +14,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.measures import Measures, clearance, depth_ratio
+from physic_core.engine.measures import clearance, depth_ratio
 from physic_core.engine.stance import Stance
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
@@ -30,6 +30,7 @@ from physic_core.types import (
     CameraTrust,
     CheckState,
     Intrinsics,
+    Measures,
     Plane,
     UnposedPerson,
     skeleton_named,
@@ -102,7 +103,7 @@ def keypoints_at(joints, camera, off_px=0.0, moved=0):
 
 
 def case(**changes):
-    """Estimates and solution of one person where all is well, but for the changes."""
+    """Estimates and result of one person where all is well, but for the changes."""
     known = {
         "report": {},
         "failure": "",
@@ -147,12 +148,14 @@ def case(**changes):
         **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
     )
     floor = FLOOR if known["floor"] == "found" else None
-    solution = SimpleNamespace(
-        people=(Measures(**known["report"]),),
-        failures=(known["failure"],),
-        world_contact=(known["likely"] and FAR | known["likely"],),
-        contacts=((),),
-        joints=joints[None],
+    person = SimpleNamespace(
+        measures=Measures(joint_problem=known["failure"] or None, **known["report"]),
+        world_contact=known["likely"] and FAR | known["likely"],
+        contacts=(),
+        joints=joints,
+    )
+    result = SimpleNamespace(
+        people=(person,),
         intrinsics=known["camera"],
         scene=SimpleNamespace(scale=known["scale"], scale_sigma=known["sigma"], floor=floor),
         diagnostics={
@@ -163,7 +166,7 @@ def case(**changes):
             "placement": {"alignment": {"inlier_share": known["photo_share"]}},
         },
     )
-    return evidence, solution
+    return evidence, result
 
 
 def test_nothing_fails_where_all_is_well():
@@ -215,9 +218,9 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(changes, name, valu
 
 
 def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
-    estimates, solution = case(unposed=(stranger(199), stranger(400, left=0.0)))
+    estimates, result = case(unposed=(stranger(199), stranger(400, left=0.0)))
     estimates.people.masks[0, :400, :26] = True
-    assert not [check for check in run_checks(estimates, solution) if check.failed]
+    assert not [check for check in run_checks(estimates, result) if check.failed]
 
 
 @pytest.mark.parametrize(
@@ -263,7 +266,7 @@ def test_a_fault_of_a_person_fails_its_checks(changes, names):
 
 
 def test_a_mask_with_the_head_of_another_person_is_never_good():
-    evidence, solution = case()
+    evidence, result = case()
     keypoints = evidence.keypoints
     beside = keypoints.points + np.array([150.0, 0.0])
     evidence.keypoints = SimpleNamespace(
@@ -271,10 +274,10 @@ def test_a_mask_with_the_head_of_another_person_is_never_good():
         confidence=np.ones((2, 17)),
         skeleton="coco17",
     )
-    solution.people = ({}, {})
+    result.people *= 2
     evidence.people.masks = np.zeros((2, 480, 640), bool)
     for heads in (1, 2):
-        found = [CHECKS["heads"].compare(CHECKS["heads"].measure(evidence, solution, 0), 0)]
+        found = [CHECKS["heads"].compare(CHECKS["heads"].measure(evidence, result, 0), 0)]
         assert found[0].value == heads
         trust = person_trust((*run_checks(*case()), *found), 0)
         assert (trust.probability <= CAP) == (heads == 2)
@@ -288,15 +291,15 @@ def test_people_lean_without_a_floor_against_the_picture():
 
 
 def test_one_seen_ankle_is_enough_of_a_leg():
-    evidence, solution = case(legs=False, report={"sole_height_m": 0.25})
+    evidence, result = case(legs=False, report={"sole_height_m": 0.25})
     evidence.bodies.observed[0, 7] = True
-    assert failed_checks(run_checks(evidence, solution), 0) == ("sole_height",)
+    assert failed_checks(run_checks(evidence, result), 0) == ("sole_height",)
 
 
 def test_joints_that_another_photo_of_the_moment_shows_are_visible():
-    evidence, solution = case(legs=False, report={"sole_height_m": 0.25})
+    evidence, result = case(legs=False, report={"sole_height_m": 0.25})
     evidence.views = (SimpleNamespace(observed=torch.ones((1, 55), dtype=torch.bool)),)
-    assert failed_checks(run_checks(evidence, solution), 0) == ("sole_height",)
+    assert failed_checks(run_checks(evidence, result), 0) == ("sole_height",)
 
 
 def test_failed_checks_of_a_body_are_no_warnings_of_the_result():
@@ -374,10 +377,10 @@ def test_an_unmeasured_check_is_unknown_with_its_reason(changes, names, reason):
 
 @pytest.mark.parametrize(("pitch_deg", "failed"), [(12.0, False), (19.0, True), (-40.0, False)])
 def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg, failed):
-    estimates, solution = case()
+    estimates, result = case()
     pitch = math.radians(pitch_deg)
-    solution.scene.floor = Plane(np.array([0.0, -math.cos(pitch), math.sin(pitch)]), 1.5)
-    (check,) = [d for d in run_checks(estimates, solution) if d.name == "floor"]
+    result.scene.floor = Plane(np.array([0.0, -math.cos(pitch), math.sin(pitch)]), 1.5)
+    (check,) = [d for d in run_checks(estimates, result) if d.name == "floor"]
     assert check.failed == failed
     assert ("looks up by 19 degrees" in check.message) == failed
 
@@ -404,9 +407,9 @@ def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg, failed)
 )
 def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, sigmas, message):
     report = {"given_stature_m": 1.15, "shown_stature_m": 1.7, "stature_sigmas": sigmas}
-    estimates, solution = case(report=report)
+    estimates, result = case(report=report)
     vars(estimates).update(known)
-    found = next(d for d in run_checks(estimates, solution) if d.name == "given_size")
+    found = next(d for d in run_checks(estimates, result) if d.name == "given_size")
     assert found.message.startswith(message)
     trust = person_trust((*run_checks(*case()), found), 0)
     assert (trust.probability <= CAP) == (sigmas > 3)
@@ -421,9 +424,9 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, 
 )
 def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far, message):
     report = {"given_keypoints_px": {"nose": 9.0, "right_wrist": far}, "stature_px": 500.0}
-    estimates, solution = case(report=report)
+    estimates, result = case(report=report)
     vars(estimates)["file_px"] = 1.5
-    found = next(d for d in run_checks(estimates, solution) if d.name == "given_keypoints")
+    found = next(d for d in run_checks(estimates, result) if d.name == "given_keypoints")
     assert found.message.startswith(message)
     trust = person_trust((*run_checks(*case()), found), 0)
     assert (trust.probability <= CAP) == (far > 25)

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.solution import Solution
-    from physic_core.types import CheckResult
+    from physic_core.types import CheckResult, Reconstruction
 
 __all__ = [
     "CHECKS",
@@ -39,14 +38,14 @@ __all__ = [
 ]
 
 
-def run_checks(estimates: Estimates, solution: Solution) -> tuple[CheckResult, ...]:
+def run_checks(estimates: Estimates, result: Reconstruction) -> tuple[CheckResult, ...]:
     """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
     of_photo = (spec for spec in CHECKS.values() if spec.of == "photo")
-    found = _measured((spec, spec.compare(spec.measure(estimates, solution))) for spec in of_photo)
-    for person in range(len(solution.people)):
+    found = _measured((spec, spec.compare(spec.measure(estimates, result))) for spec in of_photo)
+    for person in range(len(result.people)):
         of_person = (spec for spec in CHECKS.values() if spec.of == "person")
         found += _measured(
-            (spec, spec.compare(spec.measure(estimates, solution, person), person))
+            (spec, spec.compare(spec.measure(estimates, result, person), person))
             for spec in of_person
         )
     return tuple(found)

@@ -23,8 +23,7 @@ from physic_core.types.skeletons import SIDES, keypoint_in_words
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.pipeline.solution import Solution
-    from physic_core.types import FloatArray, Intrinsics, Skeleton
+    from physic_core.types import FloatArray, Intrinsics, Reconstruction, Skeleton
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
@@ -47,7 +46,7 @@ _check = partial(check, "person")
 
 
 @_check("Placed by keypoints, depth and floor", at_least=1, unit=YES, contradicts=True, warns=True)
-def placed(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return whether all backends have results for this person, keypoints, depth and floor place
     the body, and the joint fit includes it.
     """
@@ -56,11 +55,11 @@ def placed(estimates: Estimates, solution: Solution, person: int) -> Measured:
             f"no valid values for this person from {', '.join(missing)}: results that need them "
             "are skipped; try another backend"
         )
-    if problem := solution.people[person].placement_problem:
+    if problem := result.people[person].measures.placement_problem:
         return 0.0, problem
-    if failure := solution.failures[person]:
+    if failure := result.people[person].measures.joint_problem:
         return 0.0, f"pose and position are those before the joint fit: {failure}"
-    if solution.scene.floor is None:
+    if result.scene.floor is None:
         return None, f"{NO_FLOOR}: the position is by size and scene alone"
     return 1.0
 
@@ -71,7 +70,7 @@ def placed(estimates: Estimates, solution: Solution, person: int) -> Measured:
     advice="the segmenter is not sure of this person: see the outline in preview.png, or point at "
     "the person with --person x,y",
 )
-def detected(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the score of the segmenter."""
     return float(estimates.people.scores[person])
 
@@ -86,7 +85,7 @@ def detected(estimates: Estimates, solution: Solution, person: int) -> Measured:
     warns=True,
     advice="two people may be one, or mixed up: another head lies in this person's mask",
 )
-def heads(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the number of heads in this person's mask: those that the segmenter sees, or those of
     other people.
     """
@@ -96,7 +95,7 @@ def heads(estimates: Estimates, solution: Solution, person: int) -> Measured:
     columns = [
         i for i, name in enumerate(skeleton_named(keypoints.skeleton).names) if name.endswith(_HEAD)
     ]
-    for other in set(range(len(solution.people))) - {person}:
+    for other in set(range(len(result.people))) - {person}:
         seen = [i for i in columns if keypoints.confidence[other, i] >= _CONFIDENT]
         x, y = np.rint(keypoints.points[other, seen]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
@@ -114,15 +113,15 @@ def heads(estimates: Estimates, solution: Solution, person: int) -> Measured:
     advice="a limb misses its keypoints: its pose is doubtful, check the overlay in preview.png",
     unmeasured="too few limb joints have a confident keypoint",
 )
-def limb_keypoints(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return :func:`limb_keypoint_error` of this person."""
     return limb_keypoint_error(
-        solution.joints[person],
+        result.people[person].joints,
         estimates.keypoints.points[person],
         estimates.keypoints.confidence[person],
         np.asarray(estimates.people.boxes[person], np.float64),
         estimates.keypoints.skeleton,
-        solution.intrinsics,
+        result.intrinsics,
     )
 
 
@@ -136,9 +135,9 @@ def limb_keypoints(estimates: Estimates, solution: Solution, person: int) -> Mea
     "hides a part",
     unmeasured=_NO_BODY,
 )
-def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the share of the visible silhouette within the mask."""
-    return solution.people[person].body_in_mask_share
+    return result.people[person].measures.body_in_mask_share
 
 
 # Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4.
@@ -149,13 +148,13 @@ def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measu
     contradicts=True,
     unmeasured="there is no floor and no surface near the body",
 )
-def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the gap between the body and the nearest surface, metres; unknown if a support is
     assumed.
     """
-    if solution.people[person].assumed_support:
+    if result.people[person].measures.assumed_support:
         return None, _ASSUMED_SUPPORT
-    gap = solution.people[person].clearance_m
+    gap = result.people[person].measures.clearance_m
     if gap is None:
         return None
     return gap, f"the nearest surface that could support this person is {gap:.2f} m away"
@@ -168,11 +167,11 @@ def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
     advice="a foot, a hand or the seat may touch something else: see the probability of each",
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
-def contact_sure(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the probability that feet, hands and seat all touch the world or not as the likelier
     of both says.
     """
-    likely = solution.world_contact[person]
+    likely = result.people[person].world_contact
     if not likely:
         return None
     return math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
@@ -181,18 +180,18 @@ def contact_sure(estimates: Estimates, solution: Solution, person: int) -> Measu
 # On floors that are right 0-0.08, and 0.25 on a treadmill; with wrong floors 0.6-1.7 above or
 # below.
 @_check("Lower sole off the floor", at_most=0.1, unit="m", contradicts=True, unmeasured=_NO_BODY)
-def sole_height(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def sole_height(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the distance of the lower sole below the floor, or above it if the person stands,
     metres.
     """
-    height = solution.people[person].sole_height_m
-    if solution.scene.floor is None:
+    height = result.people[person].measures.sole_height_m
+    if result.scene.floor is None:
         return None, NO_FLOOR
     if height is None:
         return None
     if height > 0:
         # Only the feet of people who stand and whose legs are visible must be on the floor.
-        if unknown := _unknown_support(estimates, solution, person):
+        if unknown := _unknown_support(estimates, result, person):
             return None, unknown
         if not estimates.stance.stands_on_both_feet[person]:
             return None, "this person does not stand on both feet"
@@ -206,12 +205,12 @@ def sole_height(estimates: Estimates, solution: Solution, person: int) -> Measur
 # Of people whom readers find right 5 in the median, of others 15. Sideways tilt is visible in the
 # photo and not checked.
 @_check("Leans towards the camera or away", at_most=15, unit="deg", unmeasured=_NO_BODY)
-def lean(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the larger tilt towards the camera or away of body and trunk, degrees."""
-    joints = solution.joints[person]
+    joints = result.people[person].joints
     if not np.isfinite(joints).all():
         return None
-    floor = solution.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
+    floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
     return abs(part), (
         f"this person leans {abs(part):.0f} degrees {'towards' if part > 0 else 'away from'} the "
@@ -226,11 +225,11 @@ def lean(estimates: Estimates, solution: Solution, person: int) -> Measured:
     advice="person and ground may not meet: see the view from the side",
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
 )
-def low_depth(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the difference of the photo's depth from the body's at the lower end of the
     silhouette, as a share.
     """
-    ratio = solution.people[person].low_depth_ratio
+    ratio = result.people[person].measures.low_depth_ratio
     return None if ratio is None else relative_difference(ratio)
 
 
@@ -243,11 +242,11 @@ def low_depth(estimates: Estimates, solution: Solution, person: int) -> Measured
     warns=True,
     optional=True,
 )
-def given_size(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return by how many standard deviations the size in the photo differs from that of a given age
     or stature.
     """
-    measured = solution.people[person]
+    measured = result.people[person].measures
     given, shown, sigmas = (
         measured.given_stature_m,
         measured.shown_stature_m,
@@ -278,11 +277,13 @@ def given_size(estimates: Estimates, solution: Solution, person: int) -> Measure
     warns=True,
     optional=True,
 )
-def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return by how many standard deviations the body misses the worst of the keypoints that the
     user gave.
     """
-    off, stature_px = solution.people[person].given_keypoints_px, solution.people[person].stature_px
+    measured = result.people[person].measures
+    off = measured.given_keypoints_px
+    stature_px = measured.stature_px
     if not off or stature_px is None:
         return None
     worst = max(off, key=off.__getitem__)
@@ -303,7 +304,7 @@ def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Me
     warns=True,
     optional=True,
 )
-def contradicted_keypoints(estimates: Estimates, solution: Solution, person: int) -> Measured:
+def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return how far mask and detector contradict the worst of the keypoints that the user gave, as
     a share.
     """
@@ -363,11 +364,11 @@ def limb_keypoint_error(
     )
 
 
-def _unknown_support(estimates: Estimates, solution: Solution, person: int) -> str | None:
+def _unknown_support(estimates: Estimates, result: Reconstruction, person: int) -> str | None:
     """Return why it is unknown what carries a person, or None if it is known."""
-    if solution.people[person].assumed_support:
+    if result.people[person].measures.assumed_support:
         return _ASSUMED_SUPPORT
-    if solution.scene.floor is None:
+    if result.scene.floor is None:
         return NO_FLOOR
     observed = estimates.bodies.observed
     if observed is None:

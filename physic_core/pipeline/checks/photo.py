@@ -20,8 +20,7 @@ from physic_core.types.results import main_people
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.pipeline.solution import Solution
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import BoolArray, FloatArray, Reconstruction
 
 NO_FLOOR = "no plane was found for the floor"
 _WHY_NO_FLOOR = {
@@ -41,11 +40,11 @@ _check = partial(check, "photo", warns=True)
     share_of="the background",
     unmeasured=_NO_PEOPLE,
 )
-def photo_alignment(estimates: Estimates, solution: Solution) -> Measured:
+def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the share of the background where the point maps with and without people agree."""
-    if "placement" not in solution.diagnostics:
+    if "placement" not in result.diagnostics:
         return None
-    share = solution.diagnostics["placement"]["alignment"]["inlier_share"]
+    share = result.diagnostics["placement"]["alignment"]["inlier_share"]
     if share == 0:
         return (
             share,
@@ -62,9 +61,9 @@ def photo_alignment(estimates: Estimates, solution: Solution) -> Measured:
 # Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
 # 10 degrees.
 @_check("Floor where the segmenter sees it", at_least=1, unit=YES)
-def floor(estimates: Estimates, solution: Solution) -> Measured:
+def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return whether a floor was found, and is that of the segmenter."""
-    report = solution.diagnostics["scene"]["floor"]
+    report = result.diagnostics["scene"]["floor"]
     reason = report["reason"]
     in_mask = report["in_mask"]
     if reason == "switched_off":
@@ -72,14 +71,14 @@ def floor(estimates: Estimates, solution: Solution) -> Measured:
     if reason != "found":
         cure = (
             "the ground at the feet is known by its label alone"
-            if any(map(has_sole_on_floor, solution.contacts))
+            if any(has_sole_on_floor(person.contacts) for person in result.people)
             else "use a photo that shows the ground at the feet"
         )
         return 0.0, (
             f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the "
             f"ground, and heights are unknown: {cure}"
         )
-    plane = solution.scene.floor
+    plane = result.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
     if pitch > _MOST_PITCH_DEG:
         return (
@@ -103,14 +102,14 @@ def floor(estimates: Estimates, solution: Solution) -> Measured:
     unit="log",
     unmeasured="the metric depth backend does not estimate its scale error",
 )
-def scale_sigma(estimates: Estimates, solution: Solution) -> Measured:
+def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the standard deviation of log(scale)."""
-    sigma = solution.scene.scale_sigma
+    sigma = result.scene.scale_sigma
     if sigma is None:
         return None
     cure = (
         "give a known length, or --stature"
-        if any(map(has_sole_on_floor, solution.contacts))
+        if any(has_sole_on_floor(person.contacts) for person in result.people)
         else "use a metric depth network, or a photo with feet on the floor"
     )
     return sigma, (
@@ -126,7 +125,7 @@ def scale_sigma(estimates: Estimates, solution: Solution) -> Measured:
     unmeasured="no depth was measured",
     optional=True,
 )
-def given_depth(estimates: Estimates, solution: Solution) -> Measured:
+def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the difference of the scales by a measured depth and by people, in standard
     deviations.
     """
@@ -149,11 +148,11 @@ def given_depth(estimates: Estimates, solution: Solution) -> Measured:
     unmeasured="no camera was given",
     optional=True,
 )
-def principal_point(estimates: Estimates, solution: Solution) -> Measured:
+def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the distance of a given principal point from the centre, as a share of the photo's
     width or height.
     """
-    camera = solution.intrinsics
+    camera = result.intrinsics
     if not camera.known:
         return None
     off_x = camera.cx - (camera.width - 1) / 2
@@ -174,9 +173,9 @@ def principal_point(estimates: Estimates, solution: Solution) -> Measured:
     unmeasured="no focal length was given, or no backend estimates one",
     optional=True,
 )
-def focal_agreement(estimates: Estimates, solution: Solution) -> Measured:
+def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the largest difference of a backend's focal length from the given one, as a share."""
-    camera = solution.intrinsics
+    camera = result.intrinsics
     if not camera.known:
         return None
     witnesses = [
@@ -199,7 +198,7 @@ def focal_agreement(estimates: Estimates, solution: Solution) -> Measured:
 
 
 @_check("People without a body", at_most=0, unit="count")
-def unposed_people(estimates: Estimates, solution: Solution) -> Measured:
+def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the number of boxes without a body that are as large as main people, and not of people
     with a body.
     """

@@ -37,7 +37,7 @@ class CheckSpec:
         contradicts: whether a failure contradicts the body, and caps the probability of its person.
         warns: whether a failed check is also a warning of the result.
         optional: whether the check is left out of a result for which nothing was measured.
-        measure: of estimates and solution, for a check of a person also of the person's index.
+        measure: of estimates and result, for a check of a person also of the person's index.
     """
 
     name: str
@@ -98,7 +98,7 @@ def check(
     """Register a function as the self-check of its name.
 
     Args:
-        of: whether the function takes estimates and solution, or also the index of a person.
+        of: whether the function takes estimates and result, or also the index of a person.
         label: the displayed name.
         at_most: the largest value that is ok.
         at_least: the smallest value that is ok, if there is no largest.

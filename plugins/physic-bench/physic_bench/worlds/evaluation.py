@@ -49,8 +49,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.state import Estimates
     from physic_core.metrics import Matching
-    from physic_core.pipeline.solution import Solution
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene, Support
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Intrinsics,
+        Reconstruction,
+        Scene,
+        Support,
+    )
     from physic_testing.worlds import World
 
     Indices = NDArray[np.int64]
@@ -123,20 +129,28 @@ def initial_estimate(
     )
 
 
-def engine_estimate(solution: Solution) -> WorldEstimate:
-    """Return the engine's solution as a WorldEstimate."""
+def engine_estimate(result: Reconstruction) -> WorldEstimate:
+    """Return the engine's result of a photo with people as a WorldEstimate."""
+
+    def stacked(name: str) -> Any:
+        return np.stack([getattr(person, name) for person in result.people])
+
+    likely = result.people[0].contact_probability
     contacts = ContactMap(
-        solution.contact, solution.contact_probability, solution.contact_partner, solution.partners
+        stacked("contact"),
+        None if likely is None else stacked("contact_probability"),
+        stacked("contact_partner"),
+        result.contact_partners,
     )
     return WorldEstimate(
-        solution.vertices,
-        solution.joints,
+        stacked("vertices"),
+        stacked("joints"),
         contacts.with_scene(),
-        solution.scene,
-        solution.intrinsics,
-        solution.failures,
+        result.scene,
+        result.intrinsics,
+        tuple(person.measures.joint_problem or "" for person in result.people),
         contacts,
-        solution.supports,
+        tuple(person.support for person in result.people),
     )
 
 

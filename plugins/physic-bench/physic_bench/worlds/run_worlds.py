@@ -44,7 +44,7 @@ _EVALUATION_CODE = (
     "physic_core/geometry",
     "physic_core/metrics",
     "physic_core/pipeline/optimise.py",
-    "physic_core/pipeline/solution.py",
+    "physic_core/pipeline/reconstruction.py",
     "physic_testing",
 )
 """Source files on which a row's numbers depend, besides the evidence."""
