@@ -195,7 +195,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
         "grade": str(record.grade or ""),
         "trust": record.trust,
         "checks": failed,
-        "people": len(record.people),
+        "people": len(record.rows),
         "thumbnail": thumbnail,
     }
     lacks_page = thumbnail != "" and not card["link"].endswith(REPORT_FILE)

@@ -7,18 +7,18 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
-from physic_core.io.results import PersonRecord, ResultRecord, read_record
+from physic_core.io.results import ResultRecord, read_record
 from physic_core.types import grade_text, summarize_checks
-from physic_core.types.contacts import contacts_text
-from physic_core.types.results import distance_m, metres_text
+from physic_core.types.results import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
@@ -82,7 +82,7 @@ def summary_text(
         seconds: taken by the whole command; None for the time of the result's stages.
     """
     stages = record.stages
-    people = record.people
+    people = record.rows
     checks = record.checks
     found = {0: "no person, scene only", 1: "1 person"}.get(len(people), f"{len(people)} people")
     work, loading = (
@@ -118,28 +118,20 @@ def summary_text(
     return "\n".join(lines)
 
 
-def _row(person: PersonRecord) -> tuple[str, ...]:
-    distance = distance_m(person.pelvis)
-    place = "-" if distance is None else metres_text(distance, person.distance_sigma, 1)
+def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
+    distance = person["distance_m"]
+    sigma = person["distance_sigma_m"]
+    place = contact = "-"
+    if distance is not None:
+        place = metres_text(distance, None if sigma is None else sigma / distance, 1)
+        contact = "; ".join(filter(None, (person["contacts"], person["assumed"]))) or "none"
     return (
-        str(person.index),
-        grade_text(person.grade, person.trust),
+        str(person["person"]),
+        grade_text(person["grade"], person["trust"]),
         place,
-        _contact(person),
-        person.why or "-",
+        contact,
+        person["why"] or "-",
     )
-
-
-def _contact(person: PersonRecord) -> str:
-    """Return the likely contacts, "left foot: floor, 0.97; ...", those of parts that no pixel shows
-    last.
-    """
-    if distance_m(person.pelvis) is None:
-        return "-"
-    if not person.states_partners:
-        return f"{person.contact_count} of {person.vertex_count} vertices"
-    texts = (contacts_text(person.contacts, assumed=assumed) for assumed in (False, True))
-    return "; ".join(filter(None, texts)) or "none"
 
 
 def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:

@@ -41,22 +41,19 @@ from physic_core.io.result_folder import (
 )
 from physic_core.types import (
     NO_PARTNER,
-    BodyContact,
     CheckResult,
     Grade,
     Intrinsics,
     Reconstruction,
     StageRecord,
-    Support,
     UnposedPerson,
 )
+from physic_core.types.results import person_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Person
-
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 """Version of documents that are written and read."""
 
 SAVE = ("pictures", "numbers", "people")
@@ -228,22 +225,9 @@ def read_document(folder: Path) -> dict[str, Any]:
 
 
 def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
-    """Return the document of a result without its files, and add its arrays to ``arrays``.
-
-    Some entries of people and scene are only for readers.
-    """
+    """Return the document of a result without its files, and add its arrays to ``arrays``."""
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
-    sigmas = reconstruction.distance_sigmas
-    for index, (record, person) in enumerate(
-        zip(values["people"], reconstruction.people, strict=True)
-    ):
-        record.update(
-            {
-                name: to_json(value)
-                for name, value in _for_readers(index, person, sigmas[index]).items()
-            }
-        )
     run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
     frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
     return {
@@ -251,19 +235,8 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "run": run,
         "frame": frame,
+        "rows": to_json(person_rows(reconstruction)),
         **values,
-    }
-
-
-def _for_readers(index: int, person: Person, sigma: float | None) -> dict[str, Any]:
-    """Return the entries of a person that are only for readers, see :class:`PersonRecord`."""
-    return {
-        "index": index,
-        "pelvis": tuple(person.joints[0].tolist()) if len(person.joints) else None,
-        "contact_count": int(np.sum(person.contact)),
-        "vertex_count": len(person.vertices),
-        "distance_sigma": sigma,
-        "states_partners": person.contact_partner is not None,
     }
 
 
@@ -431,54 +404,21 @@ def _rays(camera: Intrinsics) -> NDArray[np.float32]:
 
 
 @dataclass(frozen=True)
-class PersonRecord:
-    """One person of a result.
-
-    Attributes:
-        index: into the people of the result.
-        pelvis: x, y, z in the camera frame, metres; NaN or None without a body.
-        distance_sigma: standard deviation of the logarithm of the distance from the camera; None if
-            it is not known.
-        contact_count: number of vertices in contact.
-        vertex_count: of all vertices.
-        states_partners: whether the result states what is touched.
-
-    The others are those of :class:`physic_core.types.Person`.
-    """
-
-    index: int
-    pelvis: tuple[float, float, float] | None
-    distance_sigma: float | None
-    contact_count: int
-    vertex_count: int
-    states_partners: bool
-    grade: Grade | None
-    trust: float | None
-    why: str
-    stature: float | None
-    stature_sigma: float | None
-    contacts: tuple[BodyContact, ...]
-    support: Support | None
-    failed_checks: tuple[str, ...]
-    unknown_checks: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class ResultRecord:
     """A result without arrays.
 
     Attributes:
         files: name -> SHA-256 of each file but the document.
+        rows: of the people, see :func:`physic_core.types.results.person_rows`.
 
     The others are those of :class:`physic_core.types.Reconstruction`.
     """
 
     files: Mapping[str, str]
+    rows: tuple[Mapping[str, Any], ...]
     grade: Grade | None
     trust: float | None
-    people: tuple[PersonRecord, ...]
     unposed: tuple[UnposedPerson, ...]
-    intrinsics: Intrinsics
     checks: tuple[CheckResult, ...]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -506,20 +446,9 @@ def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:
         result: of a run.
         files: name -> SHA-256 of each file but the document.
     """
-    people = []
-    for index, (person, sigma) in enumerate(
-        zip(result.people, result.distance_sigmas, strict=True)
-    ):
-        own = _for_readers(index, person, sigma)
-        same = {
-            one.name: getattr(person, one.name)
-            for one in fields(PersonRecord)
-            if one.name not in own
-        }
-        people.append(PersonRecord(**own, **same))
     same = {
         one.name: getattr(result, one.name)
         for one in fields(ResultRecord)
-        if one.name not in ("files", "people")
+        if one.name not in ("files", "rows")
     }
-    return ResultRecord(files=files, people=tuple(people), **same)
+    return ResultRecord(files=files, rows=tuple(person_rows(result)), **same)

@@ -498,14 +498,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
 
 def pelvis_distance_m(person: Person) -> float | None:
     """Return the distance of a person's pelvis from the camera, metres; None without a body."""
-    return distance_m(person.joints[0].tolist() if len(person.joints) else None)
-
-
-def distance_m(point: Sequence[float] | None) -> float | None:
-    """Return the distance of a point x, y, z from the camera, metres; None for None and for a point
-    that is not finite.
-    """
-    return math.hypot(*point) if point is not None and all(map(math.isfinite, point)) else None
+    pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
+    return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
 
 
 def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
