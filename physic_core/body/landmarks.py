@@ -64,8 +64,8 @@ class LandmarkRegressor:
     matrix: Tensor
 
     def __call__(self, joints: Tensor, vertices: Tensor) -> Tensor:
-        """Map joints (B, 55, 3) and the n vertices (B, n, 3) to points (B, J, 3)."""
-        return self.matrix @ torch.cat([joints, vertices], 1)
+        """Map joints (..., 55, 3) and the n vertices (..., n, 3) to points (..., J, 3)."""
+        return self.matrix @ torch.cat([joints, vertices], -2)
 
 
 def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> LandmarkRegressor:

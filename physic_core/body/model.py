@@ -314,12 +314,18 @@ class LandmarkModel:
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)
         posed, joints = pose_vertices(self.tree, self.skin, rotations, shape, transl)
-        vertices, *groups = torch.split(posed, list(self.sizes), dim=1)
+        return self.named(joints, posed)
+
+    def named(self, joints: Tensor, vertices: Tensor) -> dict[Skeleton | str, Tensor]:
+        """Return what :meth:`__call__` returns, (..., J, 3) and so on, of joints (..., 55, 3) and
+        vertices (..., n, 3) of the skin: a linear map, for points as for their derivatives.
+        """
+        own, *groups = torch.split(vertices, list(self.sizes), dim=-2)
         points = {
             name: regressor(joints, group)
             for (name, regressor), group in zip(self.regressors.items(), groups, strict=True)
         }
-        return {**points, "joints": joints, "vertices": vertices}
+        return {**points, "joints": joints, "vertices": own}
 
 
 def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None) -> Tensor:

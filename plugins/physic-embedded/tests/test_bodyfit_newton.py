@@ -2,11 +2,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from physic_core.body import load_body
+from physic_core.types import Intrinsics, skeleton_named
+from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
 from physic_embedded.body_fit.newton import covariance, minimize_newton
+from physic_embedded.body_fit.observations import BodyObservations
+from physic_embedded.body_fit.outline_pairs import OutlinePairs
+from physic_embedded.body_fit.problem import (
+    FitSettings,
+    FloorConstraint,
+    InitialPose,
+    fit_problem,
+    with_outlines,
+)
 
 
 @dataclass(frozen=True)
@@ -26,6 +39,20 @@ class Valley:
         return (self.a - x[:, 0]).square() + 100 * (x[:, 1] - x[:, 0].square()).square()
 
 
+def differences(problem, unknowns, step=1e-5):
+    """Hessian (N, W, W) by differences of gradients."""
+    count, width = unknowns.shape
+    at = unknowns[:, None] + step * torch.eye(width, dtype=unknowns.dtype)
+    rows = torch.arange(count).repeat_interleave(width)
+    _, moved = loss_and_gradient(problem.select(rows), at.flatten(0, 1))
+    _, gradient = loss_and_gradient(problem, unknowns)
+    return (moved.view(count, width, width) - gradient[:, None]) / step
+
+
+def by_differences(problem, unknowns):
+    return *loss_and_gradient(problem, unknowns), differences(problem, unknowns)
+
+
 def valley(*a):
     return Valley(torch.tensor(a, dtype=torch.float64), [])
 
@@ -33,7 +60,7 @@ def valley(*a):
 def test_each_person_ends_at_their_minimum():
     problem = valley(1.0, -0.5, 2.0)
     start = torch.tensor([[-1.2, 1.0], [0.0, 0.0], [2.0, 4.0]], dtype=torch.float64)
-    found = minimize_newton(problem, start)
+    found = minimize_newton(problem, start, by_differences)
     torch.testing.assert_close(found[:, 0], problem.a, rtol=0, atol=1e-9)
     torch.testing.assert_close(found[:, 1], problem.a.square(), rtol=0, atol=1e-9)
     assert start[1].tolist() == [0.0, 0.0]
@@ -42,11 +69,10 @@ def test_each_person_ends_at_their_minimum():
 def test_people_are_independent_and_stop_one_by_one():
     starts = torch.tensor([[-1.2, 1.0], [2.0, 4.0]], dtype=torch.float64)
     problem = valley(1.0, 2.0)
-    together = minimize_newton(problem, starts)
-    assert problem.asked[0] == 2 * 3
+    together = minimize_newton(problem, starts, by_differences)
     assert problem.asked[-1] == 1  # of the last step of the first person alone
     for i in range(2):
-        alone = minimize_newton(valley(float(problem.a[i])), starts[i : i + 1])
+        alone = minimize_newton(valley(float(problem.a[i])), starts[i : i + 1], by_differences)
         torch.testing.assert_close(together[i], alone[0], rtol=0, atol=1e-9)
 
 
@@ -56,7 +82,9 @@ def test_a_saddle_is_left_downhill():
             return (x[:, 0].square() - 1).square() + x[:, 1].square()
 
     found = minimize_newton(
-        Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64)
+        Saddle(torch.zeros(1), []),
+        torch.tensor([[0.1, 0.5]], dtype=torch.float64),
+        by_differences,
     )
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
 
@@ -70,7 +98,7 @@ def test_the_covariance_is_that_of_a_linear_problem():
             return (x @ design.T - 1).square().sum(1)
 
     problem = Linear(torch.zeros(1, dtype=torch.float64), [])
-    found = covariance(problem, torch.zeros(1, 2, dtype=torch.float64))
+    found = covariance(problem, torch.zeros(1, 2, dtype=torch.float64), by_differences)
     torch.testing.assert_close(found[0], torch.linalg.inv(design.T @ design), rtol=1e-6, atol=0)
 
 
@@ -82,5 +110,61 @@ def test_no_person_moves_where_the_loss_is_nan():
     start = torch.tensor([[0.5, 0.25]], dtype=torch.float64)
     problem = Broken(torch.ones(1, dtype=torch.float64), [])
     before = problem.loss(start)
-    after = problem.loss(minimize_newton(problem, start))
+    after = problem.loss(minimize_newton(problem, start, by_differences))
     assert after <= before
+
+
+def two_people(*, landmarks):
+    """Two people of random keypoints, with all terms: a floor, level feet, outlines."""
+    rng = np.random.default_rng(0)
+    skeleton = skeleton_named("coco23")
+    shape = (2, len(skeleton))
+    observations = BodyObservations(
+        points=rng.uniform(200, 600, (*shape, 2)),
+        weight=rng.uniform(0.5, 1, shape),
+        confidence=np.full(shape, 0.9),
+        size=np.array([300.0, 350.0]),
+        turn=np.broadcast_to(np.eye(3), (2, 3, 3)),
+        world=rng.normal(0, 0.5, (*shape, 3)) if landmarks else None,
+        world_weight=rng.uniform(0.5, 1, shape),
+    )
+    yes = np.ones(2, bool)
+    model = load_body("embedded").to(dtype=torch.float64)
+    problem = fit_problem(
+        model,
+        observations,
+        Intrinsics.from_focal(900.0, 1000, 800).matrix,
+        skeleton,
+        InitialPose(
+            np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (2, 3, 3)),
+            rng.normal(0, 0.3, (2, 21, 3)),
+            np.array([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]),
+        ),
+        FitSettings(),
+        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, np.array([0.1, -0.1]), yes),
+    )
+    problem = replace(problem, feet=torch.ones(2, dtype=torch.float64))
+    pairs = (2, 5)
+    return with_outlines(
+        problem,
+        OutlinePairs(
+            np.arange(0, 5000, 500),
+            rng.integers(0, 10, pairs),
+            rng.normal(0, 0.003, (*pairs, 2)),
+            rng.uniform(-1, 0.5, pairs),
+            np.ones(pairs),
+        ),
+    )
+
+
+@pytest.mark.parametrize("landmarks", [False, True])
+def test_the_hessian_of_the_fit_is_that_of_differences(landmarks):
+    problem = two_people(landmarks=landmarks)
+    generator = torch.Generator().manual_seed(0)
+    at = 0.5 * torch.randn(2, problem.num_unknowns, dtype=torch.float64, generator=generator)
+    loss, gradient, hessian = derivatives(problem, at)
+    wanted = loss_and_gradient(problem, at)
+    torch.testing.assert_close(loss, wanted[0], rtol=1e-12, atol=0)
+    torch.testing.assert_close(gradient, wanted[1], rtol=1e-9, atol=1e-9)
+    wanted_hessian = differences(problem, at)
+    assert (hessian - wanted_hessian).abs().max() < 1e-4 * wanted_hessian.abs().max()

@@ -6,17 +6,18 @@ million on the way. At a minimum an error of the input moves the body by about a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import torch
+
+from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_embedded.body_fit.problem import FitProblem
 
-# of an unknown, between the two gradients whose difference is a row of the Hessian
-_STEP_SIZE = 1e-5
 _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100
 _KEEP_HESSIAN = 0.3  # a Hessian is reused while each step is at most this share of the previous one
@@ -27,16 +28,24 @@ _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
     0.01,
 )  # factors on the damping after a failed and a successful step; smaller damping is 0
 
+Derivatives = Callable[["FitProblem", "Tensor"], tuple["Tensor", "Tensor", "Tensor"]]
 
-def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
+
+def minimize_newton(
+    problem: FitProblem, unknowns: Tensor, evaluate: Derivatives = derivatives
+) -> Tensor:
     """Minimise the loss of each person by Newton's method, from unknowns (N, W) near a minimum; no
     loss increases.
 
-    The Hessian is the difference of gradients, those of all unknowns in one batch. It costs as much
-    as about ten steps and is computed again only where the steps no longer shrink by it (Shamanskii
-    1967). Where it is not positive, the absolute values of its eigenvalues take its place (Dauphin
-    et al. 2014, saddle-free Newton), damped as by Levenberg and Marquardt while a step does not
-    lower the loss. People are independent and stop one by one.
+    The Hessian costs as much as three to ten steps. It is computed again only where the steps no
+    longer shrink by it (Shamanskii 1967). Where it is not positive, the absolute values of its
+    eigenvalues take its place (Dauphin et al. 2014, saddle-free Newton), damped as by Levenberg and
+    Marquardt while a step does not lower the loss. People are independent and stop one by one.
+
+    Args:
+        problem: of N people.
+        unknowns: where to start.
+        evaluate: returns loss, gradient and Hessian.
     """
     found, (count, width) = unknowns.clone(), unknowns.shape
     loss = found.new_zeros(count)
@@ -47,13 +56,13 @@ def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
     active = outdated = torch.arange(count)
     for _ in range(_MAX_STEPS):
         if len(outdated):
-            loss[outdated], gradient[outdated], hessian = _derivatives(
+            loss[outdated], gradient[outdated], hessian = evaluate(
                 problem.select(outdated), found[outdated]
             )
             curvatures[outdated], axes[outdated] = torch.linalg.eigh(hessian)
         step = -_newton_step(gradient[active], curvatures[active], axes[active], damping[active])
         there = found[active] + step
-        loss_there, gradient_there = _loss_and_gradient(problem.select(active), there)
+        loss_there, gradient_there = loss_and_gradient(problem.select(active), there)
         lower = loss_there <= loss[active] + _ROUNDING * loss[active].abs()
         moved = active[lower]
         found[moved], loss[moved], gradient[moved] = (
@@ -77,14 +86,16 @@ def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
     return found
 
 
-def covariance(problem: FitProblem, unknowns: Tensor) -> Tensor:
+def covariance(
+    problem: FitProblem, unknowns: Tensor, evaluate: Derivatives = derivatives
+) -> Tensor:
     """Return the covariance (N, W, W) of the unknowns at a minimum (N, W), where the loss is -2 log
     of the probability.
 
     It is twice the inverse of the Hessian (Laplace's approximation), whose eigenvalues are taken as
     in :func:`minimize_newton`.
     """
-    curvatures, axes = torch.linalg.eigh(_derivatives(problem, unknowns)[2])
+    curvatures, axes = torch.linalg.eigh(evaluate(problem, unknowns)[2])
     found: Tensor = 2 * (axes / curvatures.abs()[:, None]) @ axes.mT
     return found
 
@@ -96,25 +107,3 @@ def _newton_step(gradient: Tensor, curvatures: Tensor, axes: Tensor, damping: Te
     along = (axes.mT @ gradient[..., None])[..., 0] / (curvatures.abs() + damping[:, None])
     step: Tensor = (axes @ along[..., None])[..., 0]
     return step
-
-
-def _loss_and_gradient(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor]:
-    """Return loss (N,) and gradient (N, W)."""
-    at = unknowns.detach().requires_grad_(True)
-    losses = problem.loss(at)
-    (gradient,) = torch.autograd.grad(losses.sum(), at)
-    return losses.detach(), gradient
-
-
-def _derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return loss (N,), gradient (N, W) and Hessian (N, W, W)."""
-    count, width = unknowns.shape
-    # the first row is zero
-    moved = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
-    at = (unknowns[:, None] + moved).flatten(0, 1)
-    losses, gradients = _loss_and_gradient(
-        problem.select(torch.arange(count).repeat_interleave(width + 1)), at
-    )
-    gradients = gradients.view(count, width + 1, width)
-    hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
-    return losses.view(count, -1)[:, 0], gradients[:, 0], (hessian + hessian.mT) / 2

@@ -25,6 +25,8 @@ from physic_embedded.body_fit.pose_prior import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from numpy.typing import NDArray
     from torch import Tensor
 
@@ -120,6 +122,9 @@ class FloorConstraint:
     lean: FloatArray
     trunk: BoolArray
 
+
+NUM_TURNED = 22
+"""Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
 
 # Steps of one unit of the whitened unknowns.
 _ROOT_STEP = 0.2
@@ -254,11 +259,25 @@ class FitProblem:
         """Return the losses (N,) of data and priors, the losses (N,) of the floor, and the
         projected keypoints (N, J, 2).
         """
-        s = self.settings
         body = self.decode(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
-        joints = posed["joints"]
-        points = posed[self.skeleton].index_select(1, self.rows)
+        return self.terms_of_points(unknowns, body, self.used(posed))
+
+    def used(self, posed: Mapping[Skeleton | str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the points (..., n, 3) that the terms see: keypoints, joints of the body, and
+        vertices.
+        """
+        keypoints = posed[self.skeleton].index_select(-2, self.rows)
+        return keypoints, posed["joints"].narrow(-2, 0, NUM_TURNED), posed["vertices"]
+
+    def terms_of_points(
+        self, unknowns: Tensor, body: DecodedUnknowns, posed: Sequence[Tensor]
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return :meth:`terms` of unknowns (N, W) that are decoded, and whose points are those of
+        :meth:`used`.
+        """
+        s = self.settings
+        points, joints, vertices = posed
 
         homogeneous = points @ self.camera.T
         projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
@@ -288,7 +307,7 @@ class FitProblem:
 
         column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
         angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
-        soles, outline = posed["vertices"].tensor_split([sum(self.soles)], 1)
+        soles, outline = vertices.tensor_split([sum(self.soles)], 1)
         heights = (soles @ self.up).tensor_split([self.soles[0]], 1)
         left, right = (
             -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights

@@ -1,0 +1,109 @@
+"""Derivatives of the body fit. For the second ones a body is posed once, not once for each unknown.
+
+Posed points are linear in each rotation matrix, and in the shape. A difference of gradients in
+which the points are linear in all of these at once therefore lacks only what two joints, or a joint
+and the shape, move together. That is a sum over the points below a joint.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.body.motions import point_motions
+from physic_embedded.body_fit.problem import NUM_TURNED
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.body.motions import PointMotions
+    from physic_embedded.body_fit.problem import FitProblem
+
+# of an unknown, between the two gradients whose difference is a row of the Hessian
+_STEP_SIZE = 1e-5
+
+
+def loss_and_gradient(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor]:
+    """Return loss (N,) and gradient (N, W)."""
+    at = unknowns.detach().requires_grad_(True)
+    losses = problem.loss(at)
+    (gradient,) = torch.autograd.grad(losses.sum(), at)
+    return losses.detach(), gradient
+
+
+def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return loss (N,), gradient (N, W) and Hessian (N, W, W)."""
+    count, width = unknowns.shape
+    model = problem.landmarks
+    body = problem.decode(unknowns)
+    motions = point_motions(model.tree, model.skin, body.rotations, body.betas, NUM_TURNED)
+    posed = problem.used(model(body.rotations, body.betas, body.transl))
+    moments = _used(problem, motions.moments)
+
+    # the first row is zero
+    steps = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
+    at = (unknowns[:, None] + steps).flatten(0, 1).requires_grad_(True)
+    people = torch.arange(count).repeat_interleave(width + 1)
+    rows = problem.select(people)
+    moved = rows.decode(at)
+    turned = moved.rotations[:, :NUM_TURNED] - body.rotations[people, :NUM_TURNED]
+    turned = turned.view(count, width + 1, NUM_TURNED, 3, 3)
+    turned = motions.parents[:, None] @ turned @ motions.world[:, None].mT  # (N, W + 1, 22, 3, 3)
+    shift = (moved.transl - body.transl[people]).view(count, -1, 3, 1)
+    shape = (moved.betas - body.betas[people]).view(count, width + 1, -1)
+    # The translation is one more column, with the share that each point has of it.
+    shares = _used(problem, torch.ones_like(motions.by_shape[:, :1]))[..., 0]
+    columns = torch.cat([turned.transpose(2, 3).flatten(3), shift], 3).flatten(1, 2)
+    carried = columns @ torch.cat([moments.mT.flatten(1, 2), shares], 1)
+    by_shape = _used(problem, motions.by_shape).flatten(2)
+    shaped = torch.baddbmm(torch.cat(posed, 1).flatten(1)[:, None], shape, by_shape)
+    points = shaped.view(count, width + 1, -1, 3) + carried.view(count, width + 1, 3, -1).mT
+    parts = torch.split(points.flatten(0, 1), [part.shape[1] for part in posed], 1)
+    data, floor, _ = rows.terms_of_points(at, moved, parts)
+    losses = data + floor
+    gradients, twist, pull = torch.autograd.grad(losses.sum(), [at, turned, points])
+    gradients = gradients.view(count, width + 1, width)
+    hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
+    hessian = (hessian + hessian.mT) / 2
+
+    together = _together(problem, motions, turned.detach(), twist[:, 0], pull[:, 0])
+    hessian[:, : together.shape[1], : together.shape[1]] += together
+    return losses.detach().view(count, -1)[:, 0], gradients[:, 0], hessian
+
+
+def _together(
+    problem: FitProblem, motions: PointMotions, turned: Tensor, twist: Tensor, pull: Tensor
+) -> Tensor:
+    """Return what two joints, and joints and shape, contribute to the Hessian (N, 66 + K, 66 + K).
+
+    Args:
+        problem: of N people.
+        motions: of joints and vertices.
+        turned: (N, W + 1, 22, 3, 3) by a step of each unknown.
+        twist: (N, 22, 3, 3) gradient by them.
+        pull: (N, P, 3) gradient by the points of the loss.
+    """
+    turning = 3 * NUM_TURNED
+    # (N, 22, 3, 3, 3): of each joint by a unit of each of its unknowns
+    units = turned[:, 1 : turning + 1].view(-1, NUM_TURNED, 3, NUM_TURNED, 3, 3)
+    units = units.diagonal(dim1=1, dim2=3)
+    units = units.permute(0, 4, 1, 2, 3) / _STEP_SIZE
+    lower = twist[:, :, None] @ units.mT
+    joints = units.flatten(3).flatten(1, 2) @ lower.flatten(3).flatten(1, 2).mT
+    below = problem.landmarks.tree.family[:NUM_TURNED, :NUM_TURNED].triu(1)
+    joints = joints * below.repeat_interleave(3, 0).repeat_interleave(3, 1)
+
+    raw = motions.by_shape[:, 0].requires_grad_(True)
+    (by_point,) = torch.autograd.grad(_used(problem, raw), raw, pull)
+    by_shape = motions.moments_by_shape(by_point).flatten(3)  # (N, K, 22, 9)
+    shapes = (units.flatten(3) @ by_shape.permute(0, 2, 3, 1)).flatten(1, 2)
+    found = torch.cat([joints, shapes], 2)
+    found = torch.cat([found, found.new_zeros(len(found), shapes.shape[2], found.shape[2])], 1)
+    return found + found.mT
+
+
+def _used(problem: FitProblem, points: Tensor) -> Tensor:
+    """Return the points (..., P, 3) of the loss of joints and vertices (..., 55 + n, 3)."""
+    joints, vertices = points.tensor_split([len(problem.landmarks.tree.family)], -2)
+    return torch.cat(problem.used(problem.landmarks.named(joints, vertices)), -2)
