@@ -18,7 +18,13 @@ from physic_core.geometry.upright import transform_points
 from physic_core.types import SupportState
 from physic_core.types.skeletons import SIDES
 from physic_core.visual.rig import rigs
-from physic_export.humanoid import FLAT_M, NUM_BODIES, body_segments, vertex_segments
+from physic_export.humanoid import (
+    FLAT_M,
+    NUM_BODIES,
+    SOLE_REACH_M,
+    body_segments,
+    vertex_segments,
+)
 from physic_export.skeleton import skinned
 from physic_export.tiles import FLOOR_M, Tile, convex_tiles, tiles_without
 
@@ -55,7 +61,8 @@ class ExportedPerson:
         rig: in the frame of the file, z up and the floor at z = 0.
         vertices: (V, 3) of the pose.
         feet: sides of the feet that carry the person alone; none if another part carries, too.
-        on_floor: sides of the feet that touch the floor.
+        on_floor: sides of the feet that touch the floor, with the heel less than SOLE_REACH_M over
+            it.
         falls: why a simulation does not keep the person up; "" if it does, or if that is not known.
         turned_deg: angle about the ankles; None if the person was not to be turned.
         inside_m: distance of the centre of mass from the edge of the soles, negative outside; None
@@ -79,6 +86,8 @@ class ExportedPerson:
         if self.turned_deg is None or self.inside_m is None:
             return ""
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
+        if not self.on_floor:
+            place += ", but the scene under them is uneven, so it may fall"
         if self.turned_deg == 0:
             return f"person {self.index} is not turned: {place}"
         return (
@@ -131,13 +140,19 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
     for index, rig in rigs(request):
         person = request.result.people[index]
         vertices = transform_points(request.frame.from_camera, person.vertices)
-        feet = feet_that_carry(person)
-        on_floor = _on_floor(person, vertices, vertex_segments(rig.weights))
+        heels = _heel_heights(vertices, vertex_segments(rig.weights))
+        touching = _touching_floor(person, heels)
+        on_floor = tuple(side for side in touching if heels[side] < SOLE_REACH_M)
+        carrying = feet_that_carry(person)
+        falls = "" if carrying else _why_falling(person)
         # a surface may have no collision shape
-        feet = tuple(side for side in feet if side in on_floor) or feet
-        plain = ExportedPerson(
-            index, rig, vertices, feet, on_floor, "" if feet else _why_falling(person)
-        )
+        feet = tuple(side for side in carrying if side in on_floor)
+        if not feet:
+            feet = tuple(side for side in carrying if side not in touching)
+        if carrying and not feet:
+            lowest = min(heels[side] for side in carrying)
+            falls = f"its soles are {100 * lowest:.0f} cm over the floor"
+        plain = ExportedPerson(index, rig, vertices, feet, on_floor, falls)
         if feet:
             plain = _set_down(plain, _height(vertices))
         made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
@@ -169,7 +184,12 @@ def _why_falling(person: Person) -> str:
     return "" if person.support.state is SupportState.BALANCED else str(person.support)
 
 
-def _on_floor(person: Person, vertices: Array, part: NDArray[np.int64]) -> tuple[str, ...]:
+def _heel_heights(vertices: Array, part: NDArray[np.int64]) -> dict[str, float]:
+    """Return the height of the lowest skin of heel and instep of each foot, metres."""
+    return {side: float(vertices[part == JOINT_INDEX[f"{side}_ankle"], 2].min()) for side in SIDES}
+
+
+def _touching_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
     """Return the sides of the feet that touch the floor, or the scene where it counts as the floor
     (FLOOR_M).
     """
@@ -177,9 +197,7 @@ def _on_floor(person: Person, vertices: Array, part: NDArray[np.int64]) -> tuple
     made = []
     for side in SIDES:
         kinds = {one.partner.kind for one in likely if one.part == f"{side}_foot"}
-        joints = [JOINT_INDEX[f"{side}_{name}"] for name in ("ankle", "foot")]
-        low = float(vertices[np.isin(part, joints), 2].min())
-        if "floor" in kinds or ("scene" in kinds and low < FLOOR_M):
+        if "floor" in kinds or ("scene" in kinds and heels[side] < FLOOR_M):
             made.append(side)
     return tuple(made)
 

@@ -30,12 +30,13 @@ def standing(result):
     return upright(result)
 
 
-def upright(result, lean=0.0):
+def upright(result, lean=0.0, knee=0.0):
     """The first person in a T-pose, upright, with the soles on a floor without a scene.
 
     Args:
         result: with a floor.
         lean: angle of the body forward over its feet, radians.
+        knee: bend of the right knee, which lifts the foot behind the body, radians.
     """
     model = load_body("embedded").to(dtype=torch.float64)
     floor = result.scene.floor
@@ -50,6 +51,8 @@ def upright(result, lean=0.0):
     rotations[0, 0] = torch.from_numpy(body)
     for joint in (JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")):
         rotations[0, joint] = torch.from_numpy(Rotation.from_euler("x", -lean).as_matrix())
+    bend = Rotation.from_euler("x", knee).as_matrix()
+    rotations[0, JOINT_NAMES.index("right_knee")] = torch.from_numpy(bend)
     betas = torch.zeros(1, 16, dtype=torch.float64)
     transl = np.array([0.0, 0.0, 3.0])
     low = (
@@ -164,6 +167,19 @@ def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_hig
     mujoco.mj_forward(model, data)
     soles = [i for i in range(model.ngeom) if re.search(r"(ankle|foot)_\d", model.geom(i).name)]
     np.testing.assert_allclose(data.geom_xpos[soles, 2], model.geom_size[soles, 0], atol=1e-3)
+
+
+def test_a_foot_far_over_the_floor_does_not_balance_a_person_though_it_is_said_to_touch(
+    result, tmp_path
+):
+    made = upright(result, knee=np.deg2rad(70))
+    feet = support(SupportState.BALANCED, ("left_foot", "right_foot"), FLOOR)
+    person = replace(made.people[0], support=feet, contacts=feet.contacts)
+    done = replace(made, people=(person,)).export(str(tmp_path / "a.xml"))
+    (note,) = (note for note in done.notes if note.startswith("person 0"))
+    assert re.search(r"turned by [\d.]+ degrees", note)
+    start, end = head_after(done.files[0], 1.5)
+    assert end == pytest.approx(start, abs=0.03)
 
 
 @pytest.mark.parametrize("state", [SupportState.UNBALANCED, SupportState.AIRBORNE])
