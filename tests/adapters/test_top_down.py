@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,9 +17,6 @@ from physic_core.adapters.top_down import (
     resample_crop,
     subpixel_peaks,
 )
-
-if TYPE_CHECKING:
-    pass
 
 GRIDS: tuple[PixelAlignment, ...] = ("corners", "halves", "areas")
 BOX = np.array([40.0, 30.0, 100.0, 190.0])

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -14,9 +13,6 @@ import torch
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.types import skeleton_named
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,9 +15,6 @@ from physic_core.io.photo import read_photo
 from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 

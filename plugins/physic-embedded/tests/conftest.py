@@ -4,16 +4,11 @@ it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 import pytest
 
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
-
-if TYPE_CHECKING:
-    pass
 
 
 @pytest.fixture(scope="session")

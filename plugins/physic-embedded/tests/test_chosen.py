@@ -4,8 +4,6 @@ pose.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 import pytest
@@ -23,9 +21,6 @@ from physic_embedded.segmentation.hidden_people import GREY, grey_out
 from physic_embedded.segmentation.people import UnposedBox, square_from_upper_half
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.slow
 

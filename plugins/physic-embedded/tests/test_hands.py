@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,9 +22,6 @@ from physic_embedded.networks.hand_landmarks import (
 )
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_testing import violations
-
-if TYPE_CHECKING:
-    pass
 
 HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,9 +9,6 @@ from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypointsOptions
 from physic_testing import violations
-
-if TYPE_CHECKING:
-    pass
 
 
 @pytest.fixture(scope="module")

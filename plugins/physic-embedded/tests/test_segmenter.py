@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 import pytest
@@ -35,9 +33,6 @@ from physic_embedded.segmentation.people import (
 from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
-
-if TYPE_CHECKING:
-    pass
 
 
 def pose_at(center, height=200.0, confidence=1.0):

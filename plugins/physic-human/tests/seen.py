@@ -1,4 +1,4 @@
-"""What perfect networks would know: which world a photo shows, and which part of it a crop shows.
+"""Which part of a photo a crop shows, and a made-up body file.
 
 A picture of coordinates stands in for the photo that crops are made of: red grows from left to
 right, green from top to bottom, blue is the same everywhere. So a crop says itself where it was
@@ -9,15 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
-import torch
-from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
-from physic_core.body.bones import rotations_from_parameters
-from physic_testing.worlds import World, world_of
 
 BLUE = 64
 MEAN = np.array([0.485, 0.456, 0.406])
@@ -37,47 +32,6 @@ def coordinates(height, width):
     picture[..., 0] = np.round(40 + 200 * np.arange(width) / width)
     picture[..., 1] = np.round(40 + 200 * np.arange(height) / height)[:, None]
     return picture
-
-
-class OnWorlds:
-    """A checkout backend whose network is one that recognises worlds, so that no code or weights
-    are needed.
-    """
-
-    perfect_network: type[Any]
-
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def build(self, device: str) -> Any:
-        return self.perfect_network()
-
-
-class SeesCrops:
-    """A network that is shown crops of the picture of coordinates, and is told which world the
-    photo shows.
-    """
-
-    world: World | None = None
-    size = (1, 1)
-
-
-class CropsOnWorlds(OnWorlds):
-    """The same, where the network is shown crops of the picture of coordinates and knows the world
-    of the photo.
-    """
-
-    def infer(self, image: np.ndarray, *estimates: Any) -> Any:
-        network = network_of(self)
-        if network is not None:
-            network.world = world_of(image)
-            network.size = image.shape[:2]
-        shown = (
-            coordinates(*image.shape[:2])
-            if image.shape[2:] == (3,) and image.dtype == np.uint8
-            else image
-        )
-        return super().infer(shown, *estimates)
 
 
 @dataclass(frozen=True)
@@ -133,17 +87,6 @@ def place_of(crop, height, width):
 def normalised_back(planes):
     """(3, S, S) of a network -> (S, S, 3) grey levels."""
     return 255 * (planes.transpose(1, 2, 0) * STD + MEAN)
-
-
-def nearest(points, place):
-    """Row of the point (N, 2) that is nearest to a place (2,)."""
-    return int(np.linalg.norm(points - place, axis=1).argmin())
-
-
-def pixels(points, world):
-    """Points (..., 3) of the camera frame -> px (..., 2)."""
-    k = world.intrinsics
-    return points[..., :2] / points[..., 2:] * [k.fx, k.fy] + [k.cx, k.cy]
 
 
 @cache
@@ -207,40 +150,3 @@ def smpl_arrays():
             ]
         ).astype(np.int64),
     }
-
-
-def smpl_contact(world):
-    """(N, 6890) bool: the world's contact on the made-up SMPL."""
-    from scipy.spatial import cKDTree
-
-    body = load_body("embedded")
-    rest = body(*body.zero_pose()).vertices[0].numpy()
-    template = smpl_arrays()["v_template"] + [0.01, 0.21, -0.02]
-    outer = np.flatnonzero(world.outer)
-    _, around = cKDTree(rest[outer]).query(template)
-    return world.contact[:, outer[around]]
-
-
-def smpl_pose(world):
-    """(N, 24, 3) rotation vectors of the world's bodies."""
-    p = world.parameters
-    count = len(p.transl)
-    full = np.concatenate([p.global_orient, p.body_pose], axis=1).reshape(count, 22, 3)
-    return np.concatenate([full, np.zeros((count, 2, 3))], axis=1)
-
-
-def wrist_turns(world):
-    """(N, 2, 3) rotation of each whole hand from the T-pose to the camera frame, left then
-    right.
-    """
-    p = world.parameters
-    body = load_body("embedded")
-    given = (torch.from_numpy(np.array(value)) for value in (p.betas, p.transl))
-    with torch.no_grad():
-        turns = (
-            body(rotations_from_parameters(p), *given, joints_only=True)
-            .world[:, [20, 21]]
-            .double()
-            .numpy()
-        )
-    return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 2, 3)

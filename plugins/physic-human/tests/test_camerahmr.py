@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions, translation_from_crop
-from physic_human.user_smpl import open_smpl
-from physic_testing import check_backend
 
 from .seen import (
-    CropsOnWorlds,
-    SeesCrops,
     coordinates,
     network_of,
     normalised_back,
-    pixels,
     place_of,
     smpl_arrays,
-    smpl_pose,
 )
 
 OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
@@ -240,54 +231,3 @@ def test_a_field_of_view_that_is_none_is_refused(made):
         backend._focal_network.gain.fill_(0)
     with pytest.raises(BackendError, match="field of view of 0 rad"):
         ask(backend)
-
-
-class PerfectHmr(SeesCrops):
-    """Knows the body that a crop shows, and where it is in weak perspective of that crop."""
-
-    def __init__(self) -> None:
-        self.pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
-
-    def __call__(self, batch: dict[str, torch.Tensor]) -> tuple[Any, ...]:
-        focal = batch["cam_int"][:, 0, 0].numpy()
-        rows = [self.one(crop, f) for crop, f in zip(batch["img"].numpy(), focal, strict=True)]
-        turns, weak = (torch.from_numpy(np.stack(part)).float() for part in zip(*rows, strict=True))
-        parameters = {
-            "global_orient": turns[:, :1],
-            "body_pose": turns[:, 1:],
-            "betas": torch.zeros(len(weak), 10),
-        }
-        return parameters, weak, batch["cam_int"][:, 0, 0]
-
-    def one(self, crop: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
-        place = place_of(normalised_back(crop), *self.size)
-        if self.world is None:
-            return np.tile(np.diag([1.0, -1, -1]), (24, 1, 1)), np.array([0.9, 0, 0])
-        middles = (self.world.boxes[:, :2] + self.world.boxes[:, 2:]) / 2
-        row = int(np.linalg.norm(middles - place.at(0.5), axis=1).argmin())
-        side = 256 * place.step[1]
-        middle = place.at(0.5)
-        origin = self.world.joints[row, 0].astype(float) - self.pelvis
-        scale = 2 * focal / (side * origin[2])
-        offset = (pixels(origin, self.world) - middle) / (side / 2) / scale
-        return Rotation.from_rotvec(smpl_pose(self.world)[row]).as_matrix(), np.array(
-            [scale, *offset]
-        )
-
-
-class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
-    perfect_network = PerfectHmr
-
-    def build(self, device: str) -> Any:
-        self._body = open_smpl(self.options.smpl_file)
-        return super().build(device)
-
-
-@pytest.mark.slow
-def test_camerahmr_conforms(smpl_file):
-    # The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
-    options = {"smpl_file": str(smpl_file)}
-    limits = {"MPJPE, mm": 105.0}
-    check_backend(
-        CameraHmrOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits
-    ).raise_if_failed()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
@@ -12,9 +10,8 @@ from physic_core.adapters.bodies import empty_bodies
 from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
 from physic_human.user_smpl import load_rest_mesh
-from physic_testing import check_backend
 
-from .seen import CropsOnWorlds, SeesCrops, network_of, normalised_back, place_of, smpl_contact
+from .seen import network_of, normalised_back
 
 
 def test_the_network_gets_the_channels_in_the_order_bgr():
@@ -143,45 +140,3 @@ def test_deco_is_called_in_batches_and_never_without_people(deco):
     assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
     found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
     assert found.probability.shape == (0, 6890)
-
-
-class PerfectDeco(SeesCrops):
-    """Knows which vertices of the person in a crop touch."""
-
-    def __call__(self, crops: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        return (
-            torch.from_numpy(np.stack([self.one(crop) for crop in crops.numpy()])),
-            torch.zeros(1),
-            torch.zeros(1),
-        )
-
-    def one(self, crop: np.ndarray) -> np.ndarray:
-        if self.world is None:
-            return np.full(6890, 0.1, np.float32)
-        shown = normalised_back(crop)[..., ::-1]
-        white = (shown > 248).all(axis=2)
-        place = place_of(np.where(white[..., None], 0, shown), *self.size)
-        rows, columns = np.nonzero(~white)
-        middle = place.origin + place.step * [columns.mean(), rows.mean()]
-        boxes = self.world.boxes
-        row = int(np.linalg.norm((boxes[:, :2] + boxes[:, 2:]) / 2 - middle, axis=1).argmin())
-        return np.where(smpl_contact(self.world)[row], 0.9, 0.05).astype(np.float32)
-
-
-class DecoOnWorlds(CropsOnWorlds, Deco):
-    perfect_network = PerfectDeco
-
-    def build(self, device: str) -> Any:
-        self._rest = load_rest_mesh(self.options.smpl_file)
-        return super().build(device)
-
-
-@pytest.mark.slow
-def test_deco_conforms(smpl_file):
-    # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders
-    # of the contact.
-    options = {"smpl_file": str(smpl_file)}
-    limits = {"F1": 0.89}
-    check_backend(
-        DecoOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits
-    ).raise_if_failed()

@@ -1,4 +1,4 @@
-"""MoGe 1 and MoGe-3: colours, cameras, shifts, and the whole kit with a perfect network."""
+"""MoGe 1 and MoGe-3: colours, cameras and shifts."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
 from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
-from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import world_of
 
-from .seen import OnWorlds, network_of
+from .seen import network_of
 
 MOGE = """
 import torch
@@ -71,80 +69,6 @@ def test_moges_shift_and_focal_length_are_found(moge):
     truth = 2.0 + 0.01 * u + 0.02 * v
     np.testing.assert_allclose(found.points[..., 2][found.valid], truth[found.valid], rtol=0.01)
     np.testing.assert_array_equal(found.valid, u > 4)
-
-
-class PerfectMoge:
-    """Points of the world in the picture, in units of 2.2 m, moved by 0.7 units along z."""
-
-    num_tokens_range = (1200, 2500)
-    mask_threshold = 0.5
-
-    def forward(self, pixels: torch.Tensor, tokens: int) -> dict[str, torch.Tensor]:
-        image = np.round(255 * pixels[0].numpy().transpose(1, 2, 0)).astype(np.uint8)
-        height, width = image.shape[:2]
-        world = world_of(image)
-        if world is None:
-            v, u = np.mgrid[:height, :width]
-            z = 3.0 + 1.5 * v / height + 0.5 * u / width
-            points = (
-                np.stack(
-                    [z * (u - (width - 1) / 2), z * (v - (height - 1) / 2), 1.2 * width * z], -1
-                )
-                / 1.2
-                / width
-            )
-        else:
-            apart = [
-                np.abs(image.astype(int) - other).sum()
-                for other in (world.image, world.empty_image)
-            ]
-            points = world.points(people=bool(apart[0] < apart[1])).astype(float)
-        seen = np.isfinite(points).all(axis=-1)
-        points = np.where(seen[..., None], points, 1.0) / 2.2 - [0, 0, 0.7]
-        return {
-            "points": torch.from_numpy(points)[None],
-            "mask": torch.from_numpy(np.where(seen, 0.95, 0.02))[None],
-        }
-
-
-class PerfectMoge3(PerfectMoge):
-    """The same with the scale in metres."""
-
-    def forward(
-        self, pixels: torch.Tensor, tokens: int, refine_steps: int = 3
-    ) -> dict[str, torch.Tensor]:
-        assert (tokens, refine_steps) == (2500, 0)
-        return super().forward(pixels, tokens) | {"metric_scale": torch.full((1,), 2.2)}
-
-
-class MogeOnWorlds(OnWorlds, Moge1):
-    perfect_network = PerfectMoge
-
-
-@pytest.mark.slow
-@parametrize_with_checks("relative_pointmap", MogeOnWorlds, capabilities={"exact"})
-def test_moge_conforms(check):
-    check()
-
-
-class Moge3PointsOnWorlds(OnWorlds, Moge3Pointmap):
-    perfect_network = PerfectMoge3
-
-
-class Moge3DepthOnWorlds(OnWorlds, Moge3Depth):
-    perfect_network = PerfectMoge3
-
-
-@pytest.mark.slow
-@parametrize_with_checks("relative_pointmap", Moge3PointsOnWorlds, capabilities={"exact"})
-def test_moge_3_conforms_as_a_pointmap(check):
-    check()
-
-
-@pytest.mark.slow
-@parametrize_with_checks("metric_depth", Moge3DepthOnWorlds, capabilities={"exact"})
-def test_moge_3_conforms_as_a_depth(check):
-    check()
 
 
 # A checkout that imports GPU kernels at the top, as the published one does.

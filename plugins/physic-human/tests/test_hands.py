@@ -21,19 +21,11 @@ from physic_human.hands import chumpy_free_copy, hand_boxes, hands_from_mano, mi
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
-from physic_testing.conformance import parametrize_with_checks
-from physic_testing.conformance.truth import true_hands
 
 from .seen import (
-    CropsOnWorlds,
-    Place,
-    SeesCrops,
     coordinates,
-    nearest,
     network_of,
-    pixels,
     place_of,
-    wrist_turns,
 )
 
 
@@ -224,8 +216,6 @@ def test_mirrored_rotations_are_those_of_a_mirrored_world():
     )
 
 
-WRISTS = (20, 21)
-
 # smplx.MANOLayer, as far as both projects hand it their file.
 MANO = """
 import os
@@ -374,40 +364,3 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         make_wilor(held=held).load()
     make_wilor(held=held, trust_checkpoint=True).load()
-
-
-class PerfectWilor(SeesCrops):
-    """Answers the true hand at the place that a crop shows: right hands, and left ones as they look
-    in a mirror.
-    """
-
-    def hand(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
-        """Fingers (15, 3) and the wrist (3,)."""
-        if self.world is None:
-            return np.full((15, 3), 0.1), np.zeros(3)
-        side = 0 if place.mirrored else 1
-        wrists = pixels(self.world.joints[:, WRISTS[side]], self.world)
-        person = nearest(wrists, place.at(0.5))
-        fingers = true_hands(self.world)[person, side].astype(float)
-        turn = wrist_turns(self.world)[person, side]
-        return (fingers, turn) if side else (mirror_rotvecs(fingers), mirror_rotvecs(turn))
-
-    def __call__(self, x: torch.Tensor) -> dict[str, torch.Tensor]:
-        found = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
-        fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))
-        return {
-            "hand_pose": torch.from_numpy(fingers),
-            "global_orient": torch.from_numpy(wrists[:, None]),
-        }
-
-
-class WilorOnWorlds(CropsOnWorlds, Wilor):
-    perfect_network = PerfectWilor
-
-
-@pytest.mark.slow
-@parametrize_with_checks(
-    "hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"}
-)
-def test_wilor_conforms(check):
-    check()

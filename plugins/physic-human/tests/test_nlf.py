@@ -1,6 +1,4 @@
-"""NLF: a TorchScript file with its methods, run for real, and the whole kit with perfect
-networks.
-"""
+"""NLF: a TorchScript file with its methods, run for real."""
 
 from __future__ import annotations
 
@@ -17,10 +15,6 @@ from physic_core.body import load_body
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
-from physic_testing.conformance import check_backend
-from physic_testing.worlds import world_of
-
-from .seen import smpl_pose
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 BOXES = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])
@@ -230,77 +224,6 @@ def test_nan_bodies_are_an_error(nlf):
     nlf._network = Broken()
     with pytest.raises(BackendError, match="float16, which some GPUs"):
         ask(nlf)
-
-
-class PerfectNlf:
-    """Knows the bodies of the world in the picture; a longer lens than the true one puts them
-    farther away.
-    """
-
-    def estimate_parametric_batched(
-        self,
-        images: torch.Tensor,
-        boxes: list[torch.Tensor],
-        intrinsic_matrix: torch.Tensor,
-        **rest: Any,
-    ) -> dict[str, list[torch.Tensor]]:
-        image = images[0].numpy().transpose(1, 2, 0)
-        world = world_of(image)
-        ltwh = boxes[0].numpy()
-        smpl = rest["model_name"] == "smpl"
-        count = len(ltwh)
-        joints = 24 if smpl else 55
-        if world is None:
-            place = np.tile([0.0, 0.0, 4.0], (count, 1))
-            offsets = np.linspace([0, -0.7, 0], [0, 0.7, 0], joints)
-            return self._answer(np.zeros((count, joints, 3)), place, place[:, None] + offsets)
-        corners = np.concatenate([ltwh[:, :2], ltwh[:, :2] + ltwh[:, 2:]], axis=1)
-        rows = [int(np.abs(world.boxes - box).sum(axis=1).argmin()) for box in corners]
-        true = world.joints[rows].astype(float)
-        k = intrinsic_matrix[0].numpy()
-        moved = true[:, 0].copy()
-        moved[:, 2] *= k[0, 0] / world.intrinsics.fx
-        uv = true[:, 0, :2] / true[:, 0, 2:] * world.intrinsics.fx + [
-            world.intrinsics.cx,
-            world.intrinsics.cy,
-        ]
-        moved[:, :2] = (uv - k[:2, 2]) * moved[:, 2:] / k[0, 0]
-        shown = true + (moved - true[:, 0])[:, None]
-        pose = np.zeros((count, joints, 3))
-        pose[:, :22] = smpl_pose(world)[rows][:, :22]
-        if not smpl:
-            p = world.parameters
-            pose[:, 25:] = np.concatenate([p.left_hand_pose, p.right_hand_pose], axis=1).reshape(
-                -1, 30, 3
-            )[rows]
-        given = np.concatenate([shown[:, :22], shown[:, [28, 43]]], axis=1) if smpl else shown
-        return self._answer(pose, moved + np.array([0, 0.2, 0]), given)
-
-    @staticmethod
-    def _answer(
-        pose: np.ndarray, transl: np.ndarray, joints: np.ndarray
-    ) -> dict[str, list[torch.Tensor]]:
-        outputs = {
-            "pose": pose.reshape(len(pose), -1),
-            "betas": np.zeros((len(pose), 10)),
-            "trans": transl,
-            "joints3d": 1000 * joints,
-        }
-        return {key: [torch.from_numpy(value).float()] for key, value in outputs.items()}
-
-
-class NlfOnWorlds(Nlf):
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def build(self, device: str) -> Any:
-        return PerfectNlf()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("body", ["smplx", "smpl"])
-def test_nlf_conforms(body):
-    check_backend(NlfOnWorlds, options={"body": body}, capabilities={"exact"}).raise_if_failed()
 
 
 @pytest.fixture(scope="module")

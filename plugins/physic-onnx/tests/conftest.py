@@ -1,12 +1,11 @@
-"""Stand-ins for published networks: graphs of the same contract, and networks that know which world
-a photo shows.
+"""Stand-ins for published networks: graphs of the same contract, and networks that answer what a
+test gives.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from physic_core.types import Intrinsics
 from physic_onnx.sessions import Port
-from physic_testing import check_backend
-from physic_testing.worlds import World, world_of
 
 _ELEMENTS = {
     "float32": TensorProto.FLOAT,
@@ -28,11 +24,6 @@ _ELEMENTS = {
     "uint8": TensorProto.UINT8,
     "bool": TensorProto.BOOL,
 }
-
-Ports = Mapping[str, tuple[str, Sequence[int | str] | None]]
-"""Name -> type and shape, in the file's order: ``{"image": ("float32", ("batch", 3, "height",
-"width"))}``.
-"""
 
 
 def write_graph(
@@ -96,82 +87,13 @@ def node():
     return helper.make_node
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What a stand-in knows of the photo that its adapter was given.
-
-    Attributes:
-        photo: (H, W, 3) uint8, whole.
-        world: the truth; None for a photo that is of no world, or was resampled.
-        people: whether the people are in it.
-    """
-
-    photo: np.ndarray
-    world: World | None
-    people: bool
-
-    @property
-    def depth(self) -> np.ndarray:
-        """(H, W) float64 metres along z, inf in the sky; of a photo of no world a floor before a
-        wall.
-        """
-        if self.world is not None:
-            return np.asarray(
-                self.world.depth if self.people else self.world.empty_depth, np.float64
-            )
-        height, width = self.photo.shape[:2]
-        down = (np.arange(height) - (height - 1) / 2) / self.camera.fy
-        wall_and_floor = np.minimum(6.0, 1.5 / np.maximum(down, 1e-6))
-        return np.repeat(wall_and_floor[:, None], width, axis=1)
-
-    @property
-    def camera(self) -> Intrinsics:
-        """Of the photo; a focal length of the long side where there is no world."""
-        if self.world is not None:
-            return self.world.intrinsics
-        height, width = self.photo.shape[:2]
-        return Intrinsics.from_focal(float(max(height, width)), width, height)
-
-    @property
-    def points(self) -> np.ndarray:
-        """(H, W, 3) float64 metres; inf in the sky."""
-        height, width = self.photo.shape[:2]
-        v, u = np.mgrid[:height, :width]
-        camera = self.camera
-        rays = np.stack(
-            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones((height, width))], -1
-        )
-        with np.errstate(invalid="ignore"):
-            return np.where(
-                np.isfinite(self.depth)[..., None], rays * self.depth[..., None], np.inf
-            )
-
-
-def look_at(photo):
-    """Find the world that a photo shows, by its label."""
-    photo = np.ascontiguousarray(photo)
-    world = world_of(photo)
-    if world is None:
-        return Shown(photo, None, False)
-    off = [
-        np.abs(photo.astype(int) - picture).mean() for picture in (world.image, world.empty_image)
-    ]
-    return Shown(photo, world, bool(off[0] < off[1]))
-
-
-@pytest.fixture(scope="session")
-def shown():
-    """:func:`look_at`."""
-    return look_at
-
-
 class StandInNetwork:
-    """Stands for :class:`physic_onnx.sessions.Network`, and answers what a perfect network would.
+    """Stands for :class:`physic_onnx.sessions.Network`.
 
     Args:
         inputs: ports, as for :func:`write_graph`.
         outputs: ports.
-        answer: given what is shown and what is fed, returns output -> array.
+        answer: given what is fed, returns output -> array.
 
     Attributes:
         runs: how often it was run.
@@ -183,38 +105,25 @@ class StandInNetwork:
     metadata: Mapping[str, str] = {}
     shares_ranges = False
 
-    def __init__(
-        self,
-        inputs: Ports,
-        outputs: Ports,
-        answer: Callable[[Shown, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]],
-    ) -> None:
-        self.inputs = {
-            name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in inputs.items()
-        }
-        self.outputs = {
-            name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in outputs.items()
-        }
-        self._answer = answer
-        self._shown: Shown | None = None
+    def __init__(self, inputs, outputs, answer):
+        self.inputs = ports_of(inputs)
+        self.outputs = ports_of(outputs)
+        self.answer = answer
         self.runs = 0
-        self.fed: Mapping[str, np.ndarray] = {}
+        self.fed = {}
 
-    def show(self, what: Shown) -> None:
-        self._shown = what
-
-    def run(self, feed: Mapping[str, np.ndarray], outputs: Sequence[str]) -> list[np.ndarray]:
-        assert self._shown is not None, "nothing is shown"
+    def run(self, feed, outputs):
         assert set(feed) == set(self.inputs), f"fed {sorted(feed)}, wants {sorted(self.inputs)}"
         for name, value in feed.items():
-            port = self.inputs[name]
-            assert np.ndim(value) == len(port.shape), (
-                f"{name} has {np.ndim(value)} dimensions, wants {port.shape}"
-            )
+            assert np.ndim(value) == len(self.inputs[name].shape), name
         self.runs += 1
         self.fed = dict(feed)
-        answers = self._answer(self._shown, feed)
+        answers = self.answer(feed)
         return [np.asarray(answers[name], self.outputs[name].dtype) for name in outputs]
+
+
+def ports_of(stated):
+    return {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in stated.items()}
 
 
 @pytest.fixture(scope="session")
@@ -223,57 +132,15 @@ def stand_in_network():
 
 
 @pytest.fixture(scope="session")
-def stand_in():
-    """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files
-    are needed.
+def bound():
+    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in."""
 
-    ``attach(backend)`` returns what the adapter's ``build`` would, and the networks; before each
-    ``infer`` they are given the photo. A network can read the other arguments of that call in
-    ``backend.estimates``, and the
-    boxes of its rows by ``backend.next_boxes``. For the conformance kit::
+    def bind(kind, inputs, outputs, answer, **options):
+        backend = kind(kind.Options(**options))
+        backend._network = backend.match(StandInNetwork(inputs, outputs, answer))
+        return backend
 
-        check_backend(stand_in(Adapter, attach)).raise_if_failed()
-    """
-
-    def make(kind, attach):
-        class StandIn(kind):
-            capabilities = frozenset(getattr(kind, "capabilities", ())) | {"exact"}
-            _stand_ins: Sequence[StandInNetwork] = ()
-
-            def build(self, device: str) -> Any:
-                network, *self._stand_ins = attach(self)
-                return network
-
-            def close(self) -> None:
-                super().close()
-                self._stand_ins = ()
-
-            def missing(self) -> tuple[str, ...]:
-                return ()
-
-            def fingerprint(self) -> str:
-                return ""
-
-            def infer(self, image: np.ndarray, *estimates: Any) -> Any:
-                self.estimates = estimates
-                self._row = 0
-                if isinstance(image, np.ndarray) and image.ndim == 3:
-                    for network in self._stand_ins:
-                        network.show(look_at(image))
-                return super().infer(image, *estimates)
-
-            def next_boxes(self, count: int) -> np.ndarray:
-                """Boxes (at most ``count``, 4) of the people whose crops a network is given
-                next.
-                """
-                boxes: np.ndarray = self.estimates[0].boxes[self._row : self._row + count]
-                self._row += len(boxes)
-                return boxes
-
-        StandIn.__name__ = StandIn.__qualname__ = f"StandIn{kind.__name__}"
-        return StandIn
-
-    return make
+    return bind
 
 
 @pytest.fixture(scope="session")
@@ -286,40 +153,6 @@ def loaded():
         return backend
 
     return load
-
-
-@pytest.fixture(scope="session")
-def bound():
-    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in that
-    ignores the photo.
-    """
-
-    def bind(kind, inputs, outputs, answer, **options):
-        network = StandInNetwork(inputs, outputs, answer)
-        network.show(Shown(np.zeros((1, 1, 3), np.uint8), None, False))
-        backend = kind(kind.Options(**options))
-        backend._network = backend.match(network)
-        return backend
-
-    return bind
-
-
-@pytest.fixture(scope="session")
-def accuracy_of(stand_in):
-    """``accuracy_of(Adapter, inputs, outputs, answer)``: its errors in the kit, all of whose checks
-    have to pass.
-    """
-
-    def measure(kind, inputs, outputs, answer):
-        def attach(backend):
-            network = StandInNetwork(inputs, outputs, answer)
-            return [backend.match(network), network]
-
-        report = check_backend(stand_in(kind, attach))
-        report.raise_if_failed()
-        return report.accuracy
-
-    return measure
 
 
 @pytest.fixture

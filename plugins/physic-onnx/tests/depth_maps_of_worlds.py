@@ -22,21 +22,3 @@ def ramp(height, width, blue=77):
     image[..., 1] = np.linspace(200, 30, height)[:, None]
     image[..., 2] = blue
     return image
-
-
-def expect_picture(photo, seen, tolerance, smoothed=1):
-    """A network sees (3, h, w) grey levels: the photo, and not a mirrored or recoloured one.
-
-    Blocks of ``smoothed`` px are compared where the two are resampled in different ways.
-    """
-    rows, columns = (n // smoothed for n in seen.shape[1:])
-    wanted = np.stack([at(photo[..., c].astype(float), *seen.shape[1:]) for c in range(3)])
-    blocks = [
-        picture[:, : rows * smoothed, : columns * smoothed]
-        .reshape(3, rows, smoothed, columns, smoothed)
-        .mean((2, 4))
-        for picture in (seen, wanted)
-    ]
-    assert np.abs(blocks[0] - blocks[1]).mean() < tolerance, (
-        "not the photo, or not where it should lie"
-    )

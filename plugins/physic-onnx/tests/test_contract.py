@@ -23,7 +23,7 @@ def match(network, inputs, outputs, *, by_position=False):
 @pytest.fixture
 def file(stand_in_network):
     def make(inputs, outputs):
-        return stand_in_network(inputs, outputs, lambda shown, feed: {})
+        return stand_in_network(inputs, outputs, lambda feed: {})
 
     return make
 

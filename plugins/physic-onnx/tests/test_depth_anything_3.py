@@ -1,6 +1,4 @@
-"""Depth Anything 3 metric against graphs of its exports, and against a network that knows the
-world.
-"""
+"""Depth Anything 3 metric against graphs of its exports."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything_3 import DepthAnything3, preprocess
 
-from .depth_maps_of_worlds import at, expect_picture, ramp
+from .depth_maps_of_worlds import ramp
 
 IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
 IMAGENET_STD = np.array([0.229, 0.224, 0.225])
@@ -144,35 +142,3 @@ def test_photo_is_shrunk_by_areas_and_enlarged_bicubically(size, how):
     )
     wanted = ((resized / 255 - IMAGENET_MEAN) / IMAGENET_STD).transpose(2, 0, 1)[None]
     np.testing.assert_allclose(preprocess(image, 504, 406), wanted, atol=1e-5)
-
-
-def perfect(shown, fed):
-    """Depth of a camera of 300 px, and the sky."""
-    picture = fed["image"]
-    rows, columns = picture.shape[-2:]
-    seen = (
-        picture.reshape(3, rows, columns) * IMAGENET_STD[:, None, None]
-        + IMAGENET_MEAN[:, None, None]
-    ) * 255
-    expect_picture(shown.photo, seen, 4, smoothed=14)
-    height, width = shown.photo.shape[:2]
-    focal = shown.camera.fx * 0.5 * (columns / width + rows / height)
-    inverse = at(1 / shown.depth, rows, columns)
-    depth = 1 / np.maximum(inverse, 1 / 150)
-    shape = (1, 1, rows, columns)
-    return {
-        "depth": (depth * 300 / focal).reshape(shape),
-        "sky": (inverse < 1e-4).astype(float).reshape(shape),
-    }
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
-def test_conformance(form, accuracy_of):
-    shape = FORMS[form][0]
-    returned = ("float32", (1, 1, *shape[-2:]))
-    outputs = {"depth": returned, "sky": returned}
-    assert (
-        accuracy_of(DepthAnything3, {"image": ("float32", shape)}, outputs, perfect)["abs-rel"]
-        < 0.003
-    )

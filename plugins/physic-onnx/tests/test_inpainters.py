@@ -10,7 +10,6 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_onnx.lama import MOST_CROPS, Lama, LamaOptions, hole_crops
-from physic_testing import check_backend
 
 
 @pytest.fixture(scope="module")
@@ -155,22 +154,3 @@ def test_a_crop_shows_more_than_hole():
     hole[:, 500:1500] = True
     ((_, (y0, y1, x0, x1)),) = hole_crops(hole, 1.01, 64)
     assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
-
-
-def painted(shown, feed):
-    """The hole of whatever is shown, painted from what is around it."""
-    image = feed["image"][0].transpose(1, 2, 0)
-    mask = feed["mask"][0, 0]
-    levels = np.ascontiguousarray((image * 255).round().astype(np.uint8))
-    filled = cv2.inpaint(levels, (mask > 0.5).astype(np.uint8), 3, cv2.INPAINT_TELEA)
-    return {"output": filled.transpose(2, 0, 1)[None]}
-
-
-@pytest.mark.slow
-def test_conformance(stand_in, stand_in_network):
-    def attach(backend):
-        inputs = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}
-        network = stand_in_network(inputs, {"output": ("float32", ("b", 3, 512, 512))}, painted)
-        return [backend.match(network), network]
-
-    check_backend(stand_in(Lama, attach), capabilities=()).raise_if_failed()

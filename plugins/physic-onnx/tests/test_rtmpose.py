@@ -1,6 +1,4 @@
-"""RTMPose and RTMW3D: the grid of SimCC, colours, scores, depths, and the whole kit on
-stand-ins.
-"""
+"""RTMPose and RTMW3D: the grid of SimCC, colours, scores and depths."""
 
 from __future__ import annotations
 
@@ -10,11 +8,10 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import SKELETONS
-from physic_onnx.rtmpose import RtmPose, Rtmw3d, simcc_peaks
+from physic_onnx.rtmpose import RtmPose, Rtmw3d
 from physic_testing import violations
-from physic_testing.conformance import check_backend
 
-from .pose_worlds import BOX, PLACES, blobs, depths, joints, normalised, people, region, sampled
+from .pose_worlds import BOX, PLACES, blobs, people, region
 
 
 @pytest.fixture
@@ -127,19 +124,6 @@ def test_lines_that_do_not_fit_the_input_are_refused(answering):
         backend.infer(blobs(PLACES), people(BOX))
 
 
-def test_simcc_decodes_as_rtmlib_does():
-    pytest.importorskip("rtmlib")
-    from rtmlib.tools.pose_estimation.post_processings import get_simcc_maximum
-
-    rng = np.random.default_rng(1)
-    along_x = rng.random((2, 17, 384))
-    along_y = rng.random((2, 17, 512))
-    points, score = simcc_peaks(along_x, along_y)
-    theirs, mean = get_simcc_maximum(along_x, along_y)
-    assert np.allclose(points, theirs / 2)
-    assert (score <= mean + 1e-9).all()
-
-
 def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering):
     """A slow twin of the codec in its configurations: 288 x 384 px, two bins a pixel, depths of
     +-2.1744869 m.
@@ -200,66 +184,6 @@ def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering):
     world = answering(*lines).infer(blobs(PLACES), people(BOX)).world[0]
     own = [i for i, name in enumerate(names) if np.any(places[name])]
     np.testing.assert_allclose(world[own], metres[own], atol=0.01)
-
-
-@pytest.fixture(scope="module")
-def stand_in_rtmpose(stand_in, stand_in_network):
-    """The adapter over a network that knows where each joint of the person in the crop truly is."""
-
-    def make(kind, skeleton, count, size):
-        height, width = size
-        axes = {"simcc_x": width, "simcc_y": height} | (
-            {"simcc_z": width} if kind is Rtmw3d else {}
-        )
-
-        def attach(backend):
-            def answer(shown, feed):
-                boxes = backend.next_boxes(len(feed["input"]))
-                lines: dict[str, list[np.ndarray]] = {name: [] for name in axes}
-                for picture, box in zip(feed["input"], boxes, strict=True):
-                    centre, scale = region(box, width, height)
-                    corner = centre - scale / 2
-                    step = scale / [width, height]
-                    expected = normalised(sampled(shown.photo, corner, step, width, height))
-                    assert np.abs(picture - expected).mean() < 0.05, (
-                        "another picture than the network learned from"
-                    )
-                    points, sure = joints(shown.world, box, skeleton)
-                    at = (points - corner) / step
-                    deep = (depths(shown.world, box, skeleton) / 2.1744869 + 1) * width / 2
-                    for (name, length), line in zip(
-                        axes.items(), (at[:, 0], at[:, 1], deep), strict=False
-                    ):
-                        apart = np.arange(2 * length) / 2 - line[:, None]
-                        lines[name].append(sure[:, None] * np.exp(-(apart**2) / 30))
-                return {name: np.stack(rows) for name, rows in lines.items()}
-
-            network = stand_in_network(
-                {"input": ("float32", ("b", 3, height, width))},
-                {name: ("float32", ("b", count, 2 * length)) for name, length in axes.items()},
-                answer,
-            )
-            return [backend.match(network), network]
-
-        return stand_in(kind, attach)
-
-    return make
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "skeleton", "count", "size"),
-    [
-        (RtmPose, "coco_wholebody133", 133, (384, 288)),
-        (RtmPose, "halpe26", 26, (256, 192)),
-        (Rtmw3d, "coco_wholebody133", 133, (384, 288)),
-    ],
-)
-def test_conformance(stand_in_rtmpose, kind, skeleton, count, size):
-    report = check_backend(stand_in_rtmpose(kind, skeleton, count, size), "keypoint_detector")
-    print(report.summary, report.accuracy)
-    report.raise_if_failed()
-    assert report.accuracy["px"] < 1.0
 
 
 @pytest.mark.parametrize("batch", ["batch", 1, 4])

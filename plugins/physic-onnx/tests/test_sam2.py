@@ -1,6 +1,4 @@
-"""SAM 2 in both of its signatures: graphs of their contract, and networks that know what they are
-shown.
-"""
+"""SAM 2 in both of its signatures."""
 
 from __future__ import annotations
 
@@ -10,14 +8,13 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.adapters.people import Detections
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
-from physic_onnx.detectors import Detector
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_positions, ground_points
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
 from physic_onnx.sessions import OnnxOptions
-from physic_testing import check_backend, load_world
 
 FEATURES = {
     "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),
@@ -62,39 +59,36 @@ DECODER = {
 
 
 def networks_of(signature, stand_in_network, answer=None, encoder_ports=None):
-    def encode(shown, feed):
+    def encode(feed):
         return {
             name: np.zeros(shape, np.float32)
             for name, shape in zip(FEATURES[signature], MAPS, strict=True)
         }
 
     encoder = stand_in_network(*(encoder_ports or ENCODER[signature]), encode)
-    return encoder, stand_in_network(*DECODER[signature], answer or (lambda shown, feed: {}))
+    return encoder, stand_in_network(*DECODER[signature], answer or (lambda feed: {}))
 
 
-def test_the_tracker_of_sam_3_gets_values_from_minus_1_to_1(stand_in_network, shown):
+def test_the_tracker_of_sam_3_gets_values_from_minus_1_to_1(stand_in_network):
     ports = ({"pixel_values": ("float32", (1, 3, 1008, 1008))}, ENCODER["transformers.js"][1])
     encoder, decoder = networks_of("transformers.js", stand_in_network, encoder_ports=ports)
     photo = np.full((30, 40, 3), 255, np.uint8)
-    encoder.show(shown(photo))
     Sam2Networks(encoder, decoder).encode(photo)
     assert encoder.fed["pixel_values"] == pytest.approx(1.0)
 
 
-def prompts_fed(signature, answer, stand_in_network, shown):
+def prompts_fed(signature, answer, stand_in_network):
     """What the decoder is fed for two boxes, and for a point inside and one outside, of a photo of
     256 x 512 px.
     """
     fed = []
 
-    def record(photo, feed):
+    def record(feed):
         fed.append(feed)
         return answer(feed)
 
     encoder, decoder = networks_of(signature, stand_in_network, record)
     photo = np.zeros((512, 256, 3), np.uint8)
-    encoder.show(shown(photo))
-    decoder.show(shown(photo))
     networks = Sam2Networks(encoder, decoder)
     encoded = networks.encode(photo)
     networks.masks_from_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
@@ -104,7 +98,7 @@ def prompts_fed(signature, answer, stand_in_network, shown):
     return fed
 
 
-def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, shown):
+def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network):
     """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is
     left to chance.
     """
@@ -113,7 +107,7 @@ def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, 
         n = max(feed["input_boxes"].shape[1], 1)
         return {"iou_scores": np.zeros((1, n, 3)), "pred_masks": np.zeros((1, n, 3, 256, 256))}
 
-    box, point = prompts_fed("transformers.js", answer, stand_in_network, shown)
+    box, point = prompts_fed("transformers.js", answer, stand_in_network)
     assert box["input_points"].shape == (1, 2, 0, 2)
     assert box["input_labels"].shape == (1, 2, 0)
     assert box["input_labels"].dtype == np.int64
@@ -127,18 +121,16 @@ def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, 
     assert point["input_labels"].tolist() == [[[1, 0]]]
 
 
-def test_providers_without_empty_arrays_get_a_padding_point(stand_in_network, shown):
+def test_providers_without_empty_arrays_get_a_padding_point(stand_in_network):
     encoder, decoder = networks_of(
         "transformers.js",
         stand_in_network,
-        lambda shown, feed: {
+        lambda feed: {
             "iou_scores": np.zeros((1, 1, 3)),
             "pred_masks": np.zeros((1, 1, 3, 256, 256)),
         },
     )
     photo = np.zeros((20, 20, 3), np.uint8)
-    encoder.show(shown(photo))
-    decoder.show(shown(photo))
     decoder.provider = "CoreML"
     networks = Sam2Networks(encoder, decoder)
     networks.masks_from_boxes(networks.encode(photo), np.array([[0.0, 0, 10, 10]]))
@@ -146,14 +138,14 @@ def test_providers_without_empty_arrays_get_a_padding_point(stand_in_network, sh
     assert decoder.fed["input_labels"].tolist() == [[[-1]]]
 
 
-def test_files_of_samexporter_get_prompts_in_their_layout(stand_in_network, shown):
+def test_files_of_samexporter_get_prompts_in_their_layout(stand_in_network):
     """A box is two points, labelled 2 and 3, and others come after them; labels are floats."""
 
     def answer(feed):
         n = len(feed["point_coords"])
         return {"iou_predictions": np.zeros((n, 3)), "masks": np.zeros((n, 3, 256, 256))}
 
-    box, point = prompts_fed("samexporter", answer, stand_in_network, shown)
+    box, point = prompts_fed("samexporter", answer, stand_in_network)
     assert box["point_coords"][0].tolist() == [[1.5, 0.5], [1021.5, 1022.5]]
     assert box["point_labels"].tolist() == [[2, 3], [2, 3]]
     assert box["point_labels"].dtype == np.float32
@@ -232,136 +224,6 @@ def test_points_of_the_ground_are_outside_people_and_inside_the_photo():
     assert not people.masks.any(0)[y, x].any()
 
 
-# A detector, an encoder and a decoder that know the world which is shown.
-
-
-def rt_detr(stand_in_network, joints=False):
-    def answer(shown, feed):
-        logits = np.full((1, 300, 80), -9.0)
-        boxes = np.full((1, 300, 4), 0.5)
-        height, width = shown.photo.shape[:2]
-        for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown)):
-            logits[0, 3 * i, 0] = 3 - 0.1 * i
-            boxes[0, 3 * i] = (
-                (x0 + x1) / 2 / width,
-                (y0 + y1) / 2 / height,
-                (x1 - x0) / width,
-                (y1 - y0) / height,
-            )
-        return {"logits": logits, "pred_boxes": boxes}
-
-    ports = {"logits": ("float32", ("b", 300, 80)), "pred_boxes": ("float32", ("b", 300, 4))}
-    return stand_in_network({"pixel_values": ("float32", ("b", 3, 640, 640))}, ports, answer)
-
-
-def rtmo(stand_in_network):
-    def answer(shown, feed):
-        scale = 640 / max(shown.photo.shape[:2])
-        boxes = true_boxes(shown) * scale
-        joints = np.zeros((1, len(boxes), 17, 3))
-        if shown.world is not None and shown.people:
-            joints[0, ..., :2] = (shown.world.keypoints["coco17"] + 0.5) * scale
-            joints[0, ..., 2] = np.where(shown.world.visible["coco17"], 0.9, 0.1)
-        scores = np.linspace(0.9, 0.8, len(boxes))[:, None]
-        return {"dets": np.concatenate([boxes, scores], 1)[None], "keypoints": joints}
-
-    ports = {"dets": ("float32", ("b", "n", 5)), "keypoints": ("float32", ("b", "n", 17, 3))}
-    return stand_in_network({"input": ("float32", ("b", 3, 640, 640))}, ports, answer)
-
-
-def yolox(stand_in_network):
-    cells = [(s, x, y) for s in (8, 16, 32) for y in range(640 // s) for x in range(640 // s)]
-
-    def answer(shown, feed):
-        scale = 640 / max(shown.photo.shape[:2])
-        output = np.zeros((1, len(cells), 85))
-        for i, (x0, y0, x1, y1) in enumerate(true_boxes(shown) * scale):
-            cx = (x0 + x1) / 2
-            cy = (y0 + y1) / 2
-            cell = cells.index((16, int(cx // 16), int(cy // 16)))
-            sides = np.log([(x1 - x0) / 16, (y1 - y0) / 16])
-            output[0, cell, :6] = (
-                cx / 16 - cx // 16,
-                cy / 16 - cy // 16,
-                *sides,
-                0.95,
-                0.95 - 0.02 * i,
-            )
-        return {"output": output}
-
-    port = {"images": ("float32", (1, 3, 640, 640))}
-    return stand_in_network(port, {"output": ("float32", (1, len(cells), 85))}, answer)
-
-
-def true_boxes(shown):
-    if shown.world is None:  # something in the middle of a photo of which nothing is known
-        height, width = shown.photo.shape[:2]
-        return np.array([[0.4 * width, 0.2 * height, 0.6 * width, 0.9 * height]])
-    return shown.world.boxes if shown.people else np.zeros((0, 4))
-
-
-def squashed(mask):
-    """A mask of the photo as logits of the square, by torch's area resampling."""
-    share = torch.nn.functional.interpolate(
-        torch.tensor(mask, dtype=torch.float32)[None, None], (256, 256), mode="area"
-    )
-    return 20 * share[0, 0].numpy() - 10
-
-
-def thing_in(shown, box):
-    """The person whose box it is; an ellipse in it where nobody is known."""
-    height, width = shown.photo.shape[:2]
-    box = np.asarray(box) * np.array([width, height, width, height]) / 1024
-    if shown.world is None:
-        y, x = np.mgrid[:height, :width]
-        inside = ((x - box[[0, 2]].mean()) / (box[2] - box[0] + 1)) ** 2
-        return squashed(inside + ((y - box[[1, 3]].mean()) / (box[3] - box[1] + 1)) ** 2 < 0.25)
-    off = np.abs(shown.world.boxes - box).sum(axis=1)
-    return squashed(shown.world.masks[off.argmin()])
-
-
-def thing_at(shown, points, labels):
-    """The floor if most of the points lie on it; nothing else is known."""
-    height, width = shown.photo.shape[:2]
-    if shown.world is None:
-        return np.full((256, 256), -10.0)
-    x, y = ((points[labels == 1] + 0.5) * [width, height] / 1024).astype(int).T
-    on_floor = shown.world.floor_mask[y.clip(0, height - 1), x.clip(0, width - 1)].mean() > 0.5
-    return squashed(shown.world.floor_mask) if on_floor else np.full((256, 256), -10.0)
-
-
-def of_three(logits):
-    """Beside the right one a half of it and everything, which the network believes less."""
-    part = logits.copy()
-    part[: 256 // 2] = -10
-    return np.stack([part, np.full_like(logits, 10), logits]), np.array([0.6, 0.3, 0.95])
-
-
-def decode(signature):
-    def answer(shown, feed):
-        if signature == "transformers.js":
-            prompts = [(box, None) for box in feed["input_boxes"][0]]
-            if feed["input_points"].shape[2]:
-                prompts = [(None, (feed["input_points"][0, 0], feed["input_labels"][0, 0]))]
-        else:
-            prompts = [
-                (points.ravel(), None)
-                if labels.tolist() == [2, 3]
-                else (None, (points[2:], labels[2:]))
-                for points, labels in zip(feed["point_coords"], feed["point_labels"], strict=True)
-            ]
-        answers = [
-            of_three(thing_in(shown, b) if b is not None else thing_at(shown, *p))
-            for b, p in prompts
-        ]
-        masks, fits = (np.stack(part) for part in zip(*answers, strict=True))
-        if signature == "transformers.js":
-            return {"pred_masks": masks[None], "iou_scores": fits[None]}
-        return {"masks": masks, "iou_predictions": fits}
-
-    return answer
-
-
 @pytest.fixture(scope="module")
 def real(tmp_path_factory):
     """The library's own class, small and random, exported as transformers.js's files are."""
@@ -419,6 +281,7 @@ def real(tmp_path_factory):
     return model, folder
 
 
+@pytest.mark.slow
 def test_files_of_segmenter_and_detector_are_loaded(real, constant_graph, tmp_path):
     found = np.array([[[40.0, 60, 200, 290, 0.9], [250, 30, 330, 310, 0.8]]])
     frame = {"input": ("float32", ("b", 3, 640, 640))}
@@ -455,6 +318,7 @@ def test_the_real_class_answers_boxes_the_same(real):
     assert fits == pytest.approx(theirs.iou_scores[0].numpy(), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_real_class_answers_points_in_a_box_the_same(real):
     model, folder = real
     networks = open_sam2(folder, OnnxOptions(threads=1), "cpu")
@@ -476,53 +340,45 @@ def test_the_real_class_answers_points_in_a_box_the_same(real):
     assert fits == pytest.approx(theirs.iou_scores[0, 0].numpy(), abs=1e-6)
 
 
-@pytest.fixture(scope="module")
-def sam2(stand_in, stand_in_network):
-    def make(signature, detector):
-        def attach(backend):
-            encoder, decoder = networks_of(signature, stand_in_network, decode(signature))
-            seer = detector(stand_in_network)
-            backend.encoder = encoder
-            return (Sam2Networks(encoder, decoder), Detector(seer)), encoder, decoder, seer
+class Boxes:
+    """A detector that finds what is given."""
 
-        return stand_in(Sam2, attach)
+    def __init__(self, *boxes):
+        self.boxes = np.array(boxes, float).reshape(-1, 4)
 
-    return make
+    def infer(self, image, score, overlap):
+        return Detections(self.boxes, np.linspace(0.9, 0.8, len(self.boxes)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("signature", "detector"),
-    [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)],
-)
-def test_conformance(sam2, signature, detector):
-    # The network's masks have 256 x 256 cells, each of more than a pixel in these photos.
-    report = check_backend(sam2(signature, detector), exact_limits={"IoU": 0.97})
-    report.raise_if_failed()
-    print(report.text)
+def rectangles(feed):
+    """Three masks for each box, of which the best is its lower half; points get the lowest rows."""
+    y, x = np.mgrid[:256, :256] * 4 + 2
+    masks = []
+    for x0, y0, x1, y1 in feed["input_boxes"][0]:
+        inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        whole = np.ones((256, 256), bool)
+        best = y > 900 if feed["input_points"].shape[2] else inside & (y > (y0 + y1) / 2)
+        masks.append([whole, inside, best])
+    fits = np.tile([0.6, 0.3, 0.95], (1, len(masks), 1))
+    return {"pred_masks": 20.0 * np.array(masks)[None] - 10, "iou_scores": fits}
 
 
-@pytest.mark.parametrize("detector", [rt_detr, rtmo])
-def test_people_and_floor_of_a_world(sam2, detector):
-    """The network's own grid is what is lost: 256 cells across."""
-    world = load_world("stand_indoors", (320, 240))
-    backend = sam2("transformers.js", detector)()
-    backend.load()
-    people = backend.infer(world.image)
-    assert backend.encoder.runs == 1, "one encoding serves the people and the floor"
-    (mask,) = people.masks
-    assert (mask & world.masks[0]).sum() / (mask | world.masks[0]).sum() > 0.93
-    assert people.floor is not None
-    assert (people.floor & world.floor_mask).sum() / (people.floor | world.floor_mask).sum() > 0.9
-    assert (people.keypoints is not None) == (detector is rtmo)
-    if people.keypoints is not None:
-        assert people.keypoints.points == pytest.approx(world.keypoints["coco17"], abs=1e-3)
-
-
-def test_no_people_need_no_encoding(sam2):
-    backend = sam2("transformers.js", rt_detr)()
-    backend.load()
-    people = backend.infer(load_world("stand_indoors", (320, 240)).empty_image)
-    assert len(people) == 0
-    assert people.floor is None
-    assert backend.encoder.runs == 0
+@pytest.mark.parametrize("people", [0, 2])
+def test_people_are_the_best_masks_in_their_boxes_and_one_encoding_serves_the_floor(
+    stand_in_network, people
+):
+    boxes = [(10.0, 20, 50, 180), (60.0, 20, 100, 180)][:people]
+    encoder, decoder = networks_of("transformers.js", stand_in_network, rectangles)
+    backend = Sam2(Sam2Options())
+    backend._network = Sam2Networks(encoder, decoder), Boxes(*boxes)
+    found = backend.infer(np.zeros((200, 120, 3), np.uint8))
+    assert encoder.runs == min(people, 1)
+    assert len(found) == people
+    for mask, (x0, y0, x1, y1) in zip(found.masks, boxes, strict=True):
+        rows, columns = np.nonzero(mask)
+        edges = [columns.min(), rows.min(), columns.max(), rows.max()]
+        assert edges == pytest.approx([x0, (y0 + y1) / 2, x1, y1], abs=2)
+    assert (found.floor is None) == (people == 0)
+    if people:
+        assert found.floor[185:].all()
+        assert not found.floor[:170].any()

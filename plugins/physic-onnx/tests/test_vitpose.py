@@ -1,6 +1,4 @@
-"""ViTPose: both forms of the file, colours, the grid of its heat maps, and the whole kit on
-stand-ins.
-"""
+"""ViTPose: both forms of the file, colours, and the grid of its heat maps."""
 
 from __future__ import annotations
 
@@ -13,9 +11,8 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 from physic_onnx.vitpose import VitPose
 from physic_testing import violations
-from physic_testing.conformance import check_backend
 
-from .pose_worlds import BOX, PLACES, blobs, joints, normalised, people, region, sampled
+from .pose_worlds import BOX, PLACES, blobs, people
 
 HEIGHT = 256
 WIDTH = 192
@@ -153,52 +150,3 @@ def test_people_do_not_depend_on_their_batch(vitpose, batch):
     together = vitpose(batch=batch).infer(seen, people(*boxes))
     alone = [vitpose(batch=batch).infer(seen, people(box)) for box in boxes]
     assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
-
-
-@pytest.fixture(scope="module")
-def stand_in_vitpose(stand_in, stand_in_network):
-    """The adapter over a network that draws a Gaussian where each joint of the person in the crop
-    truly is.
-    """
-
-    def make(skeleton, count):
-        def attach(backend):
-            def answer(shown, feed):
-                maps = []
-                # UDP counts from the first pixel to the last, the others pixels
-                ends = 1 if count == 17 else 0
-                boxes = backend.next_boxes(len(feed["input_0"]))
-                for picture, box in zip(feed["input_0"], boxes, strict=True):
-                    centre, size = region(box, WIDTH, HEIGHT)
-                    corner = centre - size / 2
-                    step = size / [WIDTH - ends, HEIGHT - ends]
-                    expected = normalised(sampled(shown.photo, corner, step, WIDTH, HEIGHT))
-                    assert np.abs(picture - expected).mean() < 0.05, (
-                        "another picture than the network learned from"
-                    )
-                    points, sure = joints(shown.world, box, skeleton)
-                    cells = (points - corner) / size * [48 - ends, 64 - ends]
-                    y, x = np.mgrid[:64, :48]
-                    apart = (x - cells[:, 0, None, None]) ** 2 + (y - cells[:, 1, None, None]) ** 2
-                    maps.append(sure[:, None, None] * np.exp(-apart / 8))
-                return {"output_0": np.stack(maps)}
-
-            network = stand_in_network(
-                {"input_0": ("float32", ("b", 3, HEIGHT, WIDTH))},
-                {"output_0": ("float32", ("b", count, 64, 48))},
-                answer,
-            )
-            return [backend.match(network), network]
-
-        return stand_in(VitPose, attach)
-
-    return make
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("skeleton", "count"), [("coco_wholebody133", 133), ("coco17", 17)])
-def test_conformance(stand_in_vitpose, skeleton, count):
-    report = check_backend(stand_in_vitpose(skeleton, count), "keypoint_detector")
-    print(report.accuracy)
-    report.raise_if_failed()
-    assert report.accuracy["px"] < 1.0

@@ -5,7 +5,6 @@ torchvision.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ import torch
 from physic_core.types import Hints
 from physic_transformers import depth_pro, grounded_sam2
 from physic_transformers.models import size_from_edges
-
-if TYPE_CHECKING:
-    pass
 
 SIZES = [
     (480, 640),

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -18,9 +17,6 @@ from physic_transformers import models
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
-
-if TYPE_CHECKING:
-    pass
 
 BACKENDS = (GroundedSam2, Sam3, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)

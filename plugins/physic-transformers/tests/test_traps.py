@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import BackendError, DeviceError
+from physic_core.errors import BackendError, DeviceError, NoPersonError
 from physic_core.interfaces import INTERFACES
-from physic_core.types import CameraTrust, Hints, Intrinsics, People
+from physic_core.types import CameraTrust, Hints, Intrinsics, People, PeoplePrompt
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.grounded_sam2 import (
@@ -300,6 +300,21 @@ class TestGroundedSam2:
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
 
+    def test_points_and_boxes_of_the_user_are_prompts_in_their_order(self):
+        masks = [self.inside((128, 0, 256, 256)), self.inside((0, 0, 100, 256))]
+        detector = Recorded(None, self.NOTHING, tokenizer=self.words)
+        sam = Recorded(self.MASKS, "embeddings", *masks, "embeddings", self.inside((0, 0, 0, 0)))
+        backend = given(GroundedSam2(), detector=detector, masks=sam)
+        prompt = PeoplePrompt(points=((75.0, 30.0),), boxes=((0.0, 0.0, 39.0, 60.0),))
+        answer = backend.infer(WIDE, prompt)
+        (_, points), (_, boxes) = sam.asked[1:]
+        np.testing.assert_allclose(points["input_points"], [[[[768, 512]]]])
+        assert points["input_labels"].tolist() == [[[1]]]
+        np.testing.assert_allclose(boxes["input_boxes"], [[[0, 0, 0.39 * 1024, 1024]]], rtol=1e-6)
+        np.testing.assert_allclose(answer.boxes, [[50, 0, 100, 60], [0, 0, 39, 60]], atol=1)
+        with pytest.raises(NoPersonError, match="no person was found at point 1"):
+            backend.infer(WIDE, PeoplePrompt(points=((75.0, 30.0),)))
+
     def test_no_people_and_no_floor_need_no_masks(self):
         answer, _, sam = self.run(self.NOTHING, self.NOTHING, [])
         assert len(answer) == 0
@@ -367,6 +382,12 @@ class TestSam3:
 
     def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self):
         assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
+
+    def test_people_are_the_masks_of_the_queries_that_fit(self):
+        answer, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6)), (-3.0, (0, 0, 1, 1))))
+        np.testing.assert_allclose(answer.boxes, [[10, 12, 40, 36]], atol=1)
+        assert network.shown().shape == (1, 3, 1008, 1008)
+        np.testing.assert_allclose(network.shown().mean(), 2 * WIDE.mean() / 255 - 1, atol=0.01)
 
     def test_each_word_for_the_floor_is_searched_alone(self):
         """Ground is at the left, floor at the right, and there is no carpet, wherever the network
