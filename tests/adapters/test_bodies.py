@@ -21,13 +21,6 @@ from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 from physic_testing.worlds import load_world
 
 
-def test_matrices_and_vectors_are_the_same_rotations():
-    vectors = np.random.default_rng(0).normal(0, 0.6, (3, 5, 3))
-    matrices = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(3, 5, 3, 3)
-    for given in (vectors, vectors.reshape(3, 15), matrices, matrices.astype(np.float32)):
-        np.testing.assert_allclose(to_rotvecs(given, 5), vectors, atol=1e-5)
-
-
 def test_a_matrix_that_is_no_rotation_becomes_nan():
     matrices = np.stack(
         [np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)]

@@ -50,17 +50,6 @@ def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path):
     assert not {name.partition(".")[0] for name in set(sys.modules) - modules} & {"core", "utils"}
 
 
-def test_modules_of_the_same_name_come_back_as_they_were(tmp_path):
-    own = type(sys)("utils")
-    sys.modules["utils"] = own
-    try:
-        side = checkout(tmp_path, {"core/net.py": "import utils\nA = utils.A", "utils.py": "A = 1"})
-        assert side.load().A == 1
-        assert sys.modules["utils"] is own
-    finally:
-        del sys.modules["utils"]
-
-
 def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_path):
     installed = tmp_path / "site" / "core"
     installed.mkdir(parents=True)
@@ -129,14 +118,6 @@ def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path):
         assert words in said
         with pytest.raises(WeightsMissingError, match=r"checkout of https://example\.org/thing"):
             side.load()
-
-
-def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path):
-    side = checkout(tmp_path, {"core/net.py": ""})
-    with pytest.raises(
-        BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"
-    ):
-        side.attribute("Net")
 
 
 def test_an_installed_package_needs_no_checkout():

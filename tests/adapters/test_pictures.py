@@ -130,38 +130,6 @@ class TestTypesAndChannels:
             resize_image(mask, height, width, how)[clear], share[clear] > 0.5
         )
 
-    @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4, 5, 129, 133, 600])
-    def test_each_channel_is_resized_alone(self, how, channels, height, width):
-        image = rng.random((6, 5, channels)).astype(np.float32)
-        found = resize_image(image, height, width, how)
-        assert found.shape == (height, width, channels)
-        for c in {0, channels // 2, channels - 1} if channels else ():
-            np.testing.assert_allclose(
-                found[..., c], resize_image(image[..., c], height, width, how), atol=1e-5
-            )
-
-
-@pytest.mark.parametrize("size", [(7, 9), (31, 44), (64, 48)])
-@pytest.mark.parametrize(
-    "dtype", ["int64", "float16", "complex64", "object", "U3", "datetime64[s]", "i4,f8"]
-)
-def test_nearest_takes_values_of_every_type_as_pillow_does(dtype, size):
-    numbers = np.arange(16 * 20, dtype=np.float32).reshape(16, 20)
-    taken = np.asarray(
-        Image.fromarray(numbers).resize(size[::-1], Image.Resampling.NEAREST)
-    ).astype(int)
-    image = np.zeros((16 * 20, 7), dtype)
-    image[:] = rng.integers(0, 300, (16 * 20, 7)).astype(dtype) if dtype != "i4,f8" else image
-    found = resize_image(image.reshape(16, 20, 7), *size, "nearest")
-    assert found.dtype == image.dtype
-    np.testing.assert_array_equal(found, image[taken.ravel()].reshape(*size, 7))
-
-
-def test_nearest_keeps_labels_beyond_32_bits():
-    labels = np.full((8, 9), 2147483653)
-    found = resize_image(labels, 16, 20, "nearest")
-    assert (found.dtype, set(found.ravel().tolist())) == (np.int64, {2147483653})
-
 
 @pytest.mark.parametrize("resize", [resize_map, resize_image])
 @pytest.mark.parametrize(

@@ -86,37 +86,6 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, ph
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (("nowhere",), 3, "no photos at nowhere"),
-        ((".", "--shard", "5/4"), 2, "5/4"),
-        ((".", "--save", "people+glb"), 2, "'people+glb' is not one of"),
-        (
-            (".", "--preset", "mock", "--set", "inpainter.backend=tella"),
-            2,
-            "--set: inpainter.backend: ",
-        ),
-        ((".", "--device", "tpu"), 2, "'--device': 'tpu'"),
-    ],
-    ids=["photos", "shard", "save", "backend", "device"],
-)
-def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
-    tmp_path,
-    monkeypatch,
-    arguments,
-    code,
-    message,
-    physic,
-):
-    monkeypatch.chdir(tmp_path)
-    Path("a.jpg").touch()
-    done = physic("batch", "-o", "out", *arguments)
-    assert done.exit_code == code
-    assert message in done.stderr
-    assert not Path("out").exists()
-
-
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with 45 files in ``photos``, which is the current one."""

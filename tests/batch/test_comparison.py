@@ -138,17 +138,6 @@ def saved(result, other, tmp_path):
     return [str(tmp_path / name) for name in "ab"]
 
 
-def test_photos_of_a_batch_are_sorted_by_name(result, tmp_path):
-    for place in ("a/1f/zoo", "a/2e/beach", "b/1f/zoo", "b/2e/beach"):
-        save_reconstruction(
-            replace(result, photo=f"sha256:{place[2:]}"), tmp_path / place, "numbers"
-        )
-    assert [pair[0].name for pair in pair_results(tmp_path / "a", tmp_path / "b").both] == [
-        "beach",
-        "zoo",
-    ]
-
-
 def test_the_command_prints_a_table_or_json(saved, physic):
     done = physic("compare", *saved)
     assert done.exit_code == 0, done.output

@@ -32,10 +32,6 @@ def names(items):
     return [Path(item.path).name for item in items]
 
 
-def test_a_folder_gives_its_photos_recursively_and_in_order(folder):
-    assert names(list_photos([str(folder)]).photos) == ["a.PNG", "b.jpg", "c.webp"]
-
-
 def test_files_and_folders_give_each_photo_once(folder):
     assert names(list_photos(["photos/b.jpg", "photos/deep", "photos"]).photos) == [
         "b.jpg",
@@ -44,12 +40,6 @@ def test_files_and_folders_give_each_photo_once(folder):
     ]
     assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
-
-
-def test_pictures_of_an_earlier_run_are_no_photos(folder):
-    (folder / "out" / "thumbnails").mkdir(parents=True)
-    (folder / "out" / "thumbnails" / "b.jpg").touch()
-    assert names(list_photos(["photos"], "photos/out").photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
 def test_a_table_gives_cameras_statures_ages_and_ids(folder):

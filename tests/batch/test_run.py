@@ -5,7 +5,6 @@ done twice.
 from __future__ import annotations
 
 import csv
-import errno
 import hashlib
 import json
 import os
@@ -170,20 +169,6 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
     }
 
 
-def test_a_truncated_row_counts_for_nothing(tmp_path):
-    path = tmp_path / "journal.jsonl"
-    with Journal(path) as journal:
-        journal.append(row("a", value=0.5, message="ä"))
-        journal.append(row("b", value=1e300, state="failed"))
-    content = path.read_bytes()
-    before = read_journals(tmp_path).last
-    assert list(before) == ["a", "b"]
-    for at in range(len(content)):
-        path.write_bytes(content[:at])
-        found = read_journals(tmp_path)
-        assert all(found.last[name] == before[name] for name in found.last)
-
-
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
 def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path, names):
     for value, name in enumerate(names):
@@ -204,17 +189,6 @@ def test_two_batches_cannot_write_one_journal(tmp_path):
         Journal(path)
     with Journal(path):
         pass
-
-
-def test_a_journal_on_a_full_disk_raises_an_output_error(tmp_path, monkeypatch):
-    def full(file):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    path = tmp_path / "journal.jsonl"
-    with Journal(path) as journal:
-        monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(OutputError, match="No space left on device"):
-            journal.append(row("a"))
 
 
 # ---- what is done anew

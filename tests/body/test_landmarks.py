@@ -117,23 +117,6 @@ def test_left_is_plus_x_in_the_t_pose(skeleton, at_rest):
             assert torch.allclose(point, mirror * torch.tensor([-1.0, 1.0, 1.0]), atol=3e-3), name
 
 
-def test_the_face_is_a_face(at_rest):
-    face = at_rest["blazepose33"]
-    nose = face["nose"]
-    assert abs(float(nose[0])) < 2e-3
-    behind = (name for name in face if "toe" not in name and "foot" not in name and name != "nose")
-    assert all(nose[2] > face[name][2] for name in behind)
-    for side, sign in (("left", 1), ("right", -1)):
-        inner, eye, outer, ear = (
-            face[f"{side}_{n}_surface"] for n in ("eye_inner", "eye", "eye_outer", "ear")
-        )
-        across = [sign * float(p[0]) for p in (inner, eye, outer, ear)]
-        assert across == sorted(across)
-        assert eye[1] > nose[1] > face[f"{side}_mouth_corner_surface"][1]
-        assert outer[2] > ear[2]
-        assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
-
-
 def test_landmarks_of_the_feet_lie_on_the_feet(embedded, at_rest):
     coco = at_rest["coco23"]
     mesh = embedded(*embedded.zero_pose()).vertices[0]

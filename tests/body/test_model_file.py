@@ -17,23 +17,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
-
-
-def mano_arrays():
-    """A made-up MANO file; no number is anybody's."""
-    rng = np.random.default_rng(0)
-    parents = [2**32 - 1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14]
-    return {
-        "v_template": rng.standard_normal((778, 3)),
-        "f": rng.integers(0, 778, (1538, 3)).astype(np.uint32),
-        "shapedirs": rng.standard_normal((778, 3, 10)),
-        "posedirs": rng.standard_normal((778, 3, 135)),
-        "J_regressor": np.eye(16, 778),
-        "weights": rng.random((778, 16)),
-        "kintree_table": np.array([parents, range(16)], np.uint32),
-        "hands_components": np.eye(45),
-        "hands_mean": rng.standard_normal(45),
-    }
+from physic_testing.body_files import mano_arrays
 
 
 @pytest.mark.parametrize(("protocol", "sparse"), [(2, csc_matrix), (5, csr_matrix)])

@@ -128,21 +128,6 @@ def test_show_prints_what_the_run_printed(pipeline, physic):
     assert "photos/reconstruction.json: there is no such file" in refusal("show", "photos", code=3)
 
 
-@pytest.mark.parametrize(
-    ("photo", "code", "message"),
-    [
-        ("photos", 3, "it is a folder"),
-        ("https://example.org/a.jpg", 2, "an address"),
-        ("", 2, "empty"),
-    ],
-)
-def test_run_refuses_what_is_no_file(photo, code, message, physic):
-    Path("photos").mkdir()
-    done = physic("run", photo, "--preset", "mock")
-    assert (done.exit_code, done.stdout) == (code, "")
-    assert message in done.stderr.splitlines()[-1]
-
-
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     Path("taken").write_text("")
     long = "x" * 300  # a folder that may not be entered

@@ -36,22 +36,6 @@ def run(photo, *arguments):
     return CliRunner().invoke(main, ["run", photo, "--preset", "mock", "-o", "new/out", *arguments])
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda path: path.write_text("a letter"), "not an image"),
-        (lambda path: path.mkdir(), "it is a folder"),
-    ],
-)
-def test_a_bad_photo_is_one_message_and_leaves_nothing(make, message):
-    make(Path("a.jpg"))
-    before = sorted(Path().iterdir())
-    done = run("a.jpg")
-    assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (3, "", 1)
-    assert message in done.stderr
-    assert sorted(Path().iterdir()) == before
-
-
 def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns(world):
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--intrinsics", "178,178,5000,5000")
@@ -149,14 +133,6 @@ def test_a_run_that_is_broken_off_leaves_nothing(world):
         "asleep",
         "sleeper.py",
     }
-
-
-def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world):
-    Image.fromarray(world.image).save("a.png")
-    for arguments, lines in (((), 1), (("-q",), 0), (("--focal-px", "178"), 0)):
-        done = run("a.png", "--save", "numbers", *arguments)
-        assert done.exit_code == 0, done.output
-        assert done.stderr.count("--focal-px PX") == lines
 
 
 def test_what_runs_the_networks_is_printed_only_with_verbose(world, monkeypatch):

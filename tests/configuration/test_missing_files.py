@@ -4,8 +4,6 @@ that needs them.
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 import pytest
 
@@ -166,24 +164,3 @@ def test_a_wrong_missing_method_is_named_by_every_command(site):
     (failure,) = report.failures
     assert failure.check == "tells_what_is_missing_before_load"
     assert says in failure.got
-
-
-def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():
-    import socket
-
-    def look(self):
-        with suppress(OSError):
-            socket.create_connection(("example.org", 443), timeout=1)
-        return ()
-
-    kind = type(
-        "Own",
-        (interfaces.MetricDepth,),
-        {"missing": look, "infer": lambda self, image, hints: None},
-    )
-    report = check_backend(kind, size=(96, 72))
-    failure = next(f for f in report.failures if f.check == "tells_what_is_missing_before_load")
-    assert (failure.expected, failure.got) == (
-        "missing() to use no network",
-        "it requests example.org",
-    )

@@ -62,19 +62,3 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
     lines = [line for line in done.stdout.splitlines() if line.startswith("  ")]
     assert all(any(way in line for way in WAYS) for line in lines), lines
     assert f"`physic setup {preset}` prints the steps" in done.stdout
-
-
-@pytest.mark.parametrize(("seen", "code"), [(False, 2), (True, 0)])
-def test_a_missing_gpu_is_reported_before_the_photo_is_read(
-    seen, code, tmp_path, monkeypatch, physic
-):
-    monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: seen)
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    wanted = ("--preset", "mock", "--set", "run.device=cuda")
-    checked = physic("config", "check", *wanted)
-    assert checked.exit_code == code, checked.output
-    assert ("run.device 'cuda': no GPU is found" in checked.output) is not seen
-    done = physic("run", "no-such-photo.png", "-o", str(tmp_path / "out"), *wanted)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr.startswith("Error: device 'cuda' is not there: torch ")
-    assert not (tmp_path / "out").exists()

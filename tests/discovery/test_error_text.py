@@ -4,7 +4,6 @@ pytest.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -114,29 +113,6 @@ def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken):
 
 # ---- in every command
 # ------------------------------------------------------------------------------------------------
-
-
-def test_check_names_the_line_and_shows_the_traceback_on_demand(broken, debug, physic):
-    done = physic("plugins", "check", "raises")
-    assert done.exit_code == 5
-    assert f"  got:      {SAID}\n" in done.output
-    assert ("Traceback (most recent call last)" in done.output) is debug
-    assert ("return self.options.nothere" in done.output) is debug
-    as_json = json.loads(physic("plugins", "check", "raises", "--json").stdout)
-    (found,) = [r for r in as_json[0]["results"] if r["check"] == "returns_valid_output"]
-    assert ("traceback" in found) is debug
-
-
-def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(
-    broken, debug, monkeypatch, physic
-):
-    source = BROKEN.replace("    return [", "    1 / 0\n    return [")
-    (broken / "physic_broken.py").write_text(source)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
-    for command in ("doctor",), ():
-        done = physic("plugins", *command)
-        assert "(physic_broken.py:20)" in done.output
-        assert ("Traceback (most recent call last)" in done.output) is debug
 
 
 @pytest.mark.parametrize("debug", [True], indirect=True)

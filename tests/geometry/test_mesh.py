@@ -57,19 +57,6 @@ def test_areas_add_up_to_the_surface(array):
     assert float(vertex_areas(vertices, faces).sum()) == pytest.approx(4 * math.pi * 0.09, rel=5e-3)
 
 
-def test_leading_dimensions_are_those_of_the_vertices(array):
-    vertices, faces = icosphere(array)
-    two = array(np.stack([np.asarray(vertices), 2 * np.asarray(vertices)])[None])
-    areas, normals = (np.asarray(values(two, faces)) for values in (vertex_areas, vertex_normals))
-    assert areas.shape == (1, 2, len(vertices))
-    assert normals.shape == (1, 2, len(vertices), 3)
-    np.testing.assert_allclose(areas[0, 1], 4 * areas[0, 0], rtol=1e-12)
-    np.testing.assert_allclose(normals[0, 1], normals[0, 0], atol=1e-12)
-    nobody = array(np.zeros((0, 8, 3)))
-    assert vertex_areas(nobody, faces[:0]).shape == (0, 8)
-    assert vertex_normals(nobody, faces[:0]).shape == (0, 8, 3)
-
-
 def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
     vertices = array(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [5.0, 5.0, 5.0]]))
     faces = array(np.array([[0, 1, 2]]))

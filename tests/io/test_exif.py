@@ -1,4 +1,4 @@
-"""Focal lengths from the EXIF blocks of 40 cameras, phones and editors: each is right, or not
+"""Focal lengths from the EXIF blocks of 22 cameras, phones and editors: each is right, or not
 known.
 """
 
@@ -49,29 +49,16 @@ ALPHA_7M3 = {
 # number.
 BLOCKS = [
     ("Apple iPhone 12", IPHONE_12, (4032, 3024), 4032 * 0.0014, True),
-    ("Apple iPhone 13 Pro", {"software": "15.1", "mm": 5.7, "film": 26}, (4032, 3024), 4032 * 0.0019, True),  # noqa: E501
     ("Apple iPhone XS, tele lens", {"software": "12.1", "mm": 6.0, "film": 52}, (4032, 3024), 4.032, True),  # noqa: E501
-    ("Google Pixel 4", {"software": "HDR+ 1.0.285", "mm": 4.38, "film": 27}, (4032, 3024), 4032 * 0.0014, True),  # noqa: E501
     ("Samsung Galaxy S10", {"software": "G973FXXU3ASJD", "mm": 4.3, "film": 26}, (4032, 3024), 5.645, True),  # noqa: E501
     ("Samsung Galaxy S7, "
      "stored turned", {"mm": 4.2, "film": 26, "w": 4032, "h": 3024}, (3024, 4032), 5.645, True),
-    ("DJI Mavic Pro", {"software": "v01.03.0700", "mm": 4.73, "film": 26}, (4000, 3000), 6.17, True),  # noqa: E501
     ("DJI Phantom 4 Pro", {"mm": 8.8, "film": 24, "w": 5472, "h": 3648}, (5472, 3648), 13.2, True),
     ("Nikon D750", D750, (6016, 4016), 35.9, True),
-    ("Nikon D7100", {"software": "Ver.1.03", "mm": 35.0, "film": 52, "w": 6000, "h": 4000}, (6000, 4000), 23.5, True),  # noqa: E501
-    ("Nikon D90", {"software": "Ver.1.00", "mm": 18.0, "film": 27, "w": 4288, "h": 2848}, (4288, 2848), 23.6, True),  # noqa: E501
-    ("Nikon D500, 200 mm", {"mm": 200.0, "film": 300, "w": 5568, "h": 3712}, (5568, 3712), 23.5, True),  # noqa: E501
     ("Nikon D500, 500 mm", {"mm": 500.0, "film": 750, "w": 5568, "h": 3712}, (5568, 3712), 23.5, False),  # noqa: E501
-    ("Nikon Coolpix P900", {"mm": 357.0, "film": 2000, "w": 4608, "h": 3456}, (4608, 3456), 6.17, False),  # noqa: E501
     ("Sony ILCE-7M3", {"software": "ILCE-7M3 v3.10", **ALPHA_7M3}, (6000, 4000), 35.6, True),
-    ("Sony ILCE-6000", {"mm": 50.0, "film": 75, "plane_x": 2552.3, "unit": _CM}, (6000, 4000), 23.5, True),  # noqa: E501
-    ("Fujifilm X-T2", {"software": "Digital Camera X-T2 Ver2.00", "mm": 35.0, "film": 53}, (6000, 4000), 23.6, True),  # noqa: E501
     ("Panasonic DMC-GX80", {"software": "Ver.1.0", "mm": 20.0, "film": 40}, (4592, 3448), 17.3, True),  # noqa: E501
-    ("Olympus E-M10 II", {"software": "Version 1.2", "mm": 25.0, "film": 50}, (4608, 3456), 17.3, True),  # noqa: E501
-    ("Pentax K-5", {"software": "K-5 Ver 1.16", "mm": 31.0, "film": 47}, (4928, 3264), 23.7, True),
-    ("Leica Q", {"mm": 28.0, "film": 28, "w": 6000, "h": 4000}, (6000, 4000), 36.0, True),
     ("Canon EOS 5D Mark II", {"mm": 50.0, **EOS_5D2}, (5616, 3744), 35.8, True),
-    ("Canon EOS 5D Mark II, 300 mm", {"mm": 300.0, **EOS_5D2}, (5616, 3744), 35.8, False),
     ("Canon EOS 40D", EOS_40D, (3888, 2592), 22.2, True),
     ("EOS-1D X, reduced by Photoshop, tags rewritten",
      {**EOS_1DX, "software": "Adobe Photoshop Elements 9.0", "w": 800, "h": 533}, (800, 533), 36.0, False),  # noqa: E501
@@ -85,21 +72,12 @@ BLOCKS = [
     ("ILCE-7M3, cropped by Lightroom, tags rewritten",
      {**ALPHA_7M3, "software": "Adobe Photoshop Lightroom Classic 10.0", "w": 3000, "h": 2000},
      (3000, 2000), 17.8, False),
-    ("D750, cropped and reduced by Lightroom, tags rewritten",
-     {**D750, "software": "Adobe Photoshop Lightroom 6.1 (Macintosh)", "w": 1920, "h": 1280},
-     (1920, 1280), 20.0, False),
     ("iPhone 12, cropped by Snapseed", {**IPHONE_12, "software": "Snapseed 2.0"}, (2400, 3024), 3.36, False),  # noqa: E501
-    ("iPhone 12, cropped at its aspect, tags kept", IPHONE_12, (1600, 1200), 2.24, False),
-    ("iPhone 12, square", {"software": "14.4", "mm": 4.2, "film": 26, "w": 3024, "h": 3024}, (3024, 3024), 4.23, False),  # noqa: E501
     ("Samsung Galaxy S10, 16:9", {"mm": 4.3, "film": 26, "w": 4032, "h": 2268}, (4032, 2268), 5.645, False),  # noqa: E501
     ("iPhone 12, cropped, no size in the tags", {"mm": 4.2, "film": 26}, (2400, 3024), 3.36, False),
     ("iPhone 12, cropped by Windows", {**IPHONE_12, "software": "Windows Photo Editor "
                                                                 "10.0.10011.16384", "w": 2000,
      "h": 1500}, (2000, 1500), 2.8, False),
-    ("D750, cropped by ACDSee", {**D750, "software": "ACD Systems Digital Imaging", "w": 3000, "h": 2000},  # noqa: E501
-     (3000, 2000), 17.9, False),
-    ("D750, cropped by FastStone", {**D750, "software": "FastStone Image Viewer", "w": 3000, "h": 2000},  # noqa: E501
-     (3000, 2000), 17.9, False),
     ("Canon EOS 40D, one resolution of "
      "the plane wrong", {**EOS_40D, "plane_y": 300.0}, (3888, 2592), 22.2, False),
     ("a phone that zooms ten "

@@ -19,7 +19,6 @@ from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, 
 from physic_core.engine.sizes.stature import (
     betas_with_stature,
     bodies_of_stature,
-    stature_factor,
 )
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import known_people
@@ -222,15 +221,6 @@ def test_the_nearest_shape_of_a_stature(height):
         MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height)
     )
     torch.testing.assert_close(MODEL.stature(betas), torch.full((3,), height), atol=1e-4, rtol=0)
-
-
-def test_a_scene_and_the_prior_of_adults_share_a_difference():
-    stature = torch.tensor([1.7, 1.7, 1.7, 1.7])
-    factor = stature_factor(torch.tensor([1.0, 1.05, 0.6, math.nan]), stature)
-    assert factor[0] == 1
-    assert factor[3] == 1
-    assert 1.02 < factor[1] < 1.04  # of two measures with 6 % and 5 %
-    assert factor[2] == pytest.approx(0.6, abs=0.005)  # a child
 
 
 def test_the_point_of_a_body_lies_on_the_ray():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from .seen import smpl_arrays
+from physic_testing.body_files import smpl_arrays
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -9,13 +9,13 @@ import torch
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions, translation_from_crop
+from physic_testing.body_files import smpl_arrays
 
 from .seen import (
     coordinates,
     network_of,
     normalised_back,
     place_of,
-    smpl_arrays,
 )
 
 OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
@@ -184,12 +184,14 @@ def test_bodies_are_seen_where_the_crop_has_them(made, smpl_file):
     assert bodies.body_model == "smpl"
     assert bodies.joints is not None
     assert bodies.mesh is not None
-    pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
-    # betas of 1 make the body 5 % larger
-    assert np.linalg.norm(bodies.joints[0, 0] - place - pelvis) < 0.06
+    arrays = smpl_arrays()
+    shaped = arrays["v_template"] + arrays["shapedirs"].sum(axis=2)  # all betas are 1
+    np.testing.assert_allclose(
+        bodies.joints[0, 0] - place, arrays["J_regressor"][0] @ shaped, atol=1e-5
+    )
     assert np.isnan(bodies.joints[:, 22:]).all()
     assert bodies.mesh.rest is not None
-    np.testing.assert_allclose(bodies.mesh.rest, smpl_arrays()["v_template"], atol=1e-6)
+    np.testing.assert_allclose(bodies.mesh.rest, arrays["v_template"], atol=1e-6)
 
 
 def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_body(

@@ -15,11 +15,9 @@ from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
     MockKeypointDetector,
-    MockMetricDepth,
     MockSegmenter,
 )
-from physic_mock.body_noise import BONES, LIMBS, depth_flip, draw_bone_errors
-from physic_mock.depths import MetricDepthOptions
+from physic_mock.body_noise import BONES, draw_bone_errors
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
@@ -74,14 +72,6 @@ def test_bones_err_in_depth_more_than_in_the_picture_and_more_where_hidden():
     hidden = nobody.copy()
     hidden[knee] = True
     np.testing.assert_allclose(np.degrees(lean(hidden, 7))[knee], 2 * errors[7, knee])
-
-
-def test_bones_of_a_limb_share_half_of_their_error():
-    errors = np.array([lean(np.zeros(BONES, bool), seed) for seed in range(1000)])[..., 0]
-    one, same, other = (JOINT_INDEX[name] for name in ("left_hip", "left_ankle", "right_hip"))
-    assert LIMBS[one] == LIMBS[same] == "left leg"
-    assert np.corrcoef(errors[:, one], errors[:, same])[0, 1] == pytest.approx(0.5, abs=0.1)
-    assert np.corrcoef(errors[:, one], errors[:, other])[0, 1] == pytest.approx(0, abs=0.1)
 
 
 def test_keypoints_have_the_stated_tails(world):
@@ -155,14 +145,6 @@ def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
     assert 0.15 < moved[0, 2] / world.joints[0, 0, 2] < 0.25
 
 
-def test_a_flipped_bone_keeps_its_place_in_the_image():
-    sight = np.array([0.0, 0.6, 0.8])
-    bone = np.array([0.1, -0.2, 0.25])
-    flipped = depth_flip(bone, sight).apply(bone)
-    assert flipped @ sight == pytest.approx(-(bone @ sight))
-    assert flipped - (flipped @ sight) * sight == pytest.approx(bone - (bone @ sight) * sight)
-
-
 def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
     v, u = np.mgrid[:60, :90].astype(np.float64)
     ramp = np.stack([2 * u + v, np.full_like(u, 7.0)], axis=-1)
@@ -173,23 +155,6 @@ def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
     assert np.abs(filled - ramp)[..., 0].max() < 4  # of 75 across the hole
     everywhere = np.ones_like(hole)
     assert np.array_equal(fill_from_surroundings(ramp, everywhere), ramp)
-
-
-def test_the_metric_scale_follows_the_bodies(world):
-    people = people_of(world)
-    bodies = bodies_of(world)
-    farther = replace(bodies.parameters, transl=bodies.parameters.transl + 0.1 * world.joints[:, 0])
-    options = MetricDepthOptions(noise=1)
-    one, two = (
-        MockMetricDepth(options).infer(
-            world.empty_image,
-            Hints(intrinsics=world.intrinsics, people=people, bodies=replace(bodies, parameters=p)),
-        )
-        for p in (bodies.parameters, farther)
-    )
-    known = np.isfinite(one.depth)
-    assert two.depth[known] / one.depth[known] == pytest.approx(1.1, rel=1e-3)
-    assert one.intrinsics == world.intrinsics
 
 
 def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):

@@ -11,8 +11,6 @@ from physic_core.errors import BackendError
 from physic_core.types import Intrinsics
 from physic_onnx.depth_maps import (
     clip_disparity,
-    fixed_input_size,
-    input_size_by_long_side,
     input_size_least_scaling,
     limit_patches,
     mask_depth,
@@ -36,16 +34,6 @@ def test_the_inverse_is_the_depth_in_units_of_the_median_distance():
 
 
 SIDES = st.integers(14, 4000)
-
-
-@given(SIDES, SIDES)
-def test_sizes_are_whole_patches(height, width):
-    for rows, columns in (
-        input_size_least_scaling(height, width, 518),
-        input_size_by_long_side(height, width, 504),
-    ):
-        assert rows % 14 == columns % 14 == 0
-        assert min(rows, columns) >= 14
 
 
 @given(SIDES, SIDES, st.integers(16, 6000))
@@ -92,7 +80,3 @@ class TestMaps:
         )
         with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
             mask_depth(np.array([[9.0]], np.float32), 5.0)
-
-    def test_a_free_side_of_the_input_size_is_none(self):
-        assert fixed_input_size((1, 3, 518, 518)) == (518, 518)
-        assert fixed_input_size(("b", 3, "h", 504)) == (None, 504)

@@ -112,16 +112,6 @@ def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, ph
     depth.close()
 
 
-def test_two_photos_are_kept(network, opened, photos):
-    _, depth = backends()
-    open_in(depth, "file", opened)
-    for photo in (*photos, photos[2], photos[1]):
-        depth.infer(photo, Hints())
-    assert network.runs == 3
-    depth.infer(photos[0], Hints())
-    assert network.runs == 4
-
-
 def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, photos):
     coarse, _ = backends(tokens=1200)
     _, fine = backends(tokens=3600)
@@ -129,23 +119,6 @@ def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, pho
     for backend in (coarse, fine):
         open_in(backend, "file", opened)
         backend.infer(photos[0], Hints())
-    assert network.runs == 2
-
-
-def test_another_file_or_device_is_another_network(network, opened, photos):
-    pointmap, depth = backends()
-    open_in(pointmap, ("file", "cpu"), opened)
-    open_in(depth, ("file", "cuda"), opened)
-    pointmap.infer(photos[0], Hints())
-    depth.infer(photos[0], Hints())
-    assert (network.runs, len(opened.count)) == (2, 2)
-
-
-def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):
-    _, depth = backends()
-    open_in(depth, "file", opened)
-    depth.infer(photos[0], Hints())
-    depth.infer(photos[0].reshape(WIDTH, HEIGHT, 3), Hints())
     assert network.runs == 2
 
 
