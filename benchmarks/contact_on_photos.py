@@ -44,7 +44,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.engine.touch import IN_WORLDS, LEAST_PROBABILITY, touch_model
+from physic_core.engine.touch import IN_WORLDS, LEAST_PROBABILITY, RIDING, touch_model
 from physic_core.metrics import match_by_boxes
 
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
@@ -81,14 +81,14 @@ Its fit shifts the log odds of the fit to worlds.
 """
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "foot": ("distance", "depth beside", "hanging"),
+    "foot": ("distance", "depth beside", "hanging", "riding"),
     "foot in the picture": ("lower than the other foot", "depth beside", "hanging"),
-    "hand": ("distance", "depth beside", "holding"),
-    "seat": ("distance", "depth beside", "bend at the hips"),
+    "hand": ("distance", "depth beside", "holding", "riding"),
+    "seat": ("distance", "depth beside", "bend at the hips", "riding"),
     "other": ("distance",),
-    "unseen foot": (),
-    "unseen hand": (),
-    "unseen seat": (),
+    "unseen foot": ("riding",),
+    "unseen hand": ("riding",),
+    "unseen seat": ("riding",),
     SKIN: (),
 }
 """Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
@@ -325,7 +325,9 @@ def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) 
     cases = []
     for row in cut_rows(one["y"]).values():
         for part, touches in removed_parts(one["y"], judged, row).items():
-            cases.append(Case(picture, f"unseen {part.rpartition('_')[2]}", {}, touches, 1.0))
+            kind = f"unseen {part.rpartition('_')[2]}"
+            features = {RIDING: one["parts"]["seat"][RIDING]}
+            cases.append(Case(picture, kind, features, touches, 1.0))
     return cases
 
 

@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.engine.carriers import NOTHING, Carried
 from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
 from physic_core.geometry.tensors import dilate_square, tensors
 from physic_core.types.short_repr import ShortRepr
@@ -82,12 +83,14 @@ class Stance(ShortRepr):
             and the picture beside each of them, below the thighs for the seat; NaN where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
             found.
+        carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
     lower: FloatArray
     hanging: FloatArray
     beside: FloatArray
     stands: FloatArray
+    carried: Carried | None = None
 
     @staticmethod
     def unknown(count: int) -> Stance:
@@ -115,6 +118,13 @@ class Stance(ShortRepr):
         return np.asarray(
             self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0)
         )
+
+    @property
+    def riding(self) -> FloatArray:
+        """Feature (N,) of feet, hands and seat: 1 for people who ride."""
+        if self.carried is None:
+            return np.zeros(len(self.stands))
+        return self.carried.rides.astype(float)
 
     @property
     def touch(self) -> FloatArray:
@@ -147,7 +157,14 @@ class Stance(ShortRepr):
             return found
 
         stands = wider(self.stands, Stance.unknown(1).stands[0])
-        return Stance(wider(self.lower), wider(self.hanging, 0.0), wider(self.beside), stands)
+        carried = self.carried and replace(
+            self.carried,
+            ridden=wider(self.carried.ridden, NOTHING),
+            board=wider(self.carried.board, NOTHING),
+        )
+        return Stance(
+            wider(self.lower), wider(self.hanging, 0.0), wider(self.beside), stands, carried
+        )
 
 
 def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:

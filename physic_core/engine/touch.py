@@ -44,6 +44,9 @@ HOLDING = "holding"
 depth.
 """
 
+RIDING = "riding"
+"""Feature of feet, hands and seats: 1 for people on a bicycle, a motorcycle or a horse."""
+
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 

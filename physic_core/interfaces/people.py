@@ -25,7 +25,9 @@ from physic_core.interfaces.checks import (
     within,
 )
 from physic_core.types import (
+    CARRIER_NAMES,
     SURFACE_NAMES,
+    Carrier,
     Keypoints,
     People,
     Skeleton,
@@ -106,7 +108,8 @@ class Segmenter(Backend):
                 "objects", result.objects, (length(result.objects), height, width), "bool"
             )
         yield from wrong
-        yield from _check_unposed(result.unposed)
+        yield from _check_boxes("unposed", result.unposed, UnposedPerson)
+        yield from _check_boxes("carriers", result.carriers, Carrier)
         if not wrong and n:
             yield from _check_values(result, height, width)
         if request.prompt is not None and n != len(request.prompt):
@@ -136,18 +139,19 @@ def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterato
         yield f"surfaces.labels must be below the {len(names)} names, got {highest}"
 
 
-def _check_unposed(unposed: Any) -> Iterator[str]:
-    if not (
-        isinstance(unposed, tuple | list) and all(isinstance(one, UnposedPerson) for one in unposed)
-    ):
-        yield f"unposed must be a tuple of UnposedPerson, got {unposed!r}"
+def _check_boxes(name: str, found: Any, kind: type[UnposedPerson | Carrier]) -> Iterator[str]:
+    if not (isinstance(found, tuple | list) and all(isinstance(one, kind) for one in found)):
+        yield f"{name} must be a tuple of {kind.__name__}, got {found!r}"
         return
-    for one in unposed:
+    for one in found:
         if not (0 <= one.score <= 1 and one.box[0] < one.box[2] and one.box[1] < one.box[3]):
             yield (
-                f"unposed needs boxes x0 y0 x1 y1 and scores in [0, 1], got {one.box} and "
+                f"{name} needs boxes x0 y0 x1 y1 and scores in [0, 1], got {one.box} and "
                 f"{one.score}"
             )
+        if isinstance(one, Carrier) and one.name not in CARRIER_NAMES:
+            known = ", ".join(CARRIER_NAMES)
+            yield f"carriers has {one.name!r}; the names of carriers are {known}"
 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:

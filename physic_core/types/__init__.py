@@ -30,7 +30,9 @@ from physic_core.types.contacts import (
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.people import (
+    CARRIER_NAMES,
     SURFACE_NAMES,
+    Carrier,
     Keypoints,
     People,
     PeoplePrompt,
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import UInt8Array as UInt8Array
 
 __all__ = [
+    "CARRIER_NAMES",
     "NO_PARTNER",
     "PARTNER_KINDS",
     "SKELETONS",
@@ -66,6 +69,7 @@ __all__ = [
     "BodyContact",
     "BodyParameters",
     "CameraTrust",
+    "Carrier",
     "CheckResult",
     "CheckState",
     "ContactPartner",

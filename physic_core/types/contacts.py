@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from physic_core.types.people import CARRIER_NAMES
+
 PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
 own body; a support that the reconstructed scene does not have, such as a seat behind the person or
@@ -30,10 +32,10 @@ class ContactPartner:
 
     Attributes:
         kind: one of :data:`PARTNER_KINDS`.
-        surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`; "" if no class is
-            known.
-        id: of the connected surface, for kind "scene", or of the object, for kind "object"; the
-            same for all people who touch it. None otherwise.
+        surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`, or of
+            :data:`physic_core.types.CARRIER_NAMES`; "" if no class is known.
+        id: of the connected surface or the carrier, or of the object, for kind "object"; the same
+            for all people who touch it. None otherwise.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
     """
@@ -47,15 +49,15 @@ class ContactPartner:
     @property
     def title(self) -> str:
         """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head",
-        "hidden seat".
+        "hidden seat", "bicycle".
         """
         part = part_words(self.part) or "body"
         if self.kind == "person":
             return f"{part} of person {self.person}"
         if self.kind == "self":
             return f"own {part}"
-        if self.kind == "hidden":
-            return f"hidden {self.surface}" if self.surface else "hidden support"
+        if self.kind == "hidden" and self.surface not in CARRIER_NAMES:
+            return f"hidden {self.surface or 'support'}"
         if self.kind == "object":
             return f"object {self.id}"
         return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
@@ -66,7 +68,7 @@ def partner_titles(partners: Iterable[ContactPartner]) -> dict[ContactPartner, s
     title ("seat 3").
     """
     distinct = dict.fromkeys(partners)
-    count = Counter(one.title for one in distinct)
+    count = Counter(title for title, _ in {(one.title, one.id) for one in distinct})
     return {
         one: one.title if one.id is None or count[one.title] == 1 else f"{one.title} {one.id}"
         for one in distinct

@@ -78,6 +78,33 @@ class UnposedPerson(ShortRepr):
     reason: str
 
 
+CARRIER_NAMES = (
+    "bicycle",
+    "motorcycle",
+    "horse",
+    "ski",
+    "snowboard",
+    "skateboard",
+    "surfboard",
+)
+"""Names of :class:`Carrier`: what people ride, and boards that people stand on."""
+
+
+@dataclass(frozen=True)
+class Carrier(ShortRepr):
+    """Thing in a photo that may carry a person.
+
+    Attributes:
+        name: one of :data:`CARRIER_NAMES`.
+        box: x0, y0, x1, y1 px, half open.
+        score: of the detection, in [0, 1].
+    """
+
+    name: str
+    box: tuple[float, float, float, float]
+    score: float
+
+
 @dataclass(frozen=True)
 class People(ShortRepr):
     """Result of a Segmenter: masks, boxes and scores of N people; arrays of length N = 0, never
@@ -100,6 +127,8 @@ class People(ShortRepr):
             are. Or None if the backend does not look for objects.
         floor_candidates: (H, W) bool each, other masks that may be the ground, such as several
             beside the feet. The pipeline weighs them.
+        carriers: boards, bicycles, motorcycles and horses in the photo, whether or not somebody is
+            on them.
         heads: (N,) int, number of heads that the detector sees in each mask; two people may then be
             one. Or None if the backend does not count them.
         notes: plain sentences for the user ("left out what looks like a person ...").
@@ -115,6 +144,7 @@ class People(ShortRepr):
     unposed_mask: BoolArray | None = None
     objects: BoolArray | None = None
     floor_candidates: tuple[BoolArray, ...] = ()
+    carriers: tuple[Carrier, ...] = ()
     heads: IntArray | None = field(default=None, metadata=PER_PERSON)
     notes: tuple[str, ...] = ()
 

@@ -13,6 +13,7 @@ from physic_core import interfaces
 from physic_core.types import (
     Bodies,
     BodyParameters,
+    Carrier,
     ContactProbability,
     DepthMap,
     Hands,
@@ -95,6 +96,7 @@ def parameters(**values):
     [
         (PEOPLE, {}),
         (PEOPLE, {"keypoints": None, "surfaces": None}),
+        (PEOPLE, {"carriers": (Carrier("ski", (0.0, 0.0, 2.0, 2.0), 0.5),)}),
         (PEOPLE, {"surfaces": SurfaceLabels(np.ones((H, W), np.uint8), ("wall", "floor"))}),
         (
             PEOPLE,
@@ -180,6 +182,17 @@ def test_valid_results_have_no_violation(result, changes):
             {"surfaces": np.zeros((H, W), np.uint8)},
             ["surfaces must be SurfaceLabels, got ndarray"],
         ),
+        (
+            PEOPLE,
+            {"carriers": (Carrier("hovercraft", (0.0, 0.0, 2.0, 2.0), 0.5),)},
+            ["carriers has 'hovercraft'; the..."],
+        ),
+        (
+            PEOPLE,
+            {"carriers": (Carrier("ski", (2.0, 0.0, 2.0, 2.0), 0.5),)},
+            ["carriers needs boxes x0 y0..."],
+        ),
+        (PEOPLE, {"carriers": ("ski",)}, ["carriers must be a tuple of..."]),
         (
             KEYPOINTS,
             {"skeleton": 17},

@@ -47,12 +47,17 @@ class VertexContacts:
 
 
 def assign_partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor
+    touched: Tensor,
+    near: Distances,
+    regions: ContactRegions,
+    up: Tensor,
+    on_carriers: Sequence[tuple[str, Tensor]] = (),
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
-    A surface has the most frequent class of its points. A class on which nothing rests, such as
-    "wall", does not name what lies under a sole or a seat: the surface is then nameless there.
+    What touches scene, floor or a hidden support on a carrier touches the carrier. A surface has
+    the most frequent class of its points. A class on which nothing rests, such as "wall", does not
+    name what lies under a sole or a seat: the surface is then nameless there.
 
     Args:
         touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or
@@ -60,6 +65,7 @@ def assign_partners(
         near: distances to all of these.
         regions: body parts.
         up: (3,) unit.
+        on_carriers: name of each carrier, and vertices (N, V) bool of limbs that it carries.
 
     Returns:
         All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without
@@ -76,6 +82,12 @@ def assign_partners(
     surfaces = near.surface
     parts = near.parts
     on_scene = touched == KINDS.index("scene")
+    for number, (name, carried) in enumerate(on_carriers):
+        add(carried & on_scene, ContactPartner("scene", name, id=number))
+        hidden = carried & ((touched == HIDDEN) | (touched == HIDDEN_SEAT))
+        add(hidden, ContactPartner("hidden", name, id=number))
+        on_scene = on_scene & ~carried
+        touched = torch.where(hidden, -1, touched)
     ground = surfaces.on_floor
     if len(parts.ground):
         ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
@@ -84,7 +96,7 @@ def assign_partners(
     if bool(on_scene.any()):
         surface = parts.surface[surfaces.point]
         rests = _resting(near.normals @ up, on_scene, regions)
-        for number, own in enumerate(torch.unique(surface[on_scene]).tolist()):
+        for number, own in enumerate(torch.unique(surface[on_scene]).tolist(), len(on_carriers)):
             rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             name = parts.names[label] if label >= 0 else ""

@@ -41,6 +41,7 @@ from physic_core.engine.touch import (
     HANGING,
     HOLDING,
     IN_WORLDS,
+    RIDING,
     touch_log_odds,
 )
 from physic_core.types.skeletons import SIDES
@@ -236,7 +237,8 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
     radius. "bend at the hips" is the smaller angle between trunk and thighs, radians; 0 is
-    straight. "depth beside", "hanging" and "holding" are those of the stance.
+    straight. "depth beside", "hanging", "holding" and "riding" are those of the
+    stance.
 
     Args:
         state: bodies, and what the photo shows of them.
@@ -244,9 +246,9 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     """
     joints = state.joints
     stance = state.stance or Stance.unknown(len(joints))
-    beside, hanging, holding = (
+    beside, hanging, holding, riding = (
         torch.tensor(values).to(joints)
-        for values in (stance.depth_beside, stance.hanging, stance.holding)
+        for values in (stance.depth_beside, stance.hanging, stance.holding, stance.riding)
     )
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
@@ -256,6 +258,7 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
         if column is not None:
             found[name][DEPTH_BESIDE] = beside[:, column]
+            found[name][RIDING] = riding
         if kind_of_part(name) == "foot":
             found[name][HANGING] = hanging
         if kind_of_part(name) == "hand":

@@ -52,7 +52,7 @@ from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.tensors import select_pixels, tensor
+from physic_core.geometry.tensors import select_pixels, tensor, tensors
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
@@ -185,6 +185,44 @@ def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
     )
 
 
+def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
+    """Return the name of each carrier, and the vertices (N, V) bool of limbs that it carries: feet
+    on a board; feet, hands and seat of people who ride.
+    """
+    carried = state.stance and state.stance.carried
+    if not carried:
+        return []
+    ridden, board = tensors(carried.ridden[:, None], carried.board[:, None])
+    parts = contact_parts(state.model)
+    feet, hands = (parts[f"left_{limb}"] | parts[f"right_{limb}"] for limb in ("foot", "hand"))
+    limbs = feet | hands | parts[SEAT]
+    return [
+        (name, ((ridden == number) & limbs) | ((board == number) & feet))
+        for number, name in enumerate(carried.names)
+    ]
+
+
+def _off_the_scene(state: State, touch: Touch) -> Tensor:
+    """Return the vertices (N, V) bool of soles and hands of people who ride that probably touch
+    what they ride, and nothing of the scene.
+    """
+    found = torch.zeros_like(state.model.outer).expand(touch.kind.shape).clone()
+    carried = state.stance and state.stance.carried
+    if not carried or not touch.parts:
+        return found
+    rides = tensor(carried.rides)
+    parts = contact_parts(state.model)
+    for side in SIDES:
+        for limb, skin in (("foot", "sole"), ("hand", "hand")):
+            part = parts[f"{side}_{limb}"]
+            likely = touch.parts[f"{side}_{limb}"] >= LEAST_PROBABILITY
+            alone = ~((touch.kind >= 0) & part).any(1)
+            chosen = torch.zeros_like(part)
+            chosen[state.model.contact_sets[f"{side}_{skin}"]] = True
+            found |= (rides & likely & alone)[:, None] & chosen & part
+    return found
+
+
 def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
     """Return the contacts with those of hidden supports.
 
@@ -195,6 +233,12 @@ def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None
     probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
     vertices = contact_parts(state.model) if likely else {}
+    ridden = _off_the_scene(state, touch)
+    kind[ridden] = HIDDEN
+    if probability is not None:
+        for name, chosen in vertices.items():
+            on_part = ridden & chosen
+            probability = torch.where(on_part, likely[name][:, None].to(probability), probability)
     for i, one in enumerate(carried):
         if one is None:
             continue
@@ -217,7 +261,8 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    partners, index = assign_partners(touch.kind, near, regions, state.up)
+    carriers = _on_carriers(state)
+    partners, index = assign_partners(touch.kind, near, regions, state.up, carriers)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
     unseen = unseen_parts(state, near) if touch.parts else {}

@@ -210,6 +210,8 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     joints = result.people[person].joints
     if not np.isfinite(joints).all():
         return None
+    if (carried := estimates.stance.carried) is not None and carried.rides[person]:
+        return None, "people who ride may lean"
     floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
     return abs(part), (

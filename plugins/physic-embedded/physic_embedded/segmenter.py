@@ -113,7 +113,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """
         networks = self.network
         options = self.options
-        found, unposed, left_out = detect_poses(
+        found, unposed, left_out, carriers = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
@@ -170,6 +170,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             heads=heads,
             unposed=reported,
             unposed_mask=unposed_mask,
+            carriers=carriers,
             notes=_left_out_note(left_out),
         )
 

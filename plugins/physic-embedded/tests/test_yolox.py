@@ -109,6 +109,23 @@ def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(s
     assert found.other_at(found.people.boxes[0] + 200, 0.0, 0.5) is None
 
 
+@pytest.mark.parametrize(
+    ("scores", "names"),
+    [
+        ({"bicycle": 0.95}, {"bicycle"}),
+        ({"bicycle": 0.5}, set()),
+        ({"skateboard": 0.65}, set()),
+        ({"dog": 0.95}, set()),
+    ],
+)
+def test_what_may_carry_people_has_a_sure_box_and_replaces_none_of_them(scores, names):
+    image = photo(416, 416, (200, 200))
+    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)
+    assert {one.name for one in found.carriers(0.6)} == names
+    if "bicycle" in scores:
+        assert found.other_at(found.people.boxes[0], 0.1, 0.5) is None
+
+
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
 def test_the_player_of_the_example_photo_is_one_box(image, fractions):
     session = open_packaged_session("yolox_nano", threads=1)

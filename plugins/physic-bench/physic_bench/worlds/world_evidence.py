@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from physic_core.engine.carriers import Carried
 from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.stance import Stance
 from physic_core.engine.state import Estimates, OtherView
@@ -68,7 +69,7 @@ def load_evidence(path: Path) -> Estimates | None:
     """Read evidence from a file; None if it is missing or damaged."""
     with suppress(OSError, DamagedFileError):
         found: Estimates = read_value(
-            path, [Estimates, OtherView, FloorSearch, Stance, MeasuredScale]
+            path, [Estimates, OtherView, FloorSearch, Stance, Carried, MeasuredScale]
         )
         return found
     return None

@@ -1,5 +1,5 @@
-"""Detect people, animals and boards as boxes with YOLOX-nano, in the full image and in overlapping
-tiles.
+"""Detect people, animals, boards and cycles as boxes with YOLOX-nano, in the full image and in
+overlapping tiles.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 
 from physic_core.adapters.people import Detections, box_iou, nms, xyxy_from_cxcywh
 from physic_core.adapters.pictures import letterbox
+from physic_core.types import CARRIER_NAMES, Carrier
 from physic_embedded.networks.tiles import tiles
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ STRIDES = (8, 16, 32)
 PADDING_VALUE = 114
 CLASSES = {
     "person": 0,
+    "bicycle": 1,
+    "motorcycle": 3,
     "bird": 14,
     "cat": 15,
     "dog": 16,
@@ -42,11 +45,16 @@ CLASSES = {
     "skateboard": 36,
     "surfboard": 37,
 }
-"""Classes of COCO that are read, and their columns: people, and animals and boards that look like
-people.
+"""Classes of COCO that are read, and their columns: people, what carries people, and animals and
+boards that look like people.
 """
+UNLIKE_PEOPLE = ("bicycle", "motorcycle")
+"""Classes that no box of a person shows, whatever their score."""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
+
+
+_LEAST = {"skateboard": 0.7}  # boxes with lower scores are mostly shoes
 
 
 class Found(NamedTuple):
@@ -54,7 +62,7 @@ class Found(NamedTuple):
 
     Attributes:
         people: boxes of people.
-        others: boxes of animals and boards.
+        others: boxes of animals, boards, bicycles and motorcycles.
         names: class of each of ``others``.
     """
 
@@ -72,8 +80,19 @@ class Found(NamedTuple):
             overlap: least intersection over union with the box.
         """
         same = box_iou(box[None], self.others.boxes)[0] > overlap
-        better = np.flatnonzero(same & (self.others.scores > score))
+        alike = np.array([name not in UNLIKE_PEOPLE for name in self.names], bool)
+        better = np.flatnonzero(same & alike & (self.others.scores > score))
         return self.names[better[0]] if len(better) else None
+
+    def carriers(self, least: float) -> tuple[Carrier, ...]:
+        """Return what may carry a person, from a score on."""
+        return tuple(
+            Carrier(name, tuple(box), score)
+            for name, box, score in zip(
+                self.names, self.others.boxes.tolist(), self.others.scores.tolist(), strict=True
+            )
+            if name in CARRIER_NAMES and score >= _LEAST.get(name, least)
+        )
 
 
 def detect_boxes(
@@ -84,7 +103,7 @@ def detect_boxes(
     min_tile_score: float,
     fractions: Sequence[float] = (),
 ) -> Found:
-    """Detect people, animals and boards in an image (H, W, 3).
+    """Detect people, animals, boards and cycles in an image (H, W, 3).
 
     A box that touches an edge of its tile inside the image is dropped: the rest of it is in another
     tile.

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.adapters.people import Detections
+    from physic_core.types import Carrier
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
 
@@ -80,7 +81,7 @@ class SearchSettings:
     """Settings of the search for people.
 
     Attributes:
-        box_score: lowest score of a YOLOX box in the full image.
+        box_score: lowest score of a YOLOX box in the full image, and of what carries people.
         sure: BlazePose score from which a candidate is a person, see :func:`is_person`.
         weak: BlazePose score from which a candidate is tried; 0.2 more in a tile.
         fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the
@@ -132,11 +133,13 @@ class FoundPeople(NamedTuple):
         posed: people with a pose, best first.
         unposed: boxes of people without a pose.
         left_out: name of the animal or the board in each box that was left out.
+        carriers: what may carry a person.
     """
 
     posed: list[DetectedPose]
     unposed: list[UnposedBox]
     left_out: list[str]
+    carriers: tuple[Carrier, ...]
 
 
 def detect_poses(
@@ -192,7 +195,8 @@ def detect_poses(
         for person in kept[settings.max_people :]
         if person.box is not None
     ]
-    return FoundPeople(kept[: settings.max_people], unposed, left_out)
+    carriers = things.carriers(settings.box_score)
+    return FoundPeople(kept[: settings.max_people], unposed, left_out, carriers)
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
