@@ -26,6 +26,8 @@ STANDING_DEG = 40.0
 Body estimators bend the knees of standing people by up to 30.
 """
 
+LYING_DEG = 30.0
+"""Largest angle between the trunk of a person who lies and the horizontal."""
 _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
 _SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
@@ -125,7 +127,7 @@ def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
 
     At 180, the trunks of all people point down in the picture. At 90, all point to the same side,
-    people are straight, and there is no floor on which they lie.
+    and people are straight. There is no floor on which they lie.
 
     Args:
         joints: (P, 55, 3) metres, camera frame, NaN for people without a body.
@@ -137,10 +139,11 @@ def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     turned = np.degrees(np.arctan2(x, -y))  # from up in the picture, clockwise
     if not len(people):
         return 0
+    tilt = 0.0 if floor is None else trunk_tilt_deg(people, floor.normal)
     if (np.abs(turned) > _UPSIDE_DOWN_DEG).all():
-        return 180
+        return 0 if (np.abs(tilt - 90.0) < LYING_DEG).all() else 180
     sideways = any((np.abs(side * turned - 90.0) < _SIDEWAYS_DEG).all() for side in (-1, 1))
-    lying = floor is not None and (trunk_tilt_deg(people, floor.normal) > STANDING_DEG).any()
+    lying = np.any(tilt > STANDING_DEG)
     return 90 if sideways and not lying and standing_legs(people).any(1).all() else 0
 
 

@@ -20,6 +20,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import standing_legs
+from physic_core.engine.lying import Surroundings, surface_beneath
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -29,9 +30,12 @@ from physic_core.geometry.floor import (
     FloorSource,
     InverseDepthMap,
     PlaneFit,
+    average_blocks,
     inverse_depth_map,
     move_to_feet,
+    plane_as_fit,
     plane_at_feet,
+    plane_inlier_shares,
     plane_of_pixels,
 )
 from physic_core.geometry.plane import estimate_up, sample_normals
@@ -102,6 +106,7 @@ class FloorEvidence:
         ground: (H, W) bool, pixels with the label of a floor, or None.
         no_ground: (H, W) bool, pixels with the label of something else, or None.
         soles: of people whose soles are seen.
+        around: background around people who are seen from shoulders to ankles.
         found: the answer for the same photo, if it was found before; None searches.
         focal_sigma: standard deviation of the logarithm of the focal length.
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit of the points.
@@ -114,6 +119,7 @@ class FloorEvidence:
     ground: Tensor | None = None
     no_ground: Tensor | None = None
     soles: tuple[GroundAtSoles, ...] = ()
+    around: tuple[Surroundings, ...] = ()
     found: FloorSearch | None = None
     focal_sigma: float = 0.0
     shift_sigma: float = 0.0
@@ -126,10 +132,12 @@ class FloorCandidate:
     Attributes:
         plane: moved to the feet; None for no floor.
         log_score: by pixels, labels and gravity, nats.
+        beneath: whether people lie on it, if it is the floor.
     """
 
     plane: PlaneFit | None
     log_score: float
+    beneath: bool = False
 
 
 def find_floor(
@@ -187,7 +195,7 @@ def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> f
 def floor_candidates(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
 ) -> tuple[FloorCandidate, ...]:
-    """Return at most six planes that may be the floor, and last the candidate without a floor.
+    """Return at most seven planes that may be the floor, and last the candidate without a floor.
 
     Args:
         points: (H, W, 3), any unit, preferably of the photo without its people.
@@ -227,7 +235,19 @@ def floor_candidates(
             )
             score += _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles))
             found.append(FloorCandidate(at_feet[1], score))
-    return (*found, FloorCandidate(None, _NO_FLOOR_NATS))
+    found.append(FloorCandidate(None, _NO_FLOOR_NATS))
+    beneath = surface_beneath(view.rays, view.inverse, evidence.around)
+    if beneath is not None:
+        # All other candidates are floors of people who do not lie beneath the camera.
+        samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
+        shares = plane_inlier_shares(samples, beneath.plane, view.tolerance)
+        fit = plane_as_fit(view, beneath.plane, shares, "people who lie", MASK_SLACK)
+        score = max(one.log_score for one in found) + beneath.log_odds
+        # A camera that looks down has a level horizontal axis, and the sky is not below it.
+        x, y = (math.degrees(math.asin(float(fit.normal[i]))) for i in (0, 1))
+        score += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+        found.insert(0, FloorCandidate(fit, score, beneath=True))
+    return tuple(found)
 
 
 def _planes(

@@ -30,6 +30,7 @@ from physic_core.engine.floor import (
     floor_candidates,
     standing_score,
 )
+from physic_core.engine.lying import surroundings
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.sizes.evidence import (
     USUAL_CAMERA_HEIGHT_M,
@@ -144,9 +145,22 @@ class FloorAndScale:
 
 
 def floor_evidence(
-    people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics
+    people: People,
+    hole: BoolArray,
+    keypoints: Keypoints,
+    camera: Intrinsics,
+    photo: Pointmap | None = None,
 ) -> FloorEvidence:
-    """Return the evidence of segmenter, feet and camera about the floor."""
+    """Return the evidence of segmenter, feet and camera about the floor.
+
+    Args:
+        people: in the photo.
+        hole: (H, W) bool, inpainted pixels.
+        keypoints: of the people.
+        camera: of the photo.
+        photo: points of the photo with its people, aligned to the scene. They tell who lies beneath
+            the camera; None if it is not asked.
+    """
     labels = people.surfaces
     uncovered = ~people.masks.any(0)
     ground = None if labels is None else labels.mask(*_FLOORS) & uncovered
@@ -158,7 +172,10 @@ def floor_evidence(
     others = optional_tensors(*people.floor_candidates)
     masks = tuple(m for m in others if m is not None)
     focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
-    return FloorEvidence(mask, hole_, feet, masks, floor, other, soles, focal_sigma=focal_sigma)
+    around = () if photo is None else surroundings(keypoints, people.masks, ~hole, photo, labels)
+    return FloorEvidence(
+        mask, hole_, feet, masks, floor, other, soles, around, focal_sigma=focal_sigma
+    )
 
 
 def _ground_at_soles(
@@ -419,9 +436,13 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
         plane = Plane(candidate.plane.normal.numpy(), float(candidate.plane.offset))
         by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
         height = plane.offset
-        score += standing_score(candidate.plane.normal, seen.joints)
+        if candidate.beneath:  # no sole stands on what people lie on
+            by_soles[:] = np.nan
+        else:
+            score += standing_score(candidate.plane.normal, seen.joints)
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
-    score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
+    if not candidate.beneath:
+        score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
     sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
@@ -495,15 +516,20 @@ def _too_small(
     }
 
 
-def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None) -> str:
+def scale_note(
+    contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None, lie: bool
+) -> str:
     """Return a note about the people who give the scale.
 
     Args:
         contacts: final ones of each person.
         bodies: number of people with a body.
         floor: of the result.
+        lie: whether the floor is what people lie on.
     """
     stand = sum(has_sole_on_floor(person) for person in contacts)
+    if lie:
+        return f"the scale is from the body size of {_people(bodies)}, who seem to lie"
     if floor is not None and stand:
         return f"the scale is from the soles of {_people(stand)} on the floor"
     better = "a floor whose plane is found" if stand else "soles on a visible floor"

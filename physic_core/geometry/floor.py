@@ -259,9 +259,11 @@ FloorReason = Literal["found", "no_pixels", "no_consensus", "switched_off"]
 than none; "switched_off" by the settings.
 """
 
-FloorSource = Literal["floor mask", "labels", "lower image", "level surfaces", "soles"]
+FloorSource = Literal[
+    "floor mask", "labels", "lower image", "level surfaces", "soles", "people who lie"
+]
 """Pixels that a plane was fitted to: of the floor mask, with the label of a floor, of the lower
-part of the image, of its horizontal surfaces, or at the soles of people.
+part of the image, of its horizontal surfaces, at the soles of people, or around people who lie.
 """
 
 FEET_WINDOW = 0.08
@@ -389,12 +391,12 @@ def plane_of_pixels(
     plane = fit_plane(samples, slack * view.tolerance, view.least_rise, up)
     if plane is None:
         return None
-    return plane, _as_fit(
+    return plane, plane_as_fit(
         view, plane, plane_inlier_shares(samples, plane, slack * view.tolerance), source, slack
     )
 
 
-def _as_fit(
+def plane_as_fit(
     view: InverseDepthMap,
     plane: Tensor,
     shares: tuple[float, float],
@@ -430,7 +432,7 @@ def plane_at_feet(
     plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
     samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
     shares = plane_inlier_shares(samples, plane, view.tolerance)
-    return plane, _as_fit(view, plane, shares, "soles")
+    return plane, plane_as_fit(view, plane, shares, "soles")
 
 
 def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
@@ -445,7 +447,7 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
         return FloorSearch(None, "no_pixels", found.inlier_share, found.below_share)
     plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
-    fit = _as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
+    fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
     factor = found.plane.reanchored
     pitch_sigma = found.plane.pitch_sigma
     moved = replace(fit, offset=fit.offset / factor, reanchored=factor, pitch_sigma=pitch_sigma)

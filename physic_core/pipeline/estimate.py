@@ -163,11 +163,11 @@ def run_backends(
             original = replace(original, people_farther=None)
 
     with stages.time_engine("floor candidates"):
-        evidence = floor_evidence(people, hole, keypoints, camera)
+        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
+        evidence = floor_evidence(people, hole, keypoints, camera, aligned)
         evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
         floors = candidates_in(scene, evidence, plan.engine.scene)
         floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
-        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
 
     hints = replace(hints, floor=floor_by_pixels, original=aligned)
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known)

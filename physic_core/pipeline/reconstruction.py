@@ -197,13 +197,21 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
 
 
 def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
-    """Return notes about the people who give the scale, and about a photo that seems turned."""
+    """Return notes about people who lie, people who give the scale, and a photo that seems
+    turned.
+    """
     people = result.people
     notes = []
+    plane = estimates.floor.plane
+    lie = plane is not None and plane.source == "people who lie"
+    if lie:
+        notes.append(
+            "people seem to lie, and the camera to look down on them: the floor is what they lie on"
+        )
     if estimates.scale_by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
-        notes.append(scale_note(contacts, bodies, result.scene.floor))
+        notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     if degrees := photo_turned_deg(joints, result.scene.floor):
         notes.append(

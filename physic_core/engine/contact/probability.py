@@ -30,6 +30,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances, SkinDistances
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.limbs import hip_bends
@@ -57,6 +58,8 @@ SEAT = "seat"
 
 _KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
 _RATED = ("foot", "hand", SEAT)  # kinds whose rate is known where no pixel shows them
+# what carries people who lie -> the part on its other side
+_CARRY_LYING = {"head": "head", "torso": "back", "back": "torso", SEAT: SEAT}
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
 _SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
@@ -162,12 +165,18 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
     """
     at = near_scene(state, near)
     unseen = unseen_parts(state, near)
+    lies = _lies(state)
     parts = {}
-    for name, features in part_features(state, at.gap).items():
+    of_parts = part_features(state, at.gap)
+    for name, features in of_parts.items():
         kind = kind_of_part(name)
         odds = torch.as_tensor(touch_log_odds(kind, features))
         if kind in _RATED:
             odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
+        if name in _CARRY_LYING:
+            distance = features[DISTANCE]
+            beneath = distance <= of_parts[_CARRY_LYING[name]][DISTANCE]
+            odds = torch.where(lies & beneath, _like_feet(distance), odds)
         parts[name] = torch.sigmoid(odds)
     limbs = _parts(state.model, "hand", "foot")
     model = contact_model().nearness
@@ -177,6 +186,20 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
     )
     of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(state.model)]
     return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
+
+
+def _lies(state: State) -> Tensor:
+    """Return whether the trunk of each person (N,) bool is nearly horizontal."""
+    tilt = trunk_tilt_deg(state.joints.cpu().numpy(), state.up.cpu().numpy())
+    return torch.as_tensor(np.abs(tilt - 90.0) < LYING_DEG).to(state.joints.device)
+
+
+def _like_feet(distance: Tensor) -> Tensor:
+    """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
+    unknown = torch.zeros_like(distance)
+    return torch.as_tensor(
+        touch_log_odds("foot", {DISTANCE: distance, DEPTH_BESIDE: unknown, HANGING: unknown})
+    )
 
 
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:

@@ -40,6 +40,7 @@ _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
 _CONFIDENT = 0.5
 _FEWEST = 4
+_LIES_DEG = 60.0  # lean beyond which people lie
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
 _check = partial(check, "person")
@@ -214,6 +215,11 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         return None, "people who ride may lean"
     floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
+    if abs(part) > _LIES_DEG:
+        return abs(part), (
+            "this person lies, or the floor is wrong: see in preview.png how far the camera looks "
+            "down"
+        )
     return abs(part), (
         f"this person leans {abs(part):.0f} degrees {'towards' if part > 0 else 'away from'} the "
         "camera, which one photo hardly shows: see the view from the side"

@@ -1,0 +1,126 @@
+"""People who lie beneath the camera tell which way is down, and people who stand at a wall do not
+mislead it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import load_config, reconstruct
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.bones import parameters_from_rotations
+from physic_core.body.posture import photo_turned_deg
+from physic_core.engine.floor_and_scale import (
+    PeopleInScene,
+    candidates_in,
+    find_floor_and_scale,
+    floor_evidence,
+)
+from physic_core.engine.scene.method import SceneMethod
+from physic_core.geometry.rays import RayCaster
+from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, Pointmap
+from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.skeletons import SKELETONS
+from physic_testing.worlds import load_world
+
+HEIGHT = 240
+WIDTH = 180
+CAMERA = Intrinsics.from_focal(200.0, WIDTH, HEIGHT)
+DISTANCE = 2.4
+"""Of the surface behind the person, metres."""
+BED_EDGE = 14
+"""Column left of which the surface ends, half a metre above another one."""
+DOWN = np.array([0.0, 0.0, -1.0])
+"""Normal of a floor below a camera that looks straight down."""
+
+
+def answer(turned=False, floor_m=None, gap_m=0.0):
+    """Floor and scale of a person before a surface that faces the camera; upside down in the
+    picture if turned, and on a level floor below the camera, if it has a height.
+    """
+    model = load_body("embedded")
+    rotations, betas, _ = model.zero_pose(1)
+    rotations[:, 0] = torch.diag(torch.tensor([-1.0, 1.0, -1.0] if turned else [1.0, -1.0, -1.0]))
+    still = model(rotations, betas, torch.zeros(1, 3))
+    middle = (still.vertices[0, :, 1].amax() + still.vertices[0, :, 1].amin()) / 2
+    back = still.vertices[0, :, 2].amax()
+    y = -middle if floor_m is None else floor_m - still.vertices[0, :, 1].amax()
+    transl = torch.tensor([[0.0, float(y), DISTANCE - gap_m - float(back)]])
+    body = model(rotations, betas, transl)
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    rays = np.stack(
+        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1
+    )
+    depth = np.where(columns < BED_EDGE, DISTANCE + 0.5, DISTANCE)
+    if floor_m is not None:
+        depth = np.minimum(depth, floor_m / np.maximum(rays[..., 1], 1e-6))
+    hits = RayCaster(body.vertices[0].double().numpy(), model.faces.numpy()).first(
+        np.zeros(3), rays.reshape(-1, 3).astype(float)
+    )
+    mask = (hits.face >= 0).reshape(HEIGHT, WIDTH)
+    seen = np.where(mask, hits.distance.reshape(HEIGHT, WIDTH), depth)
+    names = SKELETONS["coco17"].names
+    points = np.zeros((1, 17, 2), np.float32)
+    for k, name in enumerate(names):
+        if name in JOINT_INDEX:
+            x, y, z = body.joints[0, JOINT_INDEX[name]].tolist()
+            points[0, k] = [
+                CAMERA.fx * x / z + CAMERA.cx,
+                CAMERA.fy * y / z + CAMERA.cy,
+            ]
+    keypoints = Keypoints(points, np.ones((1, 17), np.float32), "coco17")
+    people = People(mask[None], np.zeros((1, 4)), np.ones(1))
+    scene, photo = (
+        Pointmap(
+            (rays * z[..., None]).astype(np.float32),
+            np.ones((HEIGHT, WIDTH), bool),
+            "inverse_scale_shift",
+            CAMERA,
+            people_farther=(0.0, 0.1),
+        )
+        for z in (depth, seen)
+    )
+    bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
+    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople())
+    evidence = floor_evidence(people, mask, keypoints, CAMERA, photo)
+    floors = candidates_in(scene, evidence, SceneMethod())
+    return find_floor_and_scale(floors, evidence, given, model)
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["head up", "head down"])
+def test_a_camera_looks_down_on_people_who_lie_on_one_plane_from_head_to_heel(turned):
+    found = answer(turned)
+    assert found.plane is not None
+    assert found.plane.normal @ DOWN == pytest.approx(1.0, abs=0.01)
+    assert found.plane.offset * found.scale.scale == pytest.approx(DISTANCE, rel=0.1)
+    assert found.stance.stands.max() < 0.1
+
+
+@pytest.mark.parametrize("gap_m", [0.02, 0.4], ids=["at the wall", "before the wall"])
+def test_people_who_stand_at_a_wall_on_a_floor_do_not_lie_on_the_wall(gap_m):
+    found = answer(floor_m=1.0, gap_m=gap_m)
+    assert found.plane is not None
+    assert found.plane.normal @ DOWN == pytest.approx(0.0, abs=0.1)
+    assert found.stance.stands.min() > 0.5
+
+
+def test_people_who_hover_far_before_a_plane_do_not_lie_on_it():
+    plane = answer(gap_m=0.8).plane
+    assert plane is None or plane.normal @ DOWN < 0.9
+
+
+def test_a_photo_of_people_who_lie_is_not_turned():
+    joints = np.zeros((1, 55, 3))
+    joints[..., 2] = 2.0
+    joints[0, JOINT_INDEX["neck"], 1] = 0.5  # below the pelvis in the picture
+    assert photo_turned_deg(joints, None) == 180
+    assert photo_turned_deg(joints, Plane(DOWN, 2.2)) == 0
+
+
+def test_people_who_lie_touch_the_floor_with_back_head_and_seat(few_steps):
+    result = reconstruct(load_world("lie").image, load_config(preset="mock"))
+    likely = {one.part for one in result.people[0].contacts if one.likely}
+    assert {"back", "head", "seat"} <= likely
+    assert "torso" not in likely
