@@ -354,11 +354,10 @@ def removed_parts(
     found = {}
     for part, touches in judged.items():
         side, _, kind = part.rpartition("_")
-        ends = (
-            [y[f"{one}_{ENDS[kind]}"] for one in ([side] if side else ["left", "right"])]
-            if kind in ENDS
-            else [0.0]
-        )
+        ends = [0.0]
+        if kind in ENDS:
+            sides = [side] if side else ["left", "right"]
+            ends = [y[f"{one}_{ENDS[kind]}"] for one in sides]
         if min(ends) > row:
             found[part] = touches
     return found

@@ -221,13 +221,9 @@ def floor_candidates(
         best = found[-1] if best is None or score > best.log_score else best
     feet = evidence.feet_px
     if feet is not None and len(feet):
-        level = (
-            up
-            if up is not None
-            else best.plane.normal
-            if best is not None and best.plane is not None
-            else None
-        )
+        level = up
+        if level is None and best is not None and best.plane is not None:
+            level = best.plane.normal
         at_feet = None if level is None else plane_at_feet(view, level, feet)
         if at_feet is not None:
             score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(

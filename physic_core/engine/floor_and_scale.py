@@ -182,7 +182,8 @@ def _ground_at_soles(
     people: People, hole: BoolArray, keypoints: Keypoints
 ) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it."""
-    (height, width), labels = hole.shape, people.surfaces
+    height, width = hole.shape
+    labels = people.surfaces
     found = []
     visible = torch.from_numpy(~hole)
     touch = (
@@ -447,20 +448,23 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
-    usual = np.array([USUAL_CAMERA_HEIGHT_M / height])
-    unknown = np.array([math.nan])
-    camera = Witnesses(
-        usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0
-    )
+    camera = _witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
     return _OnPlane(score, by_soles, soles, camera)
 
 
 def _usual_depth(scene: Pointmap) -> Witnesses:
     """Return the scale of a scene by the usual depth of scenes with people."""
-    scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
-    return Witnesses(
-        np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0
-    )
+    return _witness(USUAL_DEPTH_M / _median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+
+
+def _median_depth(scene: Pointmap) -> float:
+    return float(np.median(scene.points[scene.valid, 2]))
+
+
+def _witness(scale: float, sigma: float, sure: float) -> Witnesses:
+    """Return one witness of a scale, of unknown depth."""
+    unknown = np.array([math.nan])
+    return Witnesses(np.array([scale]), unknown, np.array([sigma]), np.array([sure]), 0.0)
 
 
 def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
@@ -478,7 +482,7 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
     else:
-        scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
+        scale = USUAL_DEPTH_M / _median_depth(scene)
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
     warning = (
         f"the scale is unknown without a person: {assumed}; use a metric depth network to "

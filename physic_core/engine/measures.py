@@ -48,7 +48,10 @@ def measure_people(estimates: Estimates, state: State) -> list[Measures]:
         estimates: of the photo.
         state: with the contact of the people and the final scene.
     """
-    model, scale, found, around = state.model, state.scene_scale, state.contact, state.surroundings
+    model = state.model
+    scale = state.scene_scale
+    found = state.contact
+    around = state.surroundings
     assert found is not None
     silhouettes = compare_silhouettes(
         state.vertices,
@@ -65,7 +68,8 @@ def measure_people(estimates: Estimates, state: State) -> list[Measures]:
     for i, support in enumerate(found.supports):
         if support is None:
             continue
-        body, heights = state.vertices[i], None
+        body = state.vertices[i]
+        heights = None
         if around.floor_normal is not None:
             heights = height_over_plane(body, around.floor_normal, around.floor_offset * scale)
         share, ratio = silhouettes[i]
@@ -123,7 +127,8 @@ def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, floa
     """
     if state.known is None:
         return []
-    own, given = state.model.stature(state.betas).tolist(), state.known.stature.tolist()
+    own = state.model.stature(state.betas).tolist()
+    given = state.known.stature.tolist()
     sizes = [
         (f"the stature of person {i}", known_m, m)
         for i, (known_m, m) in enumerate(zip(given, own, strict=True))

@@ -331,12 +331,14 @@ class State(ShortRepr):
         """Raise PhysicError if fields have wrong shapes; the message starts with the name and lists
         all such fields.
         """
-        model, (height, width) = self.model, self.masks.shape[-2:]
+        model = self.model
+        height, width = self.masks.shape[-2:]
         sizes = {"N": len(self), "J": self.keypoints.shape[1], "H": height, "W": width}
         sizes |= {"K": model.num_betas, "E": model.num_expression, "V": model.num_vertices}
         faults = []
         for each in fields(self):
-            value, dims = getattr(self, each.name), each.metadata.get("shape")
+            value = getattr(self, each.name)
+            dims = each.metadata.get("shape")
             if dims is not None and value is not None and value is not _UNKNOWN:
                 expected = tuple(sizes.get(part, part) for part in dims)
                 if tuple(value.shape) != expected:

@@ -149,7 +149,9 @@ class Border(ShortRepr):
 
     def added_to(self, result: Reconstruction) -> Reconstruction:
         """Return a result in px of the whole photo; the border has no valid points."""
-        scene, camera, (rows, columns) = result.scene, result.intrinsics, self.inside
+        scene = result.scene
+        camera = result.intrinsics
+        rows, columns = self.inside
         shift = np.array([columns.start, rows.start] * 2, np.float32)
 
         def padded(values: Any, fill: float) -> Any:

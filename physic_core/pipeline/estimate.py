@@ -503,7 +503,8 @@ def _aligned(
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 
-    points, valid = tensor(scene.points), tensor(scene.valid)
+    points = tensor(scene.points)
+    valid = tensor(scene.valid)
     alignment = align_photo_points_to_scene(
         original, tensor(hole), points, valid, settings.placement
     )

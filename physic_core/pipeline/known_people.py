@@ -154,7 +154,8 @@ def corrected_keypoints(
             )
             changed[person, column] = is_new
     for person, column in np.argwhere(changed):
-        at, (side, _, joint) = wanted[person, column], names[column].partition("_")
+        at = wanted[person, column]
+        (side, _, joint) = names[column].partition("_")
         beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
         with_it = [
             j

@@ -38,10 +38,12 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
         ConfigError: the photo contradicts a known stature, or most people of unknown stature would
             be impossibly tall or small, by more than three standard errors.
     """
-    ratio, known = placed.size_ratio, placed.known
+    ratio = placed.size_ratio
+    known = placed.known
     assert ratio is not None
     assert known is not None
-    sizes, (least, most) = _scene_sizes(known), STATURES_M
+    sizes = _scene_sizes(known)
+    least, most = STATURES_M
     statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
     shown_m = before.model.stature(before.betas) * ratio
     impossible = []

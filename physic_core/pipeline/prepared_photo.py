@@ -236,7 +236,8 @@ def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, flo
         + [np.stack([0 * y + edge, y], -1) for edge in (x0, x1)]
     )
     moved = move(border) + 0.5
-    (left, top), (right, bottom) = moved.min(0).tolist(), moved.max(0).tolist()
+    left, top = moved.min(0).tolist()
+    right, bottom = moved.max(0).tolist()
     return left, top, right, bottom
 
 

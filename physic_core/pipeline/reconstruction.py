@@ -156,7 +156,9 @@ def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
 
 def _scene(estimates: Estimates, state: State) -> Scene:
     """Convert the scene, multiplied by the scale of stage 3."""
-    scene, scale, floor = state.scene, state.scene_scale, None
+    scene = state.scene
+    scale = state.scene_scale
+    floor = None
     if scene.floor is not None:
         floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
     return Scene(
@@ -272,4 +274,6 @@ def _state(one: Repository) -> str:
     if one.commit:
         return "tested" if one.found.startswith(one.commit) else "differs"
     expected = read_lock().get(one.url, {}).get("commit")
-    return "unpinned" if expected is None else "locked" if expected == one.found else "differs"
+    if expected is None:
+        return "unpinned"
+    return "locked" if expected == one.found else "differs"

@@ -99,7 +99,8 @@ def nearby_surfaces(
     around: Surroundings, vertices: Tensor, scale: float, floor: tuple[Tensor, float] | None
 ) -> ContactSurfaces:
     """Return the scaled scene near bodies (B, V, 3), metres, and a floor."""
-    points, normals = around.points * scale, around.normals
+    points = around.points * scale
+    normals = around.normals
     near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
     scene = NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M)
     return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
@@ -276,11 +277,9 @@ def _nearest_skin(
         signed = np.copysign(size[rows, best], along[rows, best])
         closer = np.abs(signed) < np.abs(distance[i, ids])
         chosen = ids[closer]
-        distance[i, chosen], person[i, chosen], vertex[i, chosen] = (
-            signed[closer],
-            j,
-            nearest[rows, best][closer],
-        )
+        distance[i, chosen] = signed[closer]
+        person[i, chosen] = j
+        vertex[i, chosen] = nearest[rows, best][closer]
     others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
     return SkinDistances(torch.from_numpy(distance).to(vertices), *others)
 

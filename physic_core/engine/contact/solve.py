@@ -65,9 +65,11 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
-    around, bodies = state.surroundings, state.vertices[state.finite]
+    around = state.surroundings
+    bodies = state.vertices[state.finite]
     surfaces = method.surfaces(around, bodies, state.scene_scale)
-    classes, objects = _classify_points(estimates, state), _held_objects(estimates, state)
+    classes = _classify_points(estimates, state)
+    objects = _held_objects(estimates, state)
     near = measure_distances(state, surfaces, classes, method, objects)
     return replace(state, contact=contact_of(state, near, method))
 
@@ -95,11 +97,14 @@ def measure_distances(
         method: of stage 4.
         objects: small objects in hands and on laps; None if people touch none.
     """
-    model, vertices, scene = state.model, state.vertices, surfaces.scene
+    model = state.model
+    vertices = state.vertices
+    scene = surfaces.scene
     normals = vertex_normals(vertices, model.faces)
     free = method.free_vertices(state, state.surroundings)
     surface = surface_distances(vertices, surfaces, method.measure, free)
-    floor, height = state.scene.floor, None
+    floor = state.scene.floor
+    height = None
     if floor is not None:
         offset = vertices.new_tensor(floor.offset * state.scene_scale)
         height = height_over_plane(scene.points, state.up, offset)
@@ -126,7 +131,8 @@ def measure_distances(
 
 def _classify_points(estimates: Estimates, state: State) -> ClassifiedPoints:
     """Return the classes of the valid scene points, all unknown if the segmenter labels none."""
-    surfaces, valid = estimates.people.surfaces, state.scene.valid
+    surfaces = estimates.people.surfaces
+    valid = state.scene.valid
     (inpainted,) = select_pixels(valid, tensor(estimates.hole))
     if surfaces is None:
         nothing = torch.zeros_like(inpainted, dtype=torch.int64)

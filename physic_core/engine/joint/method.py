@@ -99,7 +99,8 @@ class JointMethod(ABC):
 
         A margin is left for the motion of people.
         """
-        points, normals = sampling.around.points, sampling.around.normals
+        points = sampling.around.points
+        normals = sampling.around.normals
         radius = sampling.search_radius_m
         keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
         return NearestPointSearch(points[keep], normals[keep], radius)

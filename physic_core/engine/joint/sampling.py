@@ -119,7 +119,8 @@ def select_surface(around: Surroundings) -> Surroundings:
     """Return the surroundings with the scene points that have a reliable normal and do not belong
     to the floor's plane.
     """
-    points, normals = around.points, around.normals
+    points = around.points
+    normals = around.normals
     # a matrix product sums three columns several times faster than .sum()
     ones = points.new_ones(3)
     length = normals.square() @ ones

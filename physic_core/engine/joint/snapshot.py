@@ -86,7 +86,8 @@ class OcclusionTracker:
         # Motion along the rays does not change the self-occlusion.
         seen = vertices / away
         if self._seen is None:
-            self._seen, (self._hidden, self._hidden_limbs) = seen, self._cast(vertices)
+            self._seen = seen
+            self._hidden, self._hidden_limbs = self._cast(vertices)
         else:
             moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
             rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]

@@ -133,7 +133,8 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) ->
     finite = state.finite
     if not settings.carve_m or not bool(finite.any()):
         return state
-    bodies, masks = state.vertices[finite] / state.scene_scale, state.masks[finite]
+    bodies = state.vertices[finite] / state.scene_scale
+    masks = state.masks[finite]
     hole = tensor(estimates.hole)
     scene = _carved(state.scene, bodies, state.model.faces, masks, hole, settings)
     return replace(state, scene=scene)

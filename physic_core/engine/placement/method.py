@@ -162,7 +162,8 @@ class PlacementMethod:
         """Return the divisor (2,) of reprojection errors, px: the diagonal of the person's box."""
         corners = keypoints
         if bool(mask.any()):
-            rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+            rows = mask.any(1).nonzero()[:, 0]
+            columns = mask.any(0).nonzero()[:, 0]
             ends = [[int(columns[0]), int(rows[0])], [int(columns[-1]), int(rows[-1])]]
             corners = torch.cat((corners, torch.tensor(ends, dtype=torch.float64)))
         if not len(corners):
@@ -204,7 +205,8 @@ class PlacementMethod:
         """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times
         lambda_d.
         """
-        vertices, weight = _subsample(person.vertices[seen], self.max_points), self.chamfer_weight
+        vertices = _subsample(person.vertices[seen], self.max_points)
+        weight = self.chamfer_weight
         weights = weight / len(vertices), weight / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.robust_m)
 
@@ -236,7 +238,8 @@ class PlacementMethod:
             again = self.camera_facing(person, x)
             if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
                 break
-            seen, chamfer = again, self.chamfer_term(person, again)
+            seen = again
+            chamfer = self.chamfer_term(person, again)
         return Fit(x, seen)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
@@ -248,7 +251,8 @@ class PlacementMethod:
         if not bool(torch.isfinite(person.vertices).all()):
             lost = "the body has non-finite vertices: its translation was not changed"
             return Fit(problem=lost)
-        problem, by_keypoints = "", _unmoved()
+        problem = ""
+        by_keypoints = _unmoved()
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
             found = self.fit_keypoints(person)
             by_keypoints = found if _is_in_view(person, found) else by_keypoints

@@ -46,8 +46,11 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
-    scene, original, people = state.scene, estimates.original, tensor(estimates.hole)
-    points, valid = tensor(original.points), tensor(original.valid)
+    scene = state.scene
+    original = estimates.original
+    people = tensor(estimates.hole)
+    points = tensor(original.points)
+    valid = tensor(original.valid)
     alignment = align_photo_points_to_scene(
         original, people, scene.points, scene.valid, method, far=_FAR_M
     )
@@ -84,12 +87,16 @@ def people_to_place(
         feet_seen: (N,) bool.
         method: of stage 2.
     """
-    scene, model = state.scene, state.model
+    scene = state.scene
+    model = state.model
     posed = model(state.rotations, state.betas, state.transl, state.expression)
     normals = _on_cpu(method.normals(posed.vertices, model.faces))
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
-    vertices, keypoints = _on_cpu(posed.vertices), _on_cpu(state.keypoints)
-    weights, soles, plane = _on_cpu(method.weigh_keypoints(state)), model.soles.cpu(), None
+    vertices = _on_cpu(posed.vertices)
+    keypoints = _on_cpu(state.keypoints)
+    weights = _on_cpu(method.weigh_keypoints(state))
+    soles = model.soles.cpu()
+    plane = None
     if scene.floor is not None:
         height = torch.tensor([scene.floor.offset], dtype=torch.float64)
         plane = torch.cat((_on_cpu(scene.floor.normal), height))
@@ -142,7 +149,8 @@ def align_photo_points_to_scene(
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
     method = method or PlacementMethod()
-    points, valid = tensor(photo.points), tensor(photo.valid)
+    points = tensor(photo.points)
+    valid = tensor(photo.valid)
     grown = dilate_square(people, round(method.mask_growth * max(people.shape)))
     background = ~grown & (scene_points[..., 2] <= far)
     weight = None
@@ -162,7 +170,8 @@ def _weigh_background(inverse: Tensor, people: Tensor, background: Tensor) -> Te
     Two point maps of one scene differ by more than an affine map. Without weights, sky and far
     walls would dominate the alignment, and the ground at the feet would be wrong.
     """
-    own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
+    own = inverse[people & (inverse > 0)]
+    others = inverse[background & (inverse > 0)]
     if not len(own) or not len(others):
         return None
     low, high = quantiles(own, (0.1, 0.9), _QUANTILE_PIXELS)
@@ -209,7 +218,8 @@ def human_points(
     if not bool(mask.any()):
         return points.new_zeros((0, 3))
     box = _span(mask.any(1)), _span(mask.any(0))
-    cloud, inside = points[box], mask[box]
+    cloud = points[box]
+    inside = mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
@@ -233,13 +243,15 @@ def _resized(
 
     Their sizes are measured before the scene was scaled, when bodies and scene roughly agree.
     """
-    model, unscaled = state.model, known.unscaled
+    model = state.model
+    unscaled = known.unscaled
     assert unscaled is not None
     placed = _place(estimates, replace(state, scene=unscaled), feet_seen, method)
     posed = model(state.rotations, state.betas, state.transl, state.expression).vertices
     assert placed.keypoint_transl is not None
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
-    floor, clouds = placed.scene.floor_plane, placed.human_points or (vertices[0, :0],) * len(posed)
+    floor = placed.scene.floor_plane
+    clouds = placed.human_points or (vertices[0, :0],) * len(posed)
     ratio = known.factor * size_by_scene(vertices, model.soles, feet_seen.tolist(), floor, clouds)
     own = model.stature(state.betas)
     unknown = ~torch.isfinite(known.stature.to(own))

@@ -120,7 +120,8 @@ class ChamferTerm:
         self.points = points
         self.weights = weights
         self.scale = scale
-        self.vertex_tree, self.point_tree = cKDTree(vertices.numpy()), cKDTree(points.numpy())
+        self.vertex_tree = cKDTree(vertices.numpy())
+        self.point_tree = cKDTree(points.numpy())
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3)
@@ -172,7 +173,8 @@ class PlacementFloorTerm:
         lowest = self.person.foot_height(x).reshape(1, 1)
         upward = self.person.plane.clone()
         only_offset = torch.zeros_like(x)
-        upward[-1], only_offset[-1] = 0.0, 1.0
+        upward[-1] = 0.0
+        only_offset[-1] = 1.0
         foot = lowest.new_tensor([self.weight])
         cost = lowest.new_tensor([self.offset_cost])
         return [

@@ -83,7 +83,8 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
 
 
 def _scene_input(estimates: Estimates) -> SceneInput:
-    scene, people = estimates.scene, estimates.people
+    scene = estimates.scene
+    people = estimates.people
     evidence = floor_evidence(people, estimates.hole, estimates.keypoints, estimates.intrinsics)
     points, valid, depth = tensors(scene.points, scene.valid, estimates.depth.depth)
     floor = replace(evidence, found=estimates.floor)
@@ -115,8 +116,10 @@ def _trust(camera: Intrinsics) -> int:
 
 def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) -> State:
     """Return the people as estimated, in the type and on the device of the model."""
-    bodies, detected = estimates.bodies, keypoints_on_body(estimates.keypoints)
-    masks, observed = tensor(estimates.people.masks), bodies.observed
+    bodies = estimates.bodies
+    detected = keypoints_on_body(estimates.keypoints)
+    masks = tensor(estimates.people.masks)
+    observed = bodies.observed
 
     def own(array: FloatArray) -> Tensor:
         return tensor(array).to(model.device, model.dtype)
@@ -146,7 +149,8 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 
 def _with_known_sizes(estimates: Estimates, state: State) -> State:
     """Return the state with the scene scaled by the user's known sizes or a measured depth."""
-    measured, people = estimates.measured_scale, len(estimates.people)
+    measured = estimates.measured_scale
+    people = len(estimates.people)
     if not estimates.known and measured is None:
         return state
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()

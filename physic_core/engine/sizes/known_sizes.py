@@ -325,7 +325,8 @@ def scale_scene(
 ) -> tuple[SceneState, KnownGeometry]:
     """Scale the scene about the camera."""
     floor = scene.floor and replace(scene.floor, offset=scene.floor.offset * factor)
-    points, floor_points = scene.points * factor, scene.floor_points * factor
+    points = scene.points * factor
+    floor_points = scene.floor_points * factor
     scaled = replace(scene, points=points, floor_points=floor_points, floor=floor)
     distances = replace(known.distances, points=known.distances.points * factor)
     return scaled, replace(known, distances=distances, unscaled=scene, factor=factor)

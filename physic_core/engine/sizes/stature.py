@@ -332,9 +332,11 @@ def resize_children(
     table = load_ages()
     for i in np.flatnonzero((known.years < ADULT_YEARS) & np.isfinite(betas).all(1)).tolist():
         mean, sigma = table.at_age(known.years[i])
-        statures[i], spread = np.exp(mean), f" ± {100 * sigma:.0f} %"
+        statures[i] = np.exp(mean)
+        spread = f" ± {100 * sigma:.0f} %"
         if known.stature is not None and np.isfinite(known.stature[i]):
-            statures[i], spread = known.stature[i], ""
+            statures[i] = known.stature[i]
+            spread = ""
         notes.append(
             f"person {i} is a child of {known.years[i]:g} years, {statures[i]:.2f} m{spread} tall "
             f"before the joint fit"

@@ -255,11 +255,9 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     or stature.
     """
     measured = result.people[person].measures
-    given, shown, sigmas = (
-        measured.given_stature_m,
-        measured.shown_stature_m,
-        measured.stature_sigmas,
-    )
+    given = measured.given_stature_m
+    shown = measured.shown_stature_m
+    sigmas = measured.stature_sigmas
     if given is None or shown is None or sigmas is None:
         return None
     stature = None if estimates.statures is None else estimates.statures[person]

@@ -52,9 +52,9 @@ class Column:
 
     def text(self, found: ValueWithInterval, *, signed: bool = False) -> str:
         """Return a figure as printed; "-" if it is unknown."""
+        form = f"{'+' if signed else ''}.{self.digits}f"
         value, low, high = (
-            f"{v:{'+' if signed else ''}.{self.digits}f}" if np.isfinite(v) else "-"
-            for v in (found.value, found.low, found.high)
+            f"{v:{form}}" if np.isfinite(v) else "-" for v in (found.value, found.low, found.high)
         )
         return value if low == "-" else f"{value} [{low}, {high}]"
 

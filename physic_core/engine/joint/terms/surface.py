@@ -213,14 +213,16 @@ class SurfaceTerms(Term):
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Refresh all terms and collect the inputs of the energies."""
-        sampling, contacts = self.sampling, snapshot.contacts
+        sampling = self.sampling
+        contacts = snapshot.contacts
         parts: list[SurfaceTerm | SoleTerm | RegularisationTerm] = [*self.terms, self.soles]
         parts.append(self.regularisation)
         for part in parts:
             part.refresh(snapshot)
         self.weights = {name: weight for part in parts for name, weight in part.weights.items()}
         sums = [(term, term.robust_sum()) for term in self.terms]
-        normals, plane_distance = contacts.normals, contacts.plane_distance
+        normals = contacts.normals
+        plane_distance = contacts.plane_distance
         self.surface = SurfaceInputs(
             terms=tuple((term, total) for term, total in sums if total is not None),
             mesh_weight=self.weights["regularisation"],
@@ -237,7 +239,8 @@ class SurfaceTerms(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of each term that is not off: name -> (B,)."""
-        surface, e = self.surface, bodies.estimate
+        surface = self.surface
+        e = bodies.estimate
         values, lowest = self.energies(
             surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scales, e.offset
         )
