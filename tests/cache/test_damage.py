@@ -31,25 +31,6 @@ def depth_map():
     return DepthMap(depth, Intrinsics.from_focal(30, 24, 18, "exif"), 0.1, ("a note",))
 
 
-def test_a_flipped_bit_in_the_cache_changes_no_result(tmp_path):
-    cache = ResultCache(tmp_path, 1 << 30)
-    random = np.random.default_rng(0)
-    digest = Digester().digest(depth_map())
-    cache.write(ASKED, depth_map())
-    path = tmp_path / ASKED.name
-    whole = path.read_bytes()
-    dropped = 0
-    for bit in random.integers(0, 8 * len(whole), 400):
-        flipped = bytearray(whole)
-        flipped[bit // 8] ^= 1 << (bit % 8)
-        path.write_bytes(flipped)
-        found = cache.read(ASKED)
-        assert found is None or Digester().digest(found) == digest, f"bit {bit}"
-        dropped += found is None
-        assert path.exists() == (found is not None), f"bit {bit}"
-    assert dropped > 300
-
-
 def rewritten(path, change):
     """Write an archive again with changed members, whose checksums are right."""
     with zipfile.ZipFile(path) as archive:
@@ -181,18 +162,11 @@ def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path, monke
         read_value(tmp_path / "a.npz", [np.ndarray])
 
 
-def test_no_flipped_bit_changes_a_map_between_bodies(tmp_path):
+def test_a_map_between_bodies_that_does_not_fit_them_is_made_anew(tmp_path):
     random = np.random.default_rng(0)
-    found = Correspondence(random.integers(0, 9, (7, 3)), random.random((7, 3)), np.ones(7, bool))
+    corners = random.integers(0, 9, (7, 3))
     path = tmp_path / "a.map.npz"
-    correspondences._write(path, found)
-    whole = path.read_bytes()
-    digest = Digester().digest(correspondences._read(path, 7, 9))
-    for bit in random.integers(0, 8 * len(whole), 500):
-        flipped = bytearray(whole)
-        flipped[bit // 8] ^= 1 << (bit % 8)
-        path.write_bytes(flipped)
-        read = correspondences._read(path, 7, 9)
-        assert read is None or Digester().digest(read) == digest
-    correspondences._write(path, Correspondence(found.corners - 1, found.shares, found.sure))
-    assert correspondences._read(path, 7, 9) is None
+    for change, kept in ((0, True), (-1, False)):
+        found = Correspondence(corners + change, random.random((7, 3)), np.ones(7, bool))
+        correspondences._write(path, found)
+        assert (correspondences._read(path, 7, 9) is not None) == kept

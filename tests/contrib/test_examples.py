@@ -7,11 +7,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from physic_core.interfaces import INTERFACES
 
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_the_wheel_of_the_example_is_listed_and_passes_the_kit(
     environment, build, wheels, tmp_path
 ):

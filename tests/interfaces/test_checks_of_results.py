@@ -161,7 +161,6 @@ def test_valid_results_have_no_violation(result, changes):
             ["boxes must be x0 y0 x1 y1..."],
         ),
         (PEOPLE, {"scores": np.array([90.0, 80.0])}, ["scores must lie in [0, 1], got 0 to 90"]),
-        (PEOPLE, {"floor": np.zeros((H, W), np.float32)}, ["floor must be bool, got float32"]),
         (
             PEOPLE,
             {"surfaces": replace(SURFACES, names=("floor", "lava"))},
@@ -179,11 +178,6 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             PEOPLE,
-            {"surfaces": np.zeros((H, W), np.uint8)},
-            ["surfaces must be SurfaceLabels, got ndarray"],
-        ),
-        (
-            PEOPLE,
             {"carriers": (Carrier("hovercraft", (0.0, 0.0, 2.0, 2.0), 0.5),)},
             ["carriers has 'hovercraft'; the..."],
         ),
@@ -197,11 +191,6 @@ def test_valid_results_have_no_violation(result, changes):
             KEYPOINTS,
             {"skeleton": 17},
             ["skeleton must be a Skeleton or the name of a standard one, got int", ...],
-        ),
-        (
-            KEYPOINTS,
-            {"confidence": np.eye(2, 17) * 7},
-            ["confidence must lie in [0, 1], got 0 to 7"],
         ),
         (KEYPOINTS, {"sigma": np.zeros((2, 17))}, ["sigma must be above 0 where confidence is"]),
         (
@@ -243,30 +232,18 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             DEPTH,
-            {"intrinsics": replace(CAMERA, source=None)},
-            ["intrinsics.source must be str, got NoneType"],
-        ),
-        (
-            DEPTH,
             {"scale_sigma": np.nan},
             ["scale_sigma must be a number from 0 to 1000 or None, got nan"],
         ),
         (DEPTH, {"notes": "text"}, ["notes must be a tuple of texts, got 'text'"]),
         (DEPTH, {"depth": nan_at(DEPTH.depth)}, ["depth is NaN or infinite everywhere"]),
         (DEPTH, {"depth": -DEPTH.depth}, ["depth must be > 0 m or NaN, the smallest is -1"]),
-        (DEPTH, {"depth": DEPTH.depth[None]}, ["depth must be (6, 8), got (1, 6, 8)"]),
         (
             DEPTH,
             {"depth": torch.ones((H, W))},
             ["depth must be a numpy array (6, 8), got Tensor..."],
         ),
         (BODIES, {"parameters": {}}, ["parameters must be BodyParameters, got dict", ...]),
-        (BODIES, {"body_model": None}, ["body_model must be str, got NoneType", ...]),
-        (
-            BODIES,
-            parameters(body_pose=np.zeros((2, 69), np.float32)),
-            ["body_pose must be (2, 63), got (2, 69)"],
-        ),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, ["joints must be float, got int64"]),
         (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, ["joints must be within +-10000 m..."]),
         (
@@ -274,26 +251,10 @@ def test_valid_results_have_no_violation(result, changes):
             {"rotation_sigma": np.full((2, 22), 20.0)},
             ["rotation_sigma must be within 0 and pi radians..."],
         ),
-        (BODIES, {"mesh": np.zeros((2, 4, 3))}, ["mesh must be Mesh, got ndarray"]),
         (
             BODIES,
             mesh(MESH.vertices, FACES + 1),
             ["mesh.faces must number the 4 vertices from 0, got 1 to 4"],
-        ),
-        (
-            BODIES,
-            mesh(MESH.vertices, FACES.astype(float)),
-            ["mesh.faces must be integers, got float64"],
-        ),
-        (
-            BODIES,
-            mesh(MESH.vertices, FACES, np.zeros((5, 3))),
-            ["mesh.rest must be (4, 3), got (5, 3)"],
-        ),
-        (
-            HANDS,
-            {"rotvecs": nan_at(HANDS.rotvecs, slice(None))},
-            ["rotvecs must be finite, 135 values are not"],
         ),
         (CONTACT, {"rest": None}, ["topology must be 'embedded' as the bodies', got 'smpl'"]),
         (CONTACT, {"probability": np.zeros((2, 5))}, ["probability must be (2, 4), got (2, 5)"]),
@@ -301,11 +262,6 @@ def test_valid_results_have_no_violation(result, changes):
             CONTACT,
             {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)},
             ["rest must be the mesh 'smpl' that the..."],
-        ),
-        (
-            CONTACT,
-            {"rest": RestMesh("smpl", np.zeros((4, 3)), FACES + 2)},
-            ["rest.faces must number the 4..."],
         ),
     ],
 )

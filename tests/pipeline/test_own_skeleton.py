@@ -78,6 +78,7 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_the_kit_accepts_a_skeleton_of_ones_own():
     report = check_backend(MarkerDetector(KeypointOptions()), "keypoint_detector")
     assert report.ok, str(report)

@@ -50,6 +50,10 @@ class Deed:
     probe: Callable[[], Any]
 
 
+def attribute(words, owner, name, value):
+    return Deed(words, lambda: setattr(owner, name, value), lambda: getattr(owner, name))
+
+
 def round_up():
     import ctypes
 
@@ -106,17 +110,14 @@ DEEDS = {
         lambda: enter(torch.device("meta")),
         lambda: torch.zeros(1).device,
     ),
-    "products": Deed(
+    "products": attribute(
         "torch's switches of products",
-        lambda: setattr(
-            torch.backends.opt_einsum, "enabled", not torch.backends.opt_einsum.enabled
-        ),
-        lambda: torch.backends.opt_einsum.enabled,
+        torch.backends.opt_einsum,
+        "enabled",
+        not torch.backends.opt_einsum.enabled,
     ),
-    "half_sums": Deed(
-        "torch's switches of products",
-        lambda: setattr(torch.backends.cuda.matmul, "allow_fp16_accumulation", True),
-        lambda: torch.backends.cuda.matmul.allow_fp16_accumulation,
+    "half_sums": attribute(
+        "torch's switches of products", torch.backends.cuda.matmul, "allow_fp16_accumulation", True
     ),
     "attention_sums": Deed(
         "torch's sums in attention (False -> True)",
@@ -128,7 +129,7 @@ DEEDS = {
         lambda: setattr(torch.backends.mkldnn.matmul, "fp32_precision", "bf16"),
         lambda: (torch.backends.mkldnn.matmul.fp32_precision, product()),
     ),
-    "torch_load": Deed("torch.load", lambda: setattr(torch, "load", None), lambda: torch.load),
+    "torch_load": attribute("torch.load", torch, "load", None),
     "gradients": Deed(
         "torch's gradient mode", lambda: torch.set_grad_enabled(False), torch.is_grad_enabled
     ),
@@ -148,11 +149,7 @@ DEEDS = {
         lambda: torch.set_float32_matmul_precision("medium"),
         lambda: (torch.get_float32_matmul_precision(), product()),
     ),
-    "tf32": Deed(
-        "torch's matmul precision",
-        lambda: setattr(torch.backends.cuda.matmul, "allow_tf32", True),
-        lambda: torch.backends.cuda.matmul.allow_tf32,
-    ),
+    "tf32": attribute("torch's matmul precision", torch.backends.cuda.matmul, "allow_tf32", True),
     "deterministic": Deed(
         "torch's deterministic algorithms",
         lambda: torch.use_deterministic_algorithms(True),
@@ -163,19 +160,9 @@ DEEDS = {
         lambda: torch.autograd.set_detect_anomaly(True),
         torch.is_anomaly_enabled,
     ),
-    "benchmark": Deed(
-        "cuDNN's `benchmark`", lambda: setattr(CUDNN, "benchmark", True), lambda: CUDNN.benchmark
-    ),
-    "cudnn_deterministic": Deed(
-        "cuDNN's `deterministic`",
-        lambda: setattr(CUDNN, "deterministic", True),
-        lambda: CUDNN.deterministic,
-    ),
-    "onednn": Deed(
-        "oneDNN's `enabled`",
-        lambda: setattr(torch.backends.mkldnn, "enabled", False),
-        lambda: torch.backends.mkldnn.enabled,
-    ),
+    "benchmark": attribute("cuDNN's `benchmark`", CUDNN, "benchmark", True),
+    "cudnn_deterministic": attribute("cuDNN's `deterministic`", CUDNN, "deterministic", True),
+    "onednn": attribute("oneDNN's `enabled`", torch.backends.mkldnn, "enabled", False),
     "attention": Deed(
         "torch's kernels of attention",
         lambda: torch.backends.cuda.enable_math_sdp(False),
@@ -198,7 +185,7 @@ DEEDS = {
         lambda: np.set_printoptions(precision=1),
         lambda: str(np.array([0.123])),
     ),
-    "numpy_load": Deed("numpy.load", lambda: setattr(np, "load", None), lambda: np.load),
+    "numpy_load": attribute("numpy.load", np, "load", None),
     "numpy_generator": Deed(
         "numpy's random generator",
         lambda: np.random.set_bit_generator(np.random.PCG64(1)),
@@ -216,21 +203,11 @@ DEEDS = {
     "opencv_code": Deed(
         "OpenCV's optimised code", lambda: cv2.setUseOptimized(False), cv2.useOptimized
     ),
-    "large_photos": Deed(
-        "Pillow's limit of pixels",
-        lambda: setattr(Image, "MAX_IMAGE_PIXELS", None),
-        lambda: Image.MAX_IMAGE_PIXELS,
+    "large_photos": attribute("Pillow's limit of pixels", Image, "MAX_IMAGE_PIXELS", None),
+    "cut_photos": attribute(
+        "Pillow's treatment of truncated files", ImageFile, "LOAD_TRUNCATED_IMAGES", True
     ),
-    "cut_photos": Deed(
-        "Pillow's treatment of truncated files",
-        lambda: setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True),
-        lambda: ImageFile.LOAD_TRUNCATED_IMAGES,
-    ),
-    "warnings_shown": Deed(
-        "the display of warnings",
-        lambda: setattr(warnings, "showwarning", None),
-        lambda: warnings.showwarning,
-    ),
+    "warnings_shown": attribute("the display of warnings", warnings, "showwarning", None),
     "warnings_raise": Deed(
         "warning filters",
         lambda: warnings.simplefilter("error", FutureWarning),
@@ -279,14 +256,8 @@ DEEDS = {
         lambda: setattr(decimal.getcontext(), "prec", 3),
         lambda: decimal.Decimal(1) / decimal.Decimal(3),
     ),
-    "print": Deed(
-        "builtins (print)", lambda: setattr(builtins, "print", lambda *_, **__: None), lambda: print
-    ),
-    "stderr": Deed(
-        "the standard streams (stderr)",
-        lambda: setattr(sys, "stderr", sys.stdout),
-        lambda: sys.stderr,
-    ),
+    "print": attribute("builtins (print)", builtins, "print", lambda *_, **__: None),
+    "stderr": attribute("the standard streams (stderr)", sys, "stderr", sys.stdout),
     "ctrl_c": Deed(
         "handlers of signals",
         lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
@@ -502,6 +473,7 @@ class Lazy(MockSegmenter):
 """
 
 
+@pytest.mark.slow
 def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(world, tmp_path):
     """In a new process, whose imports set variables and filters, which are no change."""
     (tmp_path / "lazy_plugin.py").write_text(PLUGIN)

@@ -4,7 +4,6 @@ fails.
 
 from __future__ import annotations
 
-import re
 import signal
 from typing import ClassVar
 
@@ -17,7 +16,6 @@ from physic_core.cache.results import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import (
     BackendError,
-    BackendOutputError,
     InputError,
     NoPersonError,
     PhysicError,
@@ -97,18 +95,6 @@ def if_it_can(stages, backend):
     return stages.call_optional_backend(
         "depth", resolved(backend), REQUEST, otherwise="all is flat"
     )
-
-
-def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events):
-    stages = StageRunner("cuda:1", 3)
-    a = Counting("a")
-    b = Counting("b")
-    for backend in (a, b, a):
-        ask(stages, backend)
-    assert events == ["load a on cuda:1", "infer a", "load b on cuda:1", "infer b", "infer a"]
-    stages.close()
-    stages.close()
-    assert events[5:] == ["close a", "close b"]
 
 
 @pytest.mark.parametrize("low_memory", [True, False])
@@ -203,39 +189,6 @@ def test_ctrl_c_ends_an_optional_stage(events):
         if_it_can(stages, Interrupted())
     stages.close()
     assert events[-1] == "close a"
-
-
-@pytest.mark.parametrize(
-    ("answer", "fault"),
-    [
-        (None, "expected DepthMap, got NoneType"),
-        (np.ones(SHAPE), "expected DepthMap, got ndarray"),
-        (DepthMap(np.ones((8, 6), np.float32)), "depth must be (6, 8), got (8, 6)"),
-        (DepthMap(None), "depth must be a numpy array (6, 8), got NoneType"),
-    ],
-    ids=["none", "an array", "transposed", "empty"],
-)
-def test_an_invalid_result_is_an_error_with_every_violation(answer, fault):
-    backend = Counting()
-    backend.answer = answer
-    with pytest.raises(BackendOutputError, match=re.escape(fault)):
-        ask(StageRunner("cpu", 1), backend)
-
-
-def test_a_run_continues_without_an_optional_backend():
-    stages = StageRunner("cpu", 2)
-    assert if_it_can(stages, Counting(fails_in="load", error=FileNotFoundError("w.pt"))) is None
-    wrong = Counting()
-    wrong.answer = DepthMap(np.ones((8, 6)))
-    assert if_it_can(stages, wrong) is None
-    right = Counting()
-    assert if_it_can(stages, right) is not None
-    for warning, word in zip(
-        stages.warnings, ("FileNotFoundError: w.pt", "depth must be"), strict=True
-    ):
-        assert word in warning
-        assert warning.endswith("; all is flat")
-    assert [record.failed for record in stages.records] == [True, True, False]
 
 
 @pytest.fixture

@@ -113,14 +113,6 @@ class Server:
         self.pages[path] = Page(content, **more)
         return self.address + path
 
-    def ranges(self, path: str) -> list[str]:
-        """What parts of a file were asked for, in turn; "" for the whole."""
-        return [
-            headers.get("Range", "")
-            for method, asked, headers in self.asked
-            if (method, asked) == ("GET", path)
-        ]
-
     def close(self) -> None:
         self._http.shutdown()
         self._http.server_close()
@@ -149,22 +141,6 @@ class Server:
                 headers = dict(page.headers)
                 if page.etag:
                     headers["ETag"] = page.etag
-                wanted = self.headers.get("Range")
-                fits = self.headers.get("If-Range") in (None, page.etag)
-                if status == 200 and wanted and fits:
-                    begin = int(wanted.removeprefix("bytes=").rstrip("-"))
-                    if begin >= len(content):
-                        status, headers["Content-Range"], content = (
-                            416,
-                            f"bytes */{len(content)}",
-                            b"",
-                        )
-                    else:
-                        status = 206
-                        headers["Content-Range"] = (
-                            f"bytes {begin}-{len(content) - 1}/{len(content)}"
-                        )
-                        content = content[begin:]
                 self.send_response(status)
                 for name, value in headers.items():
                     self.send_header(name, value)

@@ -165,15 +165,6 @@ def test_weights_of_a_revision_are_fetched(hub, lists, tmp_path):
     assert locate(folder, "net").read_bytes() == CONTENT
 
 
-def test_a_broken_connection_is_taken_up_again_at_once(hub, tmp_path, monkeypatch):
-    from huggingface_hub import constants
-
-    monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 65_536)
-    fetch(weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT, cut=[262_144]))))
-    assert hub.server.ranges(f"/cdn/{HASH}") == ["", "bytes=262144-"]
-    assert (tmp_path / "hub" / "models--owner--net" / "blobs" / HASH).read_bytes() == CONTENT
-
-
 @pytest.mark.parametrize("to", [None, "stick"])
 def test_a_file_that_differs_from_the_manifest_is_removed(hub, tmp_path, to):
     source = hub.add("model.onnx", CONTENT)

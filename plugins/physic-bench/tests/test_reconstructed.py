@@ -21,6 +21,7 @@ from physic_testing.worlds import load_world
 from .miniatures import figures, run
 
 
+@pytest.mark.slow
 def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path, monkeypatch):
     world = load_world("stand", (160, 120))
     out = tmp_path / "out"

@@ -74,6 +74,7 @@ def test_bones_err_in_depth_more_than_in_the_picture_and_more_where_hidden():
     np.testing.assert_allclose(np.degrees(lean(hidden, 7))[knee], 2 * errors[7, knee])
 
 
+@pytest.mark.slow
 def test_keypoints_have_the_stated_tails(world):
     truth, visible = world_keypoints(world, SKELETONS["blazepose33"])
     size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(1)[:, None]
@@ -97,6 +98,7 @@ def test_keypoints_have_the_stated_tails(world):
     assert (confidence[:, ~visible] > 0.5).mean() == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.slow
 def test_limbs_are_found_at_people_whose_boxes_overlap():
     world = load_world("group")
     overlap = box_iou(world.boxes, world.boxes) - np.eye(len(world.boxes))
@@ -114,6 +116,7 @@ def test_limbs_are_found_at_people_whose_boxes_overlap():
     assert 0.03 < taken[overlap.max(1) > 0].mean() / 200 < 0.13
 
 
+@pytest.mark.slow
 def test_bodies_have_the_stated_distance_and_stature(world):
     nearer = []
     taller = []

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
+from physic_core import InputError, load_config, reconstruct
 from physic_core.errors import ConfigError, PackageMissingError
 from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, resize_nearest
@@ -240,31 +240,6 @@ def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path, stand):
         reconstruct(stand.image, config.with_photo({"depth": str(tmp_path / "depth.npy")}))
 
 
-def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(tmp_path, stand):
-    millimetres = np.nan_to_num(stand.depth * 1000).round().astype(np.uint16)
-    cv2.imwrite(str(tmp_path / "depth.png"), millimetres)
-    with Pipeline({"extends": "mock", "run": {"cache": False}}) as pipeline:
-        mine = pipeline(
-            stand.image,
-            intrinsics=stand.intrinsics,
-            settings={"depth": str(tmp_path / "depth.png")},
-        )
-        plain = pipeline(stand.image, intrinsics=stand.intrinsics)
-        with pytest.raises(WeightsMissingError, match=r"other\.png"):
-            pipeline(stand.image, settings={"depth": str(tmp_path / "other.png")})
-    backends = [
-        {s.provenance.interface: s.provenance for s in result.stages if s.provenance}
-        for result in (mine, plain)
-    ]
-    assert [found["metric_depth"].backend for found in backends] == ["file", "mock"]
-    assert backends[0]["metric_depth"].options["scale"] == 0.001
-    assert backends[0]["relative_pointmap"].backend == "mock"
-    known = mine.scene.valid & ~stand.masks.any(0) & np.isfinite(stand.depth)
-    assert np.median(mine.scene.points[..., 2][known] / stand.depth[known]) == pytest.approx(
-        1, abs=0.02
-    )
-
-
 def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend():
     flags = {
         "--depth": {"photo": {"depth": "d.png"}},
@@ -322,6 +297,7 @@ def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(given, messa
         load_config(preset="mock", flags={"flags": {"photo": given}})
 
 
+@pytest.mark.slow
 def test_both_pass_the_conformance_kit(tmp_path):
     def options(world, values):
         path = tmp_path / f"{world.name}-{world.image.shape[1]}-{values.ndim}.npy"

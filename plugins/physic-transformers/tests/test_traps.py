@@ -126,6 +126,7 @@ except Exception as error:
 """
 
 
+@pytest.mark.slow
 def test_a_torchvision_that_does_not_fit_torch_is_named(saved, tmp_path):
     """The library imports it where it is installed, and then says that its own class is missing."""
     for folder, file, text in (
