@@ -44,6 +44,7 @@ from physic_core.engine.touch import (
     IN_WORLDS,
     RIDING,
     touch_log_odds,
+    touch_model,
 )
 from physic_core.types.skeletons import SIDES
 
@@ -196,10 +197,8 @@ def _lies(state: State) -> Tensor:
 
 def _like_feet(distance: Tensor) -> Tensor:
     """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
-    unknown = torch.zeros_like(distance)
-    return torch.as_tensor(
-        touch_log_odds("foot", {DISTANCE: distance, DEPTH_BESIDE: unknown, HANGING: unknown})
-    )
+    unknown = dict.fromkeys(touch_model()["foot"], torch.zeros_like(distance))
+    return torch.as_tensor(touch_log_odds("foot", unknown | {DISTANCE: distance}))
 
 
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
