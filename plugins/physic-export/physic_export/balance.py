@@ -87,7 +87,9 @@ class ExportedPerson:
             return ""
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
         if not self.on_floor:
-            place += ", but the scene under them is uneven, so it may fall"
+            place += ", but the scene under them is uneven: it may fall"
+        elif self.inside_m < INSIDE_M - 10 * _NEAR_M:
+            place += ", which are narrow: it may fall"
         if self.turned_deg == 0:
             return f"person {self.index} is not turned: {place}"
         return (

@@ -6,6 +6,7 @@ Each joint of a person is a chain of hinges with position actuators.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
@@ -24,15 +26,17 @@ from physic_core.visual.textures.photo import encode_image
 from physic_export.balance import ExportedPerson, people_of, tiles_beside
 from physic_export.humanoid import (
     FULL_TORQUE_RAD,
+    NUM_BODIES,
     RESPONSE_S,
     SOLE_RADIUS_M,
     Segment,
     body_segments,
     convex_hull,
     max_torque,
+    vertex_segments,
 )
 from physic_export.meshes import scene_mesh
-from physic_export.tiles import Tile, tile_errors
+from physic_export.tiles import Tile, parts_that_meet, tile_errors
 
 if TYPE_CHECKING:
     import numpy as np
@@ -289,6 +293,7 @@ def _mjcf_tree(
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices, person.on_floor)
         add_humanoid(root, f"person_{person.index}", segments, geom)
+    _exclude_touching(root, jointed)
     pose = camera_pose(request.frame)
     quaternion = rotmat_to_quat(pose[:3, :3])
     ElementTree.SubElement(
@@ -301,6 +306,26 @@ def _mjcf_tree(
         resolution=f"{camera.width} {camera.height}",
     )
     return root
+
+
+def _exclude_touching(root: ElementTree.Element, people: Sequence[ExportedPerson]) -> None:
+    """Exclude collisions of parts of two people that touch in the pose: shapes that overlap push
+    people over.
+    """
+    parts = []
+    for person in people:
+        part = vertex_segments(person.rig.weights)
+        parts.append([person.vertices[part == joint] for joint in range(NUM_BODIES)])
+    contact = ElementTree.Element("contact")
+    for first, second in itertools.combinations(range(len(people)), 2):
+        for pair in parts_that_meet(parts[first], parts[second]):
+            names = {}
+            for number, row, joint in zip((1, 2), (first, second), pair, strict=True):
+                name = f"person_{people[row].index}"
+                names[f"body{number}"] = f"{name}_{JOINT_NAMES[joint]}" if joint else name
+            ElementTree.SubElement(contact, "exclude", names)
+    if len(contact):
+        root.append(contact)
 
 
 def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, bytes]:

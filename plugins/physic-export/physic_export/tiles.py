@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+MEET_M = 0.02
+"""Distance of parts of two people below which their shapes, which are simpler, may overlap,
+metres.
+"""
+
 THICKNESS_M = 0.1
 THINNEST_M = 0.01
 """Depth of a tile behind the surface, where only people are known, and the least, where a person is
@@ -113,6 +118,29 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
         if all(max(_depth(points, own), _depth(body, facets)) <= PRESSED_M for body, own in near):
             kept.append(tile)
     return kept
+
+
+def parts_that_meet(one: Sequence[Array], other: Sequence[Array]) -> list[tuple[int, int]]:
+    """Return the pairs of convex bodies (n, 3), of one list and of another, that overlap or are
+    less than MEET_M apart.
+    """
+    facets = [
+        [ConvexHull(points).equations if len(points) > 3 else None for points in bodies]
+        for bodies in (one, other)
+    ]
+    pairs = []
+    for first, points in enumerate(one):
+        for second, others in enumerate(other):
+            own = facets[0][first]
+            theirs = facets[1][second]
+            if own is None or theirs is None:
+                continue
+            apart = np.maximum(points.min(0) - others.max(0), others.min(0) - points.max(0))
+            if apart.max() > MEET_M:
+                continue
+            if max(_depth(points, theirs), _depth(others, own)) > -MEET_M:
+                pairs.append((first, second))
+    return pairs
 
 
 def _depth(points: Array, facets: Array) -> float:

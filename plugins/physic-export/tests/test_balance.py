@@ -182,6 +182,26 @@ def test_a_foot_far_over_the_floor_does_not_balance_a_person_though_it_is_said_t
     assert end == pytest.approx(start, abs=0.03)
 
 
+def test_people_who_touch_each_other_do_not_push_each_other_over(leaning, tmp_path):
+    import mujoco
+
+    person = leaning.people[0]
+    beside = np.array([1.5, 0.0, 0.0], np.float32)  # the hands of two T-poses overlap
+    other = replace(person, vertices=person.vertices + beside, joints=person.joints + beside)
+    moved = replace(other.parameters, transl=other.parameters.transl + beside)
+    pair = replace(leaning, people=(person, replace(other, parameters=moved)))
+    model = mujoco.MjModel.from_xml_path(str(pair.export(str(tmp_path / "a.xml")).files[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+    mujoco.mj_forward(model, data)
+    heads = [data.body(f"person_{number}_head") for number in (0, 1)]
+    start = [float(head.xpos[2]) for head in heads]
+    while data.time < 1.5:
+        mujoco.mj_step(model, data)
+    assert [float(head.xpos[2]) for head in heads] == pytest.approx(start, abs=0.03)
+    assert model.nexclude > 0
+
+
 @pytest.mark.parametrize("state", [SupportState.UNBALANCED, SupportState.AIRBORNE])
 def test_the_export_says_who_falls(leaning, tmp_path, state):
     moving = replace(leaning.people[0], support=support(state, ("left_foot",), FLOOR))
