@@ -120,7 +120,7 @@ class Picture:
         """Place both people; ``changed`` has other values (2, ...) of their problems."""
         fits = []
         for i, seen in enumerate(feet_seen):
-            own = {"mask": settings.mask(self.masks, i)} | {k: v[i] for k, v in changed.items()}
+            own = {k: v[i] for k, v in changed.items()}
             person = self.person(i, start, floor if seen else None)._replace(**own)
             fits.append(settings.fit(settings.observe(person)))
         return Placed(start + torch.stack([fit.x[:3] for fit in fits]), fits)

@@ -91,6 +91,8 @@ class PlacementMethod:
         mask_growth: width of the rim around people without background, as a share of the long
             image side: networks blur depth at the silhouette.
         weighs_background: whether background at the depth of people counts more.
+        sums: whether Eq. 2-4 are sums over all keypoints, vertices and points, with keypoint errors
+            as shares of the photo's size, as printed.
     """
 
     reprojection_weight: NotNegative = 1000.0
@@ -120,6 +122,7 @@ class PlacementMethod:
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
     mask_growth: ClassVar[float] = 0.01
     weighs_background: ClassVar[bool] = True
+    sums: ClassVar[bool] = False
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
@@ -137,29 +140,28 @@ class PlacementMethod:
         own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
         return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.max_points)
 
-    def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
-        """Return the normals (N, V, 3) of the estimated bodies."""
-        return vertex_normals(vertices, faces)
+    def evidence(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return normals, keypoint weights and masks of the estimated bodies.
 
-    def weigh_keypoints(self, state: State) -> Tensor:
-        """Return the weight (N, J) of each keypoint; NaN for those that place no body."""
+        Args:
+            state: of N people.
+            vertices: (N, V, 3) metres.
+
+        Returns:
+            Normals (N, V, 3). Weights (N, J), NaN for keypoints that place no body. Masks (N, H, W)
+            bool of pixels in which vertices count as visible.
+        """
         weight = torch.full_like(state.keypoint_confidence, math.nan)
         columns = placement_keypoints(state.skeleton)
         weight[:, columns] = state.keypoint_confidence[:, columns]
-        return weight
-
-    def mask(self, masks: Tensor, person: int) -> Tensor:
-        """Return the pixels (H, W) bool in which a person's vertices count as visible.
-
-        Args:
-            masks: (N, H, W) bool, of all people.
-            person: row.
-        """
-        own: Tensor = masks[person]
-        return own
+        return vertex_normals(vertices, state.model.faces), weight, state.masks
 
     def error_unit(self, keypoints: Tensor, mask: Tensor) -> Tensor:
-        """Return the divisor (2,) of reprojection errors, px: the diagonal of the person's box."""
+        """Return the divisor (2,) of reprojection errors, px: the diagonal of the person's box, or
+        the size of the photo.
+        """
+        if self.sums:
+            return torch.tensor(mask.shape[::-1], dtype=torch.float64)
         corners = keypoints
         if bool(mask.any()):
             rows = mask.any(1).nonzero()[:, 0]
@@ -198,16 +200,20 @@ class PlacementMethod:
 
     def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
         """Return the term of Eq. 2, times lambda_j2d."""
-        weight = self.reprojection_weight * person.confidence / person.confidence.sum()
+        weight = self.reprojection_weight * person.confidence
+        if not self.sums:
+            weight = weight / person.confidence.sum()
         return PlacementReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times
         lambda_d.
         """
-        vertices = _subsample(person.vertices[seen], self.max_points)
-        weight = self.chamfer_weight
-        weights = weight / len(vertices), weight / len(person.points)
+        vertices = person.vertices[seen]
+        weights = self.chamfer_weight, self.chamfer_weight
+        if not self.sums:
+            vertices = _subsample(vertices, self.max_points)
+            weights = weights[0] / len(vertices), weights[1] / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.robust_m)
 
     def floor_term(self, person: PlacementProblem) -> PlacementFloorTerm:

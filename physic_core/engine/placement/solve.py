@@ -90,11 +90,10 @@ def people_to_place(
     scene = state.scene
     model = state.model
     posed = model(state.rotations, state.betas, state.transl, state.expression)
-    normals = _on_cpu(method.normals(posed.vertices, model.faces))
+    normals, weights, masks = (_on_cpu(each) for each in method.evidence(state, posed.vertices))
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
     vertices = _on_cpu(posed.vertices)
     keypoints = _on_cpu(state.keypoints)
-    weights = _on_cpu(method.weigh_keypoints(state))
     soles = model.soles.cpu()
     plane = None
     if scene.floor is not None:
@@ -112,7 +111,7 @@ def people_to_place(
             normals=normals[i],
             outer=model.outer.cpu(),
             points=_on_cpu(clouds[i]),
-            mask=method.mask(state.masks, i).cpu(),
+            mask=masks[i],
             soles=body[soles] if on_floor else body[:0],
             plane=plane if on_floor else None,
             K=_on_cpu(scene.K),
@@ -124,7 +123,8 @@ def people_to_place(
 
 
 def _on_cpu(x: Tensor) -> Tensor:
-    return x.detach().to("cpu", torch.float64)
+    """Return a tensor on the CPU; numbers in float64."""
+    return x.detach().to("cpu", torch.float64 if x.is_floating_point() else x.dtype)
 
 
 def align_photo_points_to_scene(

@@ -12,9 +12,7 @@ from torch import Tensor
 from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementMethod
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
-    ChamferTerm,
     PlacementProblem,
-    PlacementReprojectionTerm,
     term_energy,
 )
 from physic_core.geometry.alignment import AlignmentOptions
@@ -53,6 +51,7 @@ class PaperPlacement(PlacementMethod):
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
     mask_growth: ClassVar[float] = 0.0
     weighs_background: ClassVar[bool] = False
+    sums: ClassVar[bool] = True
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
@@ -60,21 +59,6 @@ class PaperPlacement(PlacementMethod):
         """Return all points of the person but outliers by the distance to their neighbours."""
         points = cloud[known & inside]
         return points[~image_outliers(points, size[0], size[1])]
-
-    def error_unit(self, keypoints: Tensor, mask: Tensor) -> Tensor:
-        """Return width and height of the photo (2,), px."""
-        rows, columns = mask.shape
-        return torch.tensor([columns, rows], dtype=torch.float64)
-
-    def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
-        """Return the sum of Eq. 2."""
-        weight = self.reprojection_weight * person.confidence
-        return PlacementReprojectionTerm(person, weight, self.robust_px_share)
-
-    def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
-        """Return the sums of Eq. 4 over all vertices and points."""
-        weight = self.chamfer_weight
-        return ChamferTerm(person.vertices[seen], person.points, (weight, weight), self.robust_m)
 
     def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
         """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
@@ -120,20 +104,16 @@ class PaperPlacement(PlacementMethod):
 class ReleasePlacement(PaperPlacement):
     """Stage 2 as released: its reprojection loss, visibility and camera-facing angle."""
 
-    def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
-        """Return means of the unit normals of adjacent faces."""
-        return mean_face_normals(vertices, faces)
-
-    def weigh_keypoints(self, state: State) -> Tensor:
-        """Return the weights of the released code, of all keypoints."""
+    def evidence(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return means of the unit normals of adjacent faces, the released keypoint weights, and
+        the union of all masks: a person hidden behind another counts as visible.
+        """
         masks = state.masks.to(state.keypoints.device)
-        return released_keypoint_weights(
+        weight = released_keypoint_weights(
             state.skeleton, state.keypoints, state.keypoint_confidence, masks
         )
-
-    def mask(self, masks: Tensor, person: int) -> Tensor:
-        """Return the union of all masks: a person hidden behind another counts as visible."""
-        return masks.any(0)
+        normals = mean_face_normals(vertices, state.model.faces)
+        return normals, weight, masks.any(0).expand_as(masks)
 
     def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
         """Return the vertices whose normal is opposite to the optical axis."""

@@ -30,7 +30,6 @@ from physic_paper.grid_search import GridSearch
 from physic_paper.outliers import image_outliers
 from physic_paper.placement import ReleasePlacement
 from physic_paper.released.pointmap import published_normals
-from physic_paper.released.reprojection import released_keypoint_weights
 from physic_paper.released.visibility import visible_part_shares
 
 from .published import JOINT_SETS, SKELETON, Published
@@ -219,9 +218,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
     method, transl = RELEASE.placement, transl.double()
-    weight = released_keypoint_weights(
-        SKELETON, state.keypoints, state.keypoint_confidence, state.masks
-    )
+    normals, weight, masks = method.evidence(state, posed.vertices)
     vertices = posed.vertices[0].double()
     person = PlacementProblem(
         landmarks=model.landmarks(posed, SKELETON)[0].double(),
@@ -229,10 +226,10 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
         confidence=weight[0].double(),
         size=torch.ones(2, dtype=torch.float64),
         vertices=vertices,
-        normals=method.normals(posed.vertices, model.faces)[0].double(),
+        normals=normals[0].double(),
         outer=torch.ones(len(vertices), dtype=torch.bool),
         points=published.human_points.double(),
-        mask=method.mask(state.masks, 0),
+        mask=masks[0],
         soles=vertices[:0],
         plane=None,
         K=state.K.double(),
