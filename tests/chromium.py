@@ -197,8 +197,10 @@ class Page:
             pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **pressed)
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Move the mouse from one place to another, px, with its left button pressed."""
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float], button: str = "left"
+    ) -> None:
+        """Move the mouse from one place to another, px; the pressed button is "left" or "right"."""
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
         for kind, (x, y) in (
             ("mouseMoved", start),
@@ -207,7 +209,7 @@ class Page:
             ("mouseMoved", end),
             ("mouseReleased", end),
         ):
-            pressed = {"button": "left", "buttons": 1, "clickCount": 1}
+            pressed = {"button": button, "buttons": 1 if button == "left" else 2, "clickCount": 1}
             self.call(
                 "Input.dispatchMouseEvent",
                 type=kind,
@@ -215,6 +217,10 @@ class Page:
                 y=y,
                 **(pressed if kind != "mouseMoved" else {}),
             )
+
+    def turn_wheel(self, x: float, y: float, amount: float) -> None:
+        """Turn the wheel of the mouse at a place, px; a positive amount scrolls down."""
+        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=amount)
 
     def press(self, key: str) -> None:
         codes = {"Tab": 9, "Enter": 13, " ": 32, "Escape": 27, "ArrowLeft": 37, "ArrowUp": 38}

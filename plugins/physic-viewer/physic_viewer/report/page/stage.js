@@ -37,6 +37,7 @@ class Stage {
     this.box = this.bounds(this.bodies);
     this.mainBodies = data.main.map(index => this.bodies[index]);
     this.mainBox = this.bounds(this.mainBodies);
+    this.spots = this.bodies.filter(Boolean).flatMap(samples);
     this.groups.floor = makeFloor(data, this.box, this.root);
     this.scene.add(this.groups.floor);
 
@@ -45,6 +46,7 @@ class Stage {
     this.controls.addEventListener("change", () => {
       this.isPhotoBehind = false;
       this.stayAboveFloor();
+      this.keepPeople();
       this.draw();
     });
     this.controls.minDistance = 0.3;
@@ -65,6 +67,19 @@ class Stage {
     offset.set(offset.x / flat * reach, height, offset.z / flat * reach);
     this.camera.position.copy(target).add(offset);
     this.camera.lookAt(target);
+  }
+
+  // Move eye and target together until the nearest point of the people is in the middle, if no person is in the view.
+  keepPeople() {
+    const { camera } = this, { target } = this.controls, place = new THREE.Vector3();
+    camera.updateMatrixWorld();
+    const isSeen = spot => place.copy(spot).project(camera).toArray().every(value => Math.abs(value) < 0.9999);
+    if (!this.spots.length || this.spots.some(isSeen)) return;
+    const nearest = this.spots.reduce((a, b) => (a.distanceToSquared(target) < b.distanceToSquared(target) ? a : b));
+    const move = nearest.clone().sub(target);
+    target.add(move);
+    camera.position.add(move);
+    this.stayAboveFloor();
   }
 
   // The box of bodies, else of most of the scene.
@@ -189,6 +204,7 @@ class Stage {
     this.camera.position.copy(this.controls.target).addScaledVector(offset, distance);
     this.controls.update();
     this.stayAboveFloor();
+    this.keepPeople();
     this.draw();
   }
 
