@@ -389,8 +389,10 @@ def _add_person(
     )
     if toes := dressed_bodies(result).shoes.get(index, ()):
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
+        # Not as sparse accessors, with which VTK reads no file or other steps.
         moves, turns = (
-            glb.sparse(step[own].astype(np.float32)) for step in (shod - vertices, turned - normals)
+            glb.accessor(step[own].astype(np.float32), ARRAY, bounds=True)
+            for step in (shod - vertices, turned - normals)
         )
         mesh = glb.tree["meshes"][-1]
         mesh["primitives"][0]["targets"] = [{"POSITION": moves, "NORMAL": turns}]

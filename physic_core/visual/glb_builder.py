@@ -104,31 +104,6 @@ class GlbBuilder:
             self._accessors[key] = self.add("accessors", entry)
         return self._accessors[key]
 
-    def sparse(self, values: NDArray[np.float32]) -> int:
-        """Append an array (N, 3) of which most rows are zero, and return the index of its accessor,
-        with bounds.
-        """
-        rows = np.flatnonzero(values.any(1))
-        kind = np.uint16 if len(values) < 65535 else np.uint32
-        places = rows.astype(kind)
-        content = values[rows]
-        entry = {
-            "componentType": _COMPONENTS["float32"],
-            "count": len(values),
-            "type": "VEC3",
-            "min": values.min(0).tolist(),
-            "max": values.max(0).tolist(),
-            "sparse": {
-                "count": len(rows),
-                "indices": {
-                    "bufferView": self.view(places.tobytes()),
-                    "componentType": _COMPONENTS[places.dtype.name],
-                },
-                "values": {"bufferView": self.view(content.tobytes())},
-            },
-        }
-        return self.add("accessors", entry)
-
     def content(self) -> bytes:
         """Return the GLB file."""
         tree = self.tree | ({"buffers": [{"byteLength": self._size}]} if self._size else {})

@@ -1,0 +1,34 @@
+#!/bin/sh
+# small_gicp, which aligns scans, reads a binary PLY of points with colours. Guessed: the points, without the colours.
+# Measured with small-gicp 1.0.1: a cloud of 0 points and a line on standard error, without an exception, since it reads
+# properties of type float alone. Without the colours it reads the points.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check small-gicp==1.0.1 plyfile==1.1.5 numpy==2.4.6
+cd "$folder"
+"$folder/venv/bin/python" - <<'PYTHON'
+import importlib.metadata
+
+import numpy as np
+import small_gicp
+from plyfile import PlyData, PlyElement
+
+PLACE = [("x", "f4"), ("y", "f4"), ("z", "f4")]
+COLOUR = [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+
+
+def points_read(fields):
+    points = np.ones(5, dtype=fields)
+    PlyData([PlyElement.describe(points, "vertex")]).write("scan.ply")
+    return small_gicp.read_ply("scan.ply").size()
+
+
+plain = points_read(PLACE)
+coloured = points_read(PLACE + COLOUR)
+version = importlib.metadata.version("small-gicp")
+print(f"small-gicp {version}: {plain} of 5 points without colours, {coloured} with")
+if (plain, coloured) != (5, 0):
+    raise SystemExit("the behaviour has changed")
+PYTHON
