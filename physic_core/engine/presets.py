@@ -28,6 +28,7 @@ from physic_core.engine.joint.terms.body import (
     StatureSettings,
     StatureTerm,
 )
+from physic_core.engine.joint.terms.lean import LeanSettings, LeanTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.picture import (
     DepthSettings,
@@ -89,6 +90,8 @@ class DefaultOptimisation(JointMethod):
     """Scale of the scene."""
     limits: LimitSettings = field(default_factory=LimitSettings)
     """Knees and elbows."""
+    lean: LeanSettings = field(default_factory=LeanSettings)
+    """Lean of people who stand or walk."""
     stature: StatureSettings = field(default_factory=StatureSettings)
     """Height of people."""
 
@@ -154,6 +157,7 @@ class DefaultOptimisation(JointMethod):
             surface,
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
+            LeanTerm(self.lean, sampling),
             StatureTerm(self.stature, sampling),
             ViewsTerm(keypoints, sampling),
         ]

@@ -192,6 +192,8 @@ class State(ShortRepr):
         K: (3, 3) px, camera of the scene.
         rotation_sigma: (N, 22) radians, stated errors of the rotations of pelvis and body joints,
             NaN where unknown; None if the body estimator states none.
+        lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
+            None if the body estimator states none.
         stance: of the people; None if unknown.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         known: sizes that the user knows; None without any.
@@ -235,6 +237,7 @@ class State(ShortRepr):
     scene: SceneState
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
+    lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stance: Stance | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None

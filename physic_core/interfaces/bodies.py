@@ -118,7 +118,9 @@ class BodyEstimator(Backend):
         if result.observed is not None:
             yield from check_array("observed", result.observed, (n, _JOINTS), "bool")
         if result.rotation_sigma is not None:
-            yield from _check_rotation_sigma(result.rotation_sigma, n)
+            yield from _check_sigma("rotation_sigma", result.rotation_sigma, (n, _ROTATIONS))
+        if result.lean_sigma is not None:
+            yield from _check_sigma("lean_sigma", result.lean_sigma, (n,))
         if result.joints is not None:
             yield from _check_joints(result.joints, n)
         if result.mesh is not None:
@@ -171,11 +173,11 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
             yield from check_limit(name, value, *_limit(name))
 
 
-def _check_rotation_sigma(sigma: Any, people: int) -> Iterator[str]:
-    wrong = list(check_array("rotation_sigma", sigma, (people, _ROTATIONS), "float"))
+def _check_sigma(name: str, sigma: Any, shape: tuple[int, ...]) -> Iterator[str]:
+    wrong = list(check_array(name, sigma, shape, "float"))
     yield from wrong
     if not wrong and not ((sigma > 0) & (sigma <= math.pi) | (sigma != sigma)).all():
-        yield "rotation_sigma must be within 0 and pi radians, or NaN where unknown"
+        yield f"{name} must be within 0 and pi radians, or NaN where unknown"
 
 
 def _check_joints(joints: Any, people: int) -> Iterator[str]:

@@ -105,6 +105,10 @@ class Bodies(ShortRepr):
             ``global_orient`` and of each rotation in ``body_pose``; NaN where unknown. None if the
             backend does not state it. The smaller it is, the less the engine bends what the photo
             shows of the body.
+        lean_sigma: (N,) radians, standard deviation of the lean towards the camera of people whom
+            the backend has set upright on the floor of its hints; NaN for others. The lean is that
+            of the line from ankles to neck, seen from the side. The error of the floor is not a
+            part of it. None if the backend sets no person upright.
         tpose_rotations: whether the rotations of a body of another model are those of SMPL-X's
             joints from its T-pose.
     """
@@ -115,6 +119,7 @@ class Bodies(ShortRepr):
     joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
     rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    lean_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
     tpose_rotations: bool = False
 
 

@@ -270,7 +270,8 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     stage = make_stage(
         [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
     )
-    state = in_float64(moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05))
+    leaning = moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05)
+    state = in_float64(replace(leaning, lean_sigma=torch.tensor([0.05, 0.1])))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
     energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
     here = energy.variables.pack()

@@ -1,18 +1,21 @@
-"""How far stage 3 bends bodies whose estimator states its errors."""
+"""How far stage 3 bends and tips bodies whose estimator states its errors."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import roma
 import torch
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.stance import Stance
 
-from .adjusted import adjusted
+from .adjusted import adjusted, in_float64
 
 SETTINGS = engine_preset("default").joint
 ELBOW = JOINT_INDEX["left_elbow"]
@@ -72,7 +75,74 @@ def test_an_unknown_error_is_none_stated(bent):
 
 
 @pytest.mark.parametrize("preset", ["paper", "release", "prox"])
-def test_energies_of_the_paper_do_not_ask_for_stated_errors(bent, preset):
+@pytest.mark.parametrize(
+    "told", [{"rotation_sigma": stated(0.02)}, {"lean_sigma": torch.tensor([0.03])}]
+)
+def test_energies_of_the_paper_do_not_ask_for_stated_errors(bent, preset, told):
     short = adjusted(engine_preset(preset).joint, optimiser__steps=2)
-    plain, sure = (optimize(replace(bent, rotation_sigma=s), short) for s in (None, stated(0.02)))
+    standing = replace(bent, stance=stance(1.0))
+    plain, sure = (optimize(state, short) for state in (standing, replace(standing, **told)))
     assert torch.equal(plain.rotations, sure.rotations)
+
+
+def stance(stands):
+    """Stance of one person whose feet stand with a probability."""
+    return replace(Stance.unknown(1), stands=np.array([[stands, 0.0]]))
+
+
+@pytest.fixture(scope="module")
+def short_legged(make_stage):
+    """A person who stands, and whose ankles the photo shows 2 % of the stature too high."""
+    state = make_stage([({}, (0.0, 0.0, 3.5))]).state
+    ends = ("ankle", "heel", "foot_tip")
+    feet = [i for i, name in enumerate(state.skeleton.names) if name.endswith(ends)]
+    keypoints = state.keypoints.clone()
+    keypoints[:, feet, 1] -= 0.02 * 1.7 / 3.5 * state.K[1, 1]
+    return replace(state, keypoints=keypoints, stance=stance(1.0))
+
+
+def lean(state):
+    """Radians by which stage 3 tips the line from ankles to neck, seen from the side."""
+
+    def angle(joints):
+        ankles = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
+        column = joints[JOINT_INDEX["neck"]] - joints[ankles].mean(0)
+        return torch.atan2(column[2], -column[1])
+
+    start = state.model(state.rotations, state.betas, state.transl, state.expression)
+    return float((angle(optimize(state, SETTINGS).joints[0]) - angle(start.joints[0])).abs())
+
+
+def test_a_stated_lean_is_kept_where_legs_seem_too_long(short_legged):
+    sigmas = (None, torch.tensor([0.3]), torch.tensor([0.01]))
+    leans = [lean(replace(short_legged, lean_sigma=sigma)) for sigma in sigmas]
+    assert leans == sorted(leans, reverse=True)
+    assert leans[2] < 0.5 * leans[0]
+
+
+def test_a_stated_lean_is_kept_less_over_a_floor_of_unsure_pitch(short_legged):
+    sure = replace(short_legged, lean_sigma=torch.tensor([0.01]))
+    tilted = replace(sure.scene.floor, pitch_sigma=0.3)
+    assert lean(sure) < lean(replace(sure, scene=replace(sure.scene, floor=tilted)))
+
+
+@pytest.mark.parametrize(("stands", "sigma"), [(0.0, 0.01), (1.0, torch.nan)])
+def test_the_lean_of_people_who_do_not_stand_or_were_not_set_upright_is_free(
+    short_legged, stands, sigma
+):
+    plain = replace(short_legged, stance=stance(stands))
+    told = replace(plain, lean_sigma=torch.tensor([sigma]))
+    assert torch.equal(optimize(plain, SETTINGS).joints, optimize(told, SETTINGS).joints)
+
+
+def test_the_lean_term_is_the_squared_angle_over_its_variance(short_legged):
+    told = replace(short_legged, lean_sigma=torch.tensor([0.05]))
+    sigma = np.hypot(0.05, told.scene.floor.pitch_sigma)
+    energy = JointEnergy(in_float64(told), adjusted(SETTINGS, lean__weight=1.0))
+    variables = energy.variables
+    assert energy()["lean"].item() == 0
+    with torch.no_grad():
+        before = variables.unpack().rotations[0, 0]
+        variables.values["root"][0, 0] = 0.1
+        turn = roma.rotmat_geodesic_distance(variables.unpack().rotations[0, 0], before)
+    assert energy()["lean"].item() == pytest.approx(float((turn / sigma).square()), rel=0.05)

@@ -114,6 +114,7 @@ def parameters(**values):
         *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
         (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
+        (BODIES, {"lean_sigma": np.array([0.03, np.nan])}),
         (HANDS, {}),
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
@@ -250,6 +251,11 @@ def test_valid_results_have_no_violation(result, changes):
             BODIES,
             {"rotation_sigma": np.full((2, 22), 20.0)},
             ["rotation_sigma must be within 0 and pi radians..."],
+        ),
+        (
+            BODIES,
+            {"lean_sigma": np.zeros(2)},
+            ["lean_sigma must be within 0 and pi radians..."],
         ),
         (
             BODIES,

@@ -139,6 +139,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         expression=own(bodies.parameters.expression),
         transl=own(bodies.parameters.transl),
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
+        lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
         stance=estimates.stance,

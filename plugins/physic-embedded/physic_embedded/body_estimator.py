@@ -130,8 +130,9 @@ class EmbeddedBodies(BodyEstimator):
                 if observations.world is not None
                 else fit_without_world_landmarks
             )(self._model, observations, camera, keypoints.joint_set, settings)
+            upright = np.zeros(len(people), bool)
             if hints.floor is not None and keypoints.depth_sigma is None:
-                fit = self._on_floor(
+                fit, upright = self._on_floor(
                     fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal
                 )
             fit = fit_outlines(
@@ -151,6 +152,7 @@ class EmbeddedBodies(BodyEstimator):
             "embedded",
             observed,
             rotation_sigma=rotation_sigma,
+            lean_sigma=np.where(upright, settings.upright_sigma, np.nan),
         )
 
     def _on_floor(
@@ -161,8 +163,10 @@ class EmbeddedBodies(BodyEstimator):
         skeleton: Skeleton,
         settings: FitSettings,
         up: FloatArray,
-    ) -> FittedBodies:
+    ) -> tuple[FittedBodies, BoolArray]:
         """Repeat the fit with a known floor: feet level, and standing people upright.
+
+        Return the fit, and who was set upright: (N,) bool.
 
         The landmarks are turned back by the lean before the fit. Turning the finished body instead
         would not do: its keypoints move, and the next optimisation turns it back.
@@ -198,7 +202,7 @@ class EmbeddedBodies(BodyEstimator):
                 break
             turn = np.where(costly, turn / 2, turn)
             upright = upright & ~costly
-        return again
+        return again, upright
 
 
 def _rotation_sigma() -> FloatArray:

@@ -274,6 +274,12 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend, l
     assert after[0] == pytest.approx(true[0], abs=4)
 
 
+def test_the_estimator_states_the_lean_of_those_whom_the_floor_has_set_upright(backend):
+    seen = truth([STANDS, SITS], PLACES[:2])
+    assert np.isfinite(fit(backend, seen, FLOOR).lean_sigma).tolist() == [True, False]
+    assert np.isnan(fit(backend, seen).lean_sigma).all()
+
+
 def trunk_tilt_deg(joints):
     """Angle of each trunk (N, 55, 3) from the vertical, towards the camera, seen from the side."""
     hips, shoulders = (

@@ -27,7 +27,7 @@ _OCCLUDED_WEIGHT = 0.05  # of hidden vertices, and of those on invisible limbs
 _PARAMETER_WEIGHTS = {"root": 0.3, "pose": 1.0, "hands": 1.0, "betas": 1.0, "offset": 1.0}
 """Weights of the deviations of each group of parameters from the start."""
 
-_STATED_WEIGHT = 20.0
+STATED_WEIGHT = 20.0
 """Weight of a deviation as large as the error that the body estimator states.
 
 It is more than the 1 of independent errors: those of a photo's depth, floor and keypoints are
@@ -91,7 +91,7 @@ def stated_weights(state: State, expected: Tensor) -> Tensor:
     ]
     shown = torch.stack([state.observed[:, moved].any(1) for moved in children], 1)
     sigma = state.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
-    return torch.where(shown, _STATED_WEIGHT * (expected / sigma).square(), torch.nan)
+    return torch.where(shown, STATED_WEIGHT * (expected / sigma).square(), torch.nan)
 
 
 class RegularisationTerm:
