@@ -108,7 +108,30 @@ def predict_pose(
         look = _look(session, picture.crop(square, LANDMARK_SIZE))
         square = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
     cut = picture.crop(square, LANDMARK_SIZE)
+    return _with_mirror_image(session, cut, square, _look(session, cut))
+
+
+def predict_scored_pose(
+    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, score: float
+) -> Pose | None:
+    """Predict the pose of the person in a square that is not refined.
+
+    Returns:
+        As :func:`predict_pose`; None unless its score exceeds ``score``. The mirror image is not
+        looked at where no score of it could raise the mean so far.
+    """
+    cut = picture.crop(square, LANDMARK_SIZE)
     look = _look(session, cut)
+    if look.score + 1.0 <= 2 * score:
+        return None
+    pose = _with_mirror_image(session, cut, square, look)
+    return pose if pose.score > score else None
+
+
+def _with_mirror_image(
+    session: OnnxSession, cut: NDArray[np.uint8], square: RotatedSquare, look: _RawPose
+) -> Pose:
+    """Average the output for a crop with that for its mirror image."""
     other = _look(session, cut[:, ::-1]).mirrored()
     return _pose(_mean(look, other), square, _gap(look, other), _mask_iou(look.mask, other.mask))
 

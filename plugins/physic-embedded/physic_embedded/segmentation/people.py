@@ -15,7 +15,12 @@ import numpy as np
 
 from physic_core.adapters.people import box_iou
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
-from physic_embedded.networks.pose import average_agreeing, person_square, predict_pose
+from physic_embedded.networks.pose import (
+    average_agreeing,
+    person_square,
+    predict_pose,
+    predict_scored_pose,
+)
 from physic_embedded.networks.single_shot_detection import (
     BoxDetection,
     anchor_centers,
@@ -262,12 +267,12 @@ def _poses_of_hidden_person(
     fits the box, the joints do not, and chairs look like one: its pose must be the same in the
     mirror image.
     """
-    whole = predict_pose(landmarker, picture, square_around(box), passes=1)
-    if whole.score > 0.5 and box_fit(whole, box) > min_fit:
+    whole = predict_scored_pose(landmarker, picture, square_around(box), 0.5)
+    if whole is not None and box_fit(whole, box) > min_fit:
         yield whole
-    upper = predict_pose(landmarker, picture, square_from_upper_half(box), passes=1)
+    upper = predict_scored_pose(landmarker, picture, square_from_upper_half(box), 0.95)
     if (
-        upper.score > 0.95
+        upper is not None
         and upper.mirror_gap < MAX_MIRROR_GAP
         and _iou(mask_box(upper), box) > MIN_MASK_FIT
     ):
