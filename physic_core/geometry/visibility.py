@@ -231,11 +231,14 @@ def move_behind_bodies(
         along[here] = np.maximum(
             along[here], _distance_to_front(caster, start[here], rays[here], reach)
         )
+    moving = np.arange(len(start))
     for _ in range(_ROUNDS):
-        before = along.copy()
+        before = along[moving]
         for caster in casters:
-            along = along + _distance_to_exit(caster, start + along[:, None] * rays, rays)
-        if np.array_equal(along, before):
+            there = start[moving] + along[moving, None] * rays[moving]
+            along[moving] += _distance_to_exit(caster, there, rays[moving])
+        moving = moving[along[moving] != before]
+        if not len(moving):
             break
     along = np.where(along <= reach, along, 0.0)
     moved = torch.from_numpy(start + along[:, None] * rays).to(points)
