@@ -95,7 +95,8 @@ def _together(
     joints = joints * below.repeat_interleave(3, 0).repeat_interleave(3, 1)
 
     raw = motions.by_shape[:, 0].requires_grad_(True)
-    (by_point,) = torch.autograd.grad(_used(problem, raw), raw, pull)
+    # Of a sum, since a gradient of several outputs makes torch import its compiler.
+    (by_point,) = torch.autograd.grad((_used(problem, raw) * pull).sum(), raw)
     by_shape = motions.moments_by_shape(by_point).flatten(3)  # (N, K, 22, 9)
     shapes = (units.flatten(3) @ by_shape.permute(0, 2, 3, 1)).flatten(1, 2)
     found = torch.cat([joints, shapes], 2)
