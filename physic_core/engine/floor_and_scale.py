@@ -122,7 +122,6 @@ class FloorAndScale:
 
     Attributes:
         search: the floor.
-        plane: in the units of the scene; None without a floor.
         scale: of the scene.
         warning: that the scale is a guess, or "".
         stance: of the N people.
@@ -135,13 +134,17 @@ class FloorAndScale:
     """
 
     search: FloorSearch
-    plane: Plane | None
     scale: SceneScale
     warning: str
     stance: Stance
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
     small: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def plane(self) -> Plane | None:
+        """The floor in the units of the scene; None without one."""
+        return plane_of(self.search)
 
 
 def floor_evidence(
@@ -290,10 +293,9 @@ def find_floor_and_scale(
     best = int(np.argmax(scores if vote is None else vote.weights))
     search = chosen_floor(candidates, best, evidence)
     soles = planes[best].soles
-    plane = plane_of(search)
     sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
-        return FloorAndScale(search, plane, *_guessed(scene, plane), seen.stance)
+        return FloorAndScale(search, *_guessed(scene, plane_of(search)), seen.stance)
     stands = sum(
         w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True)
     )
@@ -307,7 +309,7 @@ def find_floor_and_scale(
     )
     small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), given.known)
     return FloorAndScale(
-        search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small
+        search, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from physic_core.engine.contact.support import (
-    ContactEvidence,
-    PosedPerson,
+    PersonContact,
     beside_hull,
     find_support,
     support_record,
@@ -47,7 +47,7 @@ def posed(make_stage):
         stage = make_stage([(bends, (0.0, 0.0, 3.0))])
         model = stage.state.model
         normals = vertex_normals(stage.vertices, model.faces)[0]
-        return model, PosedPerson(stage.vertices[0], normals)
+        return model, SimpleNamespace(vertices=stage.vertices[0], normals=normals)
 
     return pose
 
@@ -63,13 +63,18 @@ def evidence(model, *touching, feet=True, holds=False, unseen=(), sits=False):
     """Contact of sets of vertices, whether feet and hands probably touch, and sets that the photo
     does not show.
     """
-    return ContactEvidence(
+    return SimpleNamespace(
         contact=members(model, *touching),
         seen=~members(model, *unseen),
         feet=torch.tensor([feet, feet]),
         sits=sits,
         holds=torch.tensor([holds, holds]),
     )
+
+
+def support_of(model, body, evidence, up, *, assume):
+    person = PersonContact(**vars(body), **vars(evidence))
+    return find_support(model, person, up, assume=assume)
 
 
 def within(model, chosen, *names):
@@ -79,7 +84,7 @@ def within(model, chosen, *names):
 @pytest.mark.parametrize("bends", [{}, SQUATS])
 def test_feet_balance_people_who_stand_or_squat(posed, bends):
     model, body = posed(bends)
-    found = find_support(model, body, evidence(model, "left_sole", "right_sole"), UP, assume=True)
+    found = support_of(model, body, evidence(model, "left_sole", "right_sole"), UP, assume=True)
     assert found.state == SupportState.BALANCED
     assert found.outside_m < 0.12
     assert not found.hidden.any()
@@ -95,7 +100,7 @@ def test_feet_balance_people_who_stand_or_squat(posed, bends):
 )
 def test_support_that_needs_feet_without_a_visible_pixel_is_assumed(posed, unseen, state):
     model, body = posed({})
-    found = find_support(
+    found = support_of(
         model, body, evidence(model, "left_sole", "right_sole", unseen=unseen), UP, assume=True
     )
     assert found.state == state
@@ -107,7 +112,7 @@ def test_hands_without_a_visible_pixel_hang_by_assumption(posed):
     model, body = posed(HANGS)
     hands = ("left_hand", "right_hand")
     assert (
-        find_support(model, body, evidence(model, *hands, unseen=hands), UP, assume=True).state
+        support_of(model, body, evidence(model, *hands, unseen=hands), UP, assume=True).state
         == "assumed"
     )
 
@@ -115,7 +120,7 @@ def test_hands_without_a_visible_pixel_hang_by_assumption(posed):
 @pytest.mark.parametrize("touching", [(), ("left_sole", "right_sole")])
 def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touching):
     model, body = posed(SITS)
-    found = find_support(model, body, evidence(model, *touching, sits=True), UP, assume=True)
+    found = support_of(model, body, evidence(model, *touching, sits=True), UP, assume=True)
     assert found.state == SupportState.ASSUMED
     assert found.hidden.any()
     assert torch.equal(found.seat, found.hidden)
@@ -123,7 +128,7 @@ def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touch
     heights = body.vertices[found.hidden] @ UP
     assert float(heights.max() - heights.min()) < 0.1
     assert (
-        find_support(model, body, evidence(model, *touching), UP, assume=False).state
+        support_of(model, body, evidence(model, *touching), UP, assume=False).state
         == SupportState.UNBALANCED
     )
 
@@ -131,18 +136,16 @@ def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touch
 def test_a_seat_is_assumed_before_feet_alone_balance_a_person_who_sits(posed):
     model, body = posed(SQUATS)
     soles = ("left_sole", "right_sole")
-    assert find_support(
-        model, body, evidence(model, *soles, sits=True), UP, assume=True
-    ).hidden.any()
+    assert support_of(model, body, evidence(model, *soles, sits=True), UP, assume=True).hidden.any()
     assert (
-        find_support(model, body, evidence(model, *soles), UP, assume=True).state
+        support_of(model, body, evidence(model, *soles), UP, assume=True).state
         == SupportState.BALANCED
     )
 
 
 def test_a_seat_in_contact_needs_no_hidden_one(posed):
     model, body = posed(SITS)
-    found = find_support(
+    found = support_of(
         model, body, evidence(model, "gluteus", "thighs", sits=True), UP, assume=True
     )
     assert found.state == SupportState.BALANCED
@@ -156,17 +159,17 @@ def test_a_few_vertices_or_the_sides_of_thighs_are_no_seat(posed):
     under = members(model, "gluteus", "thighs")
     sits.contact[(under & (body.normals @ UP < -0.5)).nonzero()[:5, 0]] = True
     sits.contact[under & (body.normals @ UP > -0.1)] = True
-    found = find_support(model, body, sits, UP, assume=True)
+    found = support_of(model, body, sits, UP, assume=True)
     assert (found.hidden & found.seat & ~sits.contact).any()
 
 
 def test_a_person_in_the_air_holds_something_or_jumps_by_the_touch_of_the_hands(posed):
     model, body = posed(HANGS)
-    holds = find_support(model, body, evidence(model, feet=False, holds=True), UP, assume=True)
+    holds = support_of(model, body, evidence(model, feet=False, holds=True), UP, assume=True)
     assert holds.state == SupportState.ASSUMED
     assert within(model, holds.hidden, "left_hand", "right_hand")
     assert holds.hidden[model.contact_sets["left_hand"]].all()
-    jumps = find_support(model, body, evidence(model, feet=False), UP, assume=True)
+    jumps = support_of(model, body, evidence(model, feet=False), UP, assume=True)
     assert jumps.state == SupportState.AIRBORNE
     assert math.isinf(jumps.outside_m)
 
@@ -174,25 +177,25 @@ def test_a_person_in_the_air_holds_something_or_jumps_by_the_touch_of_the_hands(
 def test_feet_that_the_photo_does_not_show_stand_on_something_hidden(posed):
     model, body = posed({})
     unseen = evidence(model, unseen=("left_sole", "right_sole"))
-    found = find_support(model, body, unseen, UP, assume=True)
+    found = support_of(model, body, unseen, UP, assume=True)
     assert found.state == SupportState.ASSUMED
     assert within(model, found.hidden, "left_sole", "right_sole")
-    assert find_support(model, body, unseen, UP, assume=False).state == SupportState.UNBALANCED
+    assert support_of(model, body, unseen, UP, assume=False).state == SupportState.UNBALANCED
 
 
 @pytest.mark.parametrize("bends", [{}, HANGS])
 @pytest.mark.parametrize("touching", [(), ("left_hand",)])
 def test_people_with_visible_feet_get_no_hidden_support(posed, bends, touching):
     model, body = posed(bends)
-    found = find_support(model, body, evidence(model, *touching, holds=True), UP, assume=True)
+    found = support_of(model, body, evidence(model, *touching, holds=True), UP, assume=True)
     assert not found.hidden.any()
 
 
 def test_hands_above_the_centre_of_mass_carry_alone(posed):
     model, body = posed(HANGS)
-    high = find_support(model, body, evidence(model, "left_hand", "right_hand"), UP, assume=False)
+    high = support_of(model, body, evidence(model, "left_hand", "right_hand"), UP, assume=False)
     assert high.state == SupportState.HANGING
-    low = find_support(model, body, evidence(model, "left_hand", "right_hand"), -UP, assume=False)
+    low = support_of(model, body, evidence(model, "left_hand", "right_hand"), -UP, assume=False)
     assert low.state != SupportState.HANGING
 
 
@@ -222,7 +225,7 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
 
 def test_a_support_lists_its_large_likely_contacts_with_their_probability(posed):
     model, body = posed(SITS)
-    found = find_support(
+    found = support_of(
         model, body, evidence(model, "left_sole", "right_sole", sits=True), UP, assume=True
     )
     floor = ContactPartner("floor", "floor")
@@ -268,6 +271,6 @@ def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(pose
     seen.contact[
         (body.normals[:, 2] < -0.9) & (model.part_of_vertex == model.part_names.index("torso"))
     ] = True
-    found = find_support(model, body, seen, UP, assume=True)
+    found = support_of(model, body, seen, UP, assume=True)
     assert found.state == SupportState.ASSUMED
     assert within(model, found.hidden, "left_hand", "right_hand")

@@ -40,9 +40,8 @@ from physic_core.engine.contact.probability import (
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
 from physic_core.engine.contact.support import (
-    ContactEvidence,
+    PersonContact,
     PersonSupport,
-    PosedPerson,
     find_support,
     support_record,
 )
@@ -166,17 +165,16 @@ def _find_supports(
         if not finite:
             found.append(None)
             continue
-        body = PosedPerson(state.vertices[i], near.normals[i])
-        evidence = ContactEvidence(
+        person = PersonContact(
+            vertices=state.vertices[i],
+            normals=near.normals[i],
             contact=outward[i],
             seen=seen[i],
             feet=_both(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             holds=_both(touch, "hand", i),
         )
-        found.append(
-            find_support(state.model, body, evidence, state.up, assume=method.assume_supports)
-        )
+        found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
     return tuple(found)
 
 

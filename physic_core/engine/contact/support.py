@@ -34,23 +34,12 @@ _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1
 
 
 @dataclass(frozen=True)
-class PosedPerson:
-    """Posed body of one person.
+class PersonContact:
+    """Posed body of one person, and the evidence of its contact.
 
     Attributes:
         vertices: (V, 3) metres.
         normals: (V, 3) unit, out of the body.
-    """
-
-    vertices: Tensor
-    normals: Tensor
-
-
-@dataclass(frozen=True)
-class ContactEvidence:
-    """Evidence of the contact of one person.
-
-    Attributes:
         contact: (V,) bool, with scene, floor and other people.
         seen: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
@@ -58,6 +47,8 @@ class ContactEvidence:
         holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
     """
 
+    vertices: Tensor
+    normals: Tensor
     contact: Tensor
     seen: Tensor
     feet: Tensor | None = None
@@ -93,7 +84,7 @@ class PersonSupport:
 
 
 def find_support(
-    model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor, *, assume: bool
+    model: BodyModel, person: PersonContact, up: Tensor, *, assume: bool
 ) -> PersonSupport:
     """Find the support of a person.
 
@@ -105,22 +96,21 @@ def find_support(
 
     Args:
         model: body model.
-        body: of the person.
-        evidence: of the contacts.
+        person: body and contacts.
         up: (3,) unit.
         assume: whether hidden supports are considered.
     """
-    contact = evidence.contact
-    vertices = body.vertices
+    contact = person.contact
+    vertices = person.vertices
     centre = centre_of_mass(vertices, model.faces)
     none = torch.zeros_like(contact)
     outside = float("inf")
-    level = _level(model, body, contact, up)
+    level = _level(model, person, up)
     seat = none
-    if evidence.sits:
+    if person.sits:
         under = _members(model, "thighs", "gluteus")
         seat = level & under
-        patch = _lowest(body, under, up)
+        patch = _lowest(person, under, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = beside_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
@@ -129,15 +119,15 @@ def find_support(
     for state, carrying in _carrying(contact, level & ~hold, hold):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
-            seen = beside_hull(centre, vertices[carrying & evidence.seen], up) <= _BALANCE_M
+            seen = beside_hull(centre, vertices[carrying & person.seen], up) <= _BALANCE_M
             return PersonSupport(
                 state if seen else SupportState.ASSUMED, carrying, none, seat, outside, centre
             )
-    airborne = evidence.in_air and not bool(contact.any())
+    airborne = person.in_air and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
     best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
-    for patch in _hidden_supports(model, body, evidence, up) if assume else ():
+    for patch in _hidden_supports(model, person, up) if assume else ():
         outside = beside_hull(centre, vertices[contact | patch], up)
         if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
             best = PersonSupport(
@@ -147,11 +137,11 @@ def find_support(
     return best
 
 
-def _level(model: BodyModel, body: PosedPerson, contact: Tensor, up: Tensor) -> Tensor:
+def _level(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
     """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to
     carry.
     """
-    level = contact & (body.normals @ up < _DOWNWARD)
+    level = person.contact & (person.normals @ up < _DOWNWARD)
     on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
     return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
 
@@ -169,15 +159,13 @@ def _carrying(
         yield SupportState.BALANCED, contact
 
 
-def _hidden_supports(
-    model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor
-) -> Iterator[Tensor]:
+def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Iterator[Tensor]:
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
-    if not evidence.in_air and not bool((evidence.seen & soles).any()):
-        yield _lowest(body, soles, up)
-    if evidence.in_air and evidence.holds is not None and bool(evidence.holds.any()):
-        held = (f"{side}_hand" for side, holds in zip(SIDES, evidence.holds, strict=True) if holds)
+    if not person.in_air and not bool((person.seen & soles).any()):
+        yield _lowest(person, soles, up)
+    if person.in_air and person.holds is not None and bool(person.holds.any()):
+        held = (f"{side}_hand" for side, holds in zip(SIDES, person.holds, strict=True) if holds)
         yield _members(model, *held)
 
 
@@ -248,11 +236,11 @@ def _members(model: BodyModel, *names: str) -> Tensor:
     return chosen & model.outer
 
 
-def _lowest(body: PosedPerson, chosen: Tensor, up: Tensor) -> Tensor:
+def _lowest(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:
     """Return the lowest layer of the chosen vertices (V,) bool that face down."""
-    chosen = chosen & (body.normals @ up < _DOWNWARD)
+    chosen = chosen & (person.normals @ up < _DOWNWARD)
     if not bool(chosen.any()):
         return chosen
-    height = body.vertices @ up
+    height = person.vertices @ up
     bottom = height[chosen].kthvalue(max(1, round(_LOWEST_SHARE * int(chosen.sum())))).values
     return chosen & (height < bottom + _PATCH_M)
