@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
 from physic_core.body.convert.correspondence import (
@@ -21,7 +20,7 @@ from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.types import ContactProbability, RestMesh
+from physic_core.types import ContactProbability
 
 pytestmark = pytest.mark.usefixtures("maps")
 
@@ -93,27 +92,6 @@ def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, o
     assert np.percentile(apart, 95) < 2e-3
     assert apart.max() < 20e-3
     assert onto_embedded.sure[other_model.outer.numpy()].mean() > 0.98
-
-
-@pytest.mark.parametrize("shape", [0, 1])
-def test_left_vertices_map_to_left_vertices(shape, embedded, other_model):
-    """On bodies of another shape too: no vertex of a limb lies on a limb of the other side."""
-    betas = torch.from_numpy(
-        np.random.default_rng(shape).standard_normal((1, embedded.num_betas))
-    ).float()
-    with torch.no_grad():
-        mesh = embedded(embedded.zero_pose()[0], betas, torch.zeros(1, 3)).vertices[0].numpy()
-    found = find_correspondence(RestMesh("shaped", mesh, embedded.faces.numpy()), other_model)
-    names = other_model.part_names
-    labels = other_model.part_of_vertex.numpy()
-    corner = found.corners[np.arange(len(labels)), found.shares.argmax(1)]
-    there = np.array(embedded.part_names)[embedded.part_of_vertex.numpy()[corner]]
-    here = np.array(names)[labels]
-    for side, opposite in (("left_", "right_"), ("right_", "left_")):
-        own = np.char.startswith(here, side) & other_model.outer.numpy()
-        assert not (np.char.startswith(there[own], opposite)).any(), np.unique(
-            there[own], return_counts=True
-        )
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,13 @@ joints and surface.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
 from other_body import mm
 
-from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
+from physic_core.body import JOINT_INDEX, JOINT_NAMES
 from physic_core.body.bones import (
     BoneOffsets,
     fit_shape,
@@ -34,7 +32,6 @@ from physic_core.body.convert.surface_fit import (
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 
 Array = NDArray[np.float64]
-People = dict[str, np.ndarray]
 LEFT_FINGERS = [
     f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)
 ]
@@ -193,18 +190,6 @@ def test_bent_limbs_tell_how_they_are_turned(embedded, side, sign):
     )[0]
     for name in ("hip", "knee", "shoulder", "elbow"):
         assert turns[JOINT_INDEX[f"{side}_{name}"]] < 4, name
-
-
-@pytest.mark.parametrize("source", ["embedded", "smplx"])
-def test_vertices_are_linear_in_the_shape(source, people, request):
-    """With the pose correctives of a SMPL-X file, which do not depend on the shape."""
-    path: Path | str = request.getfixturevalue("smplx_v10") if source == "smplx" else "embedded"
-    model = load_body(path)
-    fit = as_fit({**people, "betas": people["betas"][:, : model.num_betas]})
-    ids = sample_vertices(model, 10)
-    start, slopes = SampledBodyModel.of(model, ids).linear(fit.world)
-    own = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
-    np.testing.assert_allclose(own, posed(model, fit)[0][:, ids], atol=2e-6)
 
 
 def test_levers_are_the_derivative_by_small_turns(embedded, people):

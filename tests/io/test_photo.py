@@ -15,8 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import ConfigError, InputError
@@ -338,6 +336,7 @@ def test_a_turned_photo_comes_upright(tmp_path, orientation):
     assert ["upright" in note for note in photo.notes] == [True] * (orientation != 1)
 
 
+@pytest.mark.slow
 def test_eighty_megapixels_are_read_at_half_size(tmp_path):
     photo = read_photo(saved(corners(10_000, 8_000), tmp_path / "large.jpg", quality=50))
     assert photo.image.shape == (4000, 5000, 3)
@@ -448,27 +447,6 @@ def test_resizing_averages_and_moves_the_camera_along():
     )
     assert photo.intrinsics == Intrinsics(150.0, 155.0, 99.5, 74.5, 200, 150)
     assert photo.notes == ("note",)
-
-
-@given(
-    width=st.integers(100, 300),
-    height=st.integers(100, 300),
-    side=st.integers(70, 400),
-    x=st.floats(-1, 1),
-    y=st.floats(-1, 1),
-)
-def test_a_ray_meets_the_same_spot_of_the_resized_photo(width, height, side, x, y):
-    before = Intrinsics.from_focal(250.0, width, height)
-    photo = Photo(np.zeros((height, width, 3), np.uint8), before)
-    try:
-        after = limit_size(photo, side).intrinsics
-    except InputError:
-        assert min(width, height) * side / max(width, height) < 64.5
-        return
-    assert after is not None
-    spot = (before.fx * x + before.cx + 0.5) / width, (before.fy * y + before.cy + 0.5) / height
-    assert (after.fx * x + after.cx + 0.5) / after.width == pytest.approx(spot[0])
-    assert (after.fy * y + after.cy + 0.5) / after.height == pytest.approx(spot[1])
 
 
 def test_an_image_of_extreme_aspect_is_refused():

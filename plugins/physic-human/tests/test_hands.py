@@ -177,21 +177,6 @@ def test_left_comes_first_and_is_mirrored_back():
     assert violations(HandEstimator, hands, people=2) == []
 
 
-def test_mano_rotations_may_be_matrices_or_vectors():
-    matrices = Rotation.from_rotvec(FINGERS.reshape(-1, 3)).as_matrix().reshape(2, 15, 3, 3)
-    whole = Rotation.from_rotvec(TURNED_WRISTS.reshape(-1, 3)).as_matrix().reshape(2, 1, 3, 3)
-    hands = hands_from_mano(2, fingers=matrices, wrists=whole, **BOTH)
-    again = hands_from_mano(2, fingers=FINGERS, wrists=TURNED_WRISTS, **BOTH)
-    assert hands.wrists is not None
-    assert again.wrists is not None
-    np.testing.assert_allclose(hands.rotvecs, again.rotvecs, atol=1e-6)
-    np.testing.assert_allclose(
-        Rotation.from_rotvec(hands.wrists[1]).as_matrix(),
-        Rotation.from_rotvec(again.wrists[1]).as_matrix(),
-        atol=1e-6,
-    )
-
-
 def test_the_hand_with_the_higher_confidence_counts():
     hands = hands_from_mano(
         1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3])

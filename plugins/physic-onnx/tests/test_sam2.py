@@ -281,18 +281,36 @@ def real(tmp_path_factory):
     return model, folder
 
 
-@pytest.mark.slow
-def test_files_of_segmenter_and_detector_are_loaded(real, constant_graph, tmp_path):
+def test_files_of_segmenter_and_detector_are_loaded(constant_graph, tmp_path):
+    weights = tmp_path / "weights"
+    inputs, outputs = ENCODER["transformers.js"]
+    maps = {name: np.zeros(shape) for name, (_, shape) in outputs.items()}
+    constant_graph(weights / "vision_encoder.onnx", inputs, **maps)
+    masks = np.full((1, 2, 3, 256, 256), -10.0)
+    masks[:, 0, :, :, :90] = masks[:, 1, :, :, 90:140] = 10
+    constant_graph(
+        weights / "prompt_encoder_mask_decoder.onnx",
+        DECODER["transformers.js"][0],
+        iou_scores=np.zeros((1, 2, 3)),
+        pred_masks=masks,
+        object_score_logits=np.zeros((1, 2, 1)),
+    )
     found = np.array([[[40.0, 60, 200, 290, 0.9], [250, 30, 330, 310, 0.8]]])
     frame = {"input": ("float32", ("b", 3, 640, 640))}
     detector = constant_graph(tmp_path / "detector.onnx", frame, dets=found)
-    options = Sam2Options(weights=str(real[1]), detector=str(detector), floor="none", threads=1)
+    options = Sam2Options(weights=str(weights), detector=str(detector), floor="none", threads=1)
     backend = Sam2(options)
     assert backend.missing() == ()
+    assert backend.fingerprint()
     backend.load()
     people = backend.infer(np.zeros((320, 640, 3), np.uint8))
     assert people.floor is None
-    assert set(people.scores.round(1).tolist()) <= {0.9, 0.8}
+    assert people.scores.round(1).tolist() == [0.9, 0.8]
+    backend.close()
+    (weights / "vision_encoder.onnx").unlink()
+    assert backend.missing()
+    with pytest.raises(BackendError, match="in a folder"):
+        Sam2(options.model_copy(update={"weights": str(detector)})).load()
 
 
 @pytest.mark.slow

@@ -72,22 +72,6 @@ class TestRunning:
         assert answer.dtype == ("float64" if dtype == "float64" else "float32")
         np.testing.assert_array_equal(answer, 2.5)
 
-    def test_non_contiguous_arrays_are_passed_correctly(self, doubler):
-        network = open_network(doubler(), OnnxOptions(), "cpu")
-        image = np.random.default_rng(0).random((1, 4, 5, 3)).astype(np.float32)[:, ::-1]
-        (answer,) = network.run(
-            {"image": image.transpose(0, 3, 1, 2), "count": np.array(0)}, ["sum"]
-        )
-        np.testing.assert_allclose(answer, 2 * image.transpose(0, 3, 1, 2))
-
-    def test_photos_of_several_sizes_one_after_the_other(self, doubler):
-        network = open_network(doubler(), OnnxOptions(threads=1), "cpu")
-        for size in (4, 300, 7, 150):
-            (answer,) = network.run(
-                {"image": np.ones((2, 3, size, size)), "count": np.array(0)}, ["sum"]
-            )
-            assert answer.shape == (2, 3, size, size)
-
     def test_bytes_are_not_taken_for_floats(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         with pytest.raises(BackendError, match="takes float32, got uint8"):

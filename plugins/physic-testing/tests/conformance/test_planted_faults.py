@@ -4,9 +4,6 @@ pass.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from faults import FORTY, FOUND_BY, FURTHER
 from stand_ins import run_checks
@@ -15,7 +12,6 @@ from physic_testing.conformance.kit import accuracy_checks
 
 pytestmark = pytest.mark.slow
 
-Fault = tuple[str, Callable[..., Any]]
 SEEDS = (1000, 1001)
 LOST = {
     ("MockInpainter", "faded"),
