@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import standing_legs
-from physic_core.engine.lying import Surroundings, surface_beneath
+from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
+from physic_core.engine.lying import LYING_RATE, Surroundings, surface_beneath
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -372,10 +373,13 @@ def _through_soles(fit: PlaneFit, heights: list[tuple[float, float]]) -> PlaneFi
 
 def standing_score(normal: Tensor, joints: Tensor) -> float:
     """Return the score of a floor with a normal (3,) by people (N, 55, 3), nats: straight people
-    stand upright on it.
+    stand upright on it, and most people do not lie on it.
 
     The camera axis that points up distinguishes people who lie straight from people who stand.
     """
+    tilt = np.sort(np.abs(trunk_tilt_deg(joints.cpu().numpy(), normal.cpu().numpy()) - 90.0))
+    lie = len(tilt) and tilt[len(tilt) // 2] < LYING_DEG
+    rate = math.log(LYING_RATE / (1 - LYING_RATE)) if lie else 0.0
     straight = torch.from_numpy(standing_legs(joints.cpu().numpy()).all(1))
     axes = joints[straight].double()
     axes = torch.nn.functional.normalize(
@@ -383,7 +387,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
     )
     axes = axes[-axes[:, 1] > _STANDS]
     angles = sorted(_angle_deg(axis, normal) for axis in axes)
-    return _robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0
+    return rate + (_robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 
 
 def _gravity_score(normal: Tensor, normals: Tensor | None) -> float:

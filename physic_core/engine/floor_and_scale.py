@@ -108,6 +108,7 @@ _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
 # for each person whose soles are seen, if there is no floor that they may stand on
 _NOT_ON_PLANE_NATS = -1.2
+_CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
@@ -292,6 +293,8 @@ def find_floor_and_scale(
     vote = vote_on_scale(anywhere, kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
     search = chosen_floor(candidates, best, evidence)
+    if vote is not None and not candidates[best].beneath:
+        search = _below_hidden_feet(search, seen, vote.scale.scale)
     soles = planes[best].soles
     sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
@@ -452,6 +455,24 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     )
     camera = _witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
     return _OnPlane(score, by_soles, soles, camera)
+
+
+def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorSearch:
+    """Move a floor that cuts people whose feet are not visible down to their low ends.
+
+    Such a plane is a table, a seat or a hedge. Where anybody's feet are visible, they tell where
+    the floor is. The scale is metres per unit of the scene.
+    """
+    plane = search.plane
+    if plane is None or seen.feet.any() or not len(seen.feet):
+        return search
+    low = (seen.vertices @ plane.normal.numpy().astype(float)).min(1) / seen.torsos.scale
+    below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0
+    if below * scale < _CUTS_M:
+        return search
+    factor = plane.offset / (plane.offset + below)
+    moved = replace(plane, offset=plane.offset + below, reanchored=plane.reanchored * factor)
+    return replace(search, plane=moved)
 
 
 def _usual_depth(scene: Pointmap) -> Witnesses:

@@ -21,6 +21,9 @@ from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, Pointmap, SurfaceLabels
 
+LYING_RATE = 0.05
+"""Share of photos in which people lie beneath the camera."""
+
 _SOFT = ("bed", "rug")
 _RING = 0.08  # width of the background around a person, in lengths from shoulders to ankles
 _SMALLEST = 0.15  # that length, in heights of the photo; depth maps do not resolve smaller people
@@ -34,7 +37,6 @@ _DRAWN = 1500  # pixels
 _REFITS = 5
 _SEED = 0
 
-_RATE = 0.05  # of photos in which people lie beneath the camera
 # Depth of the body before the plane, logarithm: half-normal if it lies on it, exponential if not.
 # Of 75 people who stand or sit in photos, all three gaps of none are below .25 where most of the
 # background at head and feet is on the plane.
@@ -164,7 +166,7 @@ def surface_beneath(
         plane = _plane_around(rays, inverse, person)
         if plane is not None:
             nats = sum(_person_nats(rays, inverse, other, plane) for other in people)
-            found.append(SurfaceBeneath(plane, math.log(_RATE / (1 - _RATE)) + nats))
+            found.append(SurfaceBeneath(plane, math.log(LYING_RATE / (1 - LYING_RATE)) + nats))
     return max(found, key=lambda one: one.log_odds, default=None)
 
 

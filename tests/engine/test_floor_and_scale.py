@@ -14,7 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.floor import FloorCandidate, FloorEvidence, chosen_floor
+from physic_core.engine.floor import (
+    FloorCandidate,
+    FloorEvidence,
+    chosen_floor,
+    standing_score,
+)
 from physic_core.engine.floor_and_scale import (
     FloorAndScale,
     PeopleInScene,
@@ -420,3 +425,22 @@ def test_a_floor_that_is_switched_off_has_no_plane(world):
     evidence = floor_evidence(labelled(world, None), hole, world.given.keypoints, CAMERA)
     (only,) = candidates_in(world.given.scene, evidence, SceneMethod(floor="off"))
     assert only.plane is None
+
+
+def test_a_plane_that_cuts_people_whose_feet_are_hidden_is_moved_down_to_them():
+    world = World([(-0.5, 3.5), (0.6, 4.0)])
+    table = (level_floor(CAMERA_HEIGHT - 0.6), NO_FLOOR)
+    moved = world.answer(table, bodies=world.without_feet(0, 1))
+    assert moved.plane.offset * moved.scale.scale == pytest.approx(CAMERA_HEIGHT, rel=0.1)
+    kept = world.answer(FLOOR, bodies=world.without_feet(0, 1))
+    assert kept.search.plane.reanchored == 1.0
+
+
+def test_a_floor_is_doubted_on_which_people_lie():
+    upright = torch.zeros(1, 55, 3)
+    upright[0, JOINT_INDEX["neck"], 1] = -0.5
+    stands, lies = (
+        standing_score(torch.tensor(up, dtype=torch.float64), upright)
+        for up in ([0.0, -1.0, 0.0], [0.0, 0.0, -1.0])
+    )
+    assert lies < stands - 2.0
