@@ -1,34 +1,26 @@
 """The settings of a process that change numbers or raise: of Python, numpy, OpenCV, Pillow and
 torch.
 
-Not listed is what only shows on a screen, and what importing a library may change: search paths,
-handlers of logs, filters for warnings of one kind.
+Listed is what code of networks is known to change. Not listed is what only shows on a screen, and
+what importing a library may change: search paths, handlers of logs, filters for warnings of one
+kind.
 """
 
 from __future__ import annotations
 
-import builtins
 import ctypes
 
 # Rows below name these modules.
-import decimal  # noqa: F401
-import gc  # noqa: F401
-import locale  # noqa: F401
 import logging  # noqa: F401
 import operator
 import os  # noqa: F401
 import random  # noqa: F401
-import signal
 import threading
 import warnings  # noqa: F401
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
-
-with suppress(ImportError):  # Windows
-    import resource  # noqa: F401
 
 IMPORTED = frozenset(
     # torch, OpenCV, Ray
@@ -40,20 +32,6 @@ IMPORTED = frozenset(
 LIMITING = "import torch"
 """Name of the thread that imports torch, and then limits its threads."""
 
-_BUILTINS = tuple(
-    name for name in vars(builtins) if name == "__import__" or not name.startswith("_")
-)
-_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM") if hasattr(signal, name)
-)
-_LIMITS = (
-    "RLIMIT_AS",
-    "RLIMIT_CPU",
-    "RLIMIT_DATA",
-    "RLIMIT_FSIZE",
-    "RLIMIT_NOFILE",
-    "RLIMIT_STACK",
-)
 _SHOWN = 40  # characters of a value in a message
 _HALF_STEP = 2.0**-54
 
@@ -169,57 +147,6 @@ def _read_float_rules(module: Any) -> tuple[tuple[str, ...], Any]:
     return tuple(map(float.hex, probes)), saved
 
 
-def _read_decimal(module: Any) -> tuple[Any, ...]:
-    context = module.getcontext()
-    traps = tuple(kind for kind, on in context.traps.items() if on)
-    return (
-        context.prec,
-        context.rounding,
-        context.Emin,
-        context.Emax,
-        context.capitals,
-        context.clamp,
-        traps,
-    )
-
-
-def _write_decimal(module: Any, before: tuple[Any, ...]) -> None:
-    *numbers, traps = before
-    module.setcontext(module.Context(*numbers, flags=[], traps=list(traps)))
-
-
-def _read_builtins(module: Any) -> dict[str, Any]:
-    return dict(zip(_BUILTINS, map(vars(module).get, _BUILTINS), strict=True))
-
-
-def _write_names(module: Any, before: dict[str, Any]) -> None:
-    for name, value in before.items():
-        setattr(module, name, value)
-
-
-def _read_umask(module: Any) -> int:
-    value: int = module.umask(0o077)  # no function reads it without setting it
-    module.umask(value)
-    return value
-
-
-def _read_limits(module: Any) -> list[tuple[int, int]]:
-    return [module.getrlimit(getattr(module, name)) for name in _LIMITS]
-
-
-def _write_limits(module: Any, before: list[tuple[int, int]]) -> None:
-    for name, limits in zip(_LIMITS, before, strict=True):
-        number = getattr(module, name)
-        if module.getrlimit(number) != limits:
-            module.setrlimit(number, limits)
-
-
-def _write_signals(module: Any, before: tuple[Any, ...]) -> None:
-    for number, handler in zip(_SIGNALS, before, strict=True):
-        if module.getsignal(number) is not handler:
-            module.signal(number, handler)
-
-
 def _changed_names(before: dict[str, Any], after: dict[str, Any]) -> str:
     """Return the names whose values differ, without the values: those of variables may be
     secret.
@@ -227,10 +154,6 @@ def _changed_names(before: dict[str, Any], after: dict[str, Any]) -> str:
     return ", ".join(
         sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
     )
-
-
-def _read_streams(module: Any) -> dict[str, Any]:
-    return {name: getattr(module, name) for name in ("stdin", "stdout", "stderr")}
 
 
 _INTERPRETER = (
@@ -243,30 +166,11 @@ _INTERPRETER = (
     Setting(
         "warning filters", "warnings", lambda m: list(m.filters), _write_filters, same=_same_filters
     ),
-    _attribute("the display of warnings", "warnings", "showwarning"),
     Setting(
         "the level of logs",
         "logging",
         lambda m: (m.root.level, m.root.manager.disable),
         lambda m, value: (m.root.setLevel(value[0]), m.disable(value[1])),
-    ),
-    Setting(
-        "the locale",
-        "locale",
-        lambda m: m.setlocale(m.LC_ALL),
-        lambda m, value: m.setlocale(m.LC_ALL, value),
-    ),
-    Setting(
-        "the recursion limit",
-        "sys",
-        lambda m: m.getrecursionlimit(),
-        lambda m, value: m.setrecursionlimit(value),
-    ),
-    Setting(
-        "the most digits of an integer",
-        "sys",
-        lambda m: m.get_int_max_str_digits(),
-        lambda m, value: m.set_int_max_str_digits(value),
     ),
     Setting(
         "rounding of floats",
@@ -275,45 +179,6 @@ _INTERPRETER = (
         lambda m, value: _c_library().fesetenv(value[1]),
         same=lambda earlier, later: bool(earlier[0] == later[0]),
         describe=_no_text,
-    ),
-    Setting("the decimal context", "decimal", _read_decimal, _write_decimal),
-    Setting("builtins", "builtins", _read_builtins, _write_names, describe=_changed_names),
-    Setting("the standard streams", "sys", _read_streams, _write_names, describe=_changed_names),
-    Setting(
-        "handlers of signals",
-        "signal",
-        lambda m: [m.getsignal(number) for number in _SIGNALS],
-        _write_signals,
-        describe=_no_text,
-    ),
-    Setting(
-        "the alarm",
-        "signal",
-        lambda m: m.getitimer(m.ITIMER_REAL)[0] > 0,
-        lambda m, value: value or m.setitimer(m.ITIMER_REAL, 0),
-        describe=_no_text,
-    ),
-    Setting(
-        "the mask of new files",
-        "os",
-        _read_umask,
-        lambda m, value: m.umask(value),
-        describe=_no_text,
-    ),
-    Setting("limits of the process", "resource", _read_limits, _write_limits, describe=_no_text),
-    Setting(
-        "the garbage collector",
-        "gc",
-        lambda m: m.isenabled(),
-        lambda m, value: m.enable() if value else m.disable(),
-        describe=lambda before, after: "on" if after else "off",
-    ),
-    Setting(
-        "the timeout of sockets",
-        "socket",
-        lambda m: m.getdefaulttimeout(),
-        lambda m, value: m.setdefaulttimeout(value),
-        fresh=_always(None),
     ),
     Setting(
         "the generator of `random`",
@@ -364,12 +229,6 @@ _NUMERIC = (
         ),
     ),
     Setting(
-        "numpy's print options",
-        "numpy",
-        lambda m: m.get_printoptions(),
-        lambda m, value: m.set_printoptions(**value),
-    ),
-    Setting(
         "numpy's random generator",
         "numpy.random",
         _read_numpy_generator,
@@ -379,23 +238,11 @@ _NUMERIC = (
     ),
     _attribute("numpy.load", "numpy", "load"),
     Setting(
-        "SciPy's treatment of errors",
-        "scipy.special",
-        lambda m: m.geterr(),
-        lambda m, value: m.seterr(**value),
-    ),
-    Setting(
         "OpenCV's threads",
         "cv2",
         lambda m: m.getNumThreads(),
         lambda m, value: m.setNumThreads(value),
         fresh=_default_opencv_threads,
-    ),
-    Setting(
-        "OpenCV's optimised code",
-        "cv2",
-        lambda m: (m.useOptimized(), m.ipp.useIPP()),
-        lambda m, value: (m.setUseOptimized(value[0]), m.ipp.setUseIPP(value[1])),
     ),
     _attribute("Pillow's limit of pixels", "PIL.Image", "MAX_IMAGE_PIXELS"),
     _attribute(
@@ -423,13 +270,6 @@ _PRECISIONS = tuple(
         *("backends.cudnn", "backends.cudnn.conv", "backends.cudnn.rnn", "backends.cuda.matmul"),
     )
 )
-_PRODUCTS = (
-    "backends.cuda.matmul.allow_fp16_reduced_precision_reduction",
-    "backends.cuda.matmul.allow_bf16_reduced_precision_reduction",
-    "backends.cuda.matmul.allow_fp16_accumulation",  # of torch 2.7
-    "backends.opt_einsum.enabled",
-)
-_LIBRARIES = ("preferred_linalg_library", "preferred_blas_library")
 _SDP = ("flash", "mem_efficient", "math", "cudnn")
 _GUARDS = list[Any]()  # a guard of torch ends when it is collected
 
@@ -552,22 +392,6 @@ _TORCH = (
         describe=_no_text,
     ),
     Setting(
-        "torch's switches of products",
-        "torch",
-        lambda m: _read_attributes(m, _PRODUCTS),
-        _write_attributes,
-        describe=_no_text,
-    ),
-    Setting(
-        "torch's libraries of products",
-        "torch",
-        lambda m: [getattr(m.backends.cuda, name)() for name in _LIBRARIES],
-        lambda m, value: [
-            getattr(m.backends.cuda, name)(one) for name, one in zip(_LIBRARIES, value, strict=True)
-        ],
-        describe=_no_text,
-    ),
-    Setting(
         "torch's deterministic algorithms",
         "torch",
         lambda m: (
@@ -576,13 +400,6 @@ _TORCH = (
         ),
         lambda m, value: m.use_deterministic_algorithms(value[0], warn_only=value[1]),
         fresh=_always((False, False)),
-    ),
-    Setting(
-        "torch's search for anomalies",
-        "torch",
-        lambda m: (m.is_anomaly_enabled(), m.is_anomaly_check_nan_enabled()),
-        lambda m, value: m.autograd.set_detect_anomaly(*value),
-        fresh=_always((False, True)),
     ),
     *(
         _attribute(f"cuDNN's `{name}`", "torch.backends.cudnn", name, fresh=_always(value))
@@ -604,13 +421,6 @@ _TORCH = (
         ],
         fresh=_always([True] * len(_SDP)),
         describe=_no_text,
-    ),
-    Setting(
-        "torch's sums in attention",
-        "torch",
-        lambda m: m.backends.cuda.fp16_bf16_reduction_math_sdp_allowed(),
-        lambda m, value: m.backends.cuda.allow_fp16_bf16_reduction_math_sdp(value),
-        fresh=_always(False),
     ),
     _attribute("torch.load", "torch", "load"),
     Setting("torch's threads", "torch", _read_threads, lambda m, value: m.set_num_threads(value)),
@@ -639,28 +449,6 @@ _TORCH = (
         ),
         quiet_in_load=True,
         describe=_no_text,
-    ),
-    Setting(
-        "torch's stream of the GPU",
-        "torch",
-        _of_gpu(lambda cuda: cuda.current_stream()),
-        lambda m, value: m.cuda.set_stream(value),
-        fresh=_of_gpu(lambda cuda: cuda.default_stream(0)),
-        describe=_no_text,
-    ),
-    Setting(
-        "torch's treatment of waiting for the GPU",
-        "torch",
-        _of_gpu(lambda cuda: cuda.get_sync_debug_mode()),
-        lambda m, value: m.cuda.set_sync_debug_mode(value),
-        fresh=_of_gpu(lambda _: 0),
-    ),
-    Setting(
-        "torch's share of the GPU's memory",
-        "torch",
-        _of_gpu(lambda cuda: cuda.get_per_process_memory_fraction()),
-        lambda m, value: m.cuda.set_per_process_memory_fraction(value),
-        fresh=_of_gpu(lambda _: 1.0),
     ),
 )
 

@@ -4,23 +4,15 @@ the backend named.
 
 from __future__ import annotations
 
-import builtins
-import decimal
-import gc
 import json
-import locale
 import logging
 import os
 import random
-import signal
-import socket
 import subprocess
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -28,7 +20,6 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image, ImageFile
-from scipy import special
 
 from physic_core import reconstruct
 from physic_core.configuration.resolve import ResolvedBackend
@@ -66,25 +57,6 @@ def enter(context):
     HELD.append(context)
 
 
-def lower_open_files():
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_NOFILE, (512, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
-
-
-def umask_of_a_new_file():
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder, "new")
-        place.touch()
-        return place.stat().st_mode
-
-
-def open_files():
-    import resource
-
-    return resource.getrlimit(resource.RLIMIT_NOFILE)
-
-
 def product():
     """A product in float32, whose bits show torch's precision, threads aside."""
     values = torch.linspace(0, 1, 256 * 256).reshape(256, 256)
@@ -109,20 +81,6 @@ DEEDS = {
         "torch's default device (cpu -> meta)",
         lambda: enter(torch.device("meta")),
         lambda: torch.zeros(1).device,
-    ),
-    "products": attribute(
-        "torch's switches of products",
-        torch.backends.opt_einsum,
-        "enabled",
-        not torch.backends.opt_einsum.enabled,
-    ),
-    "half_sums": attribute(
-        "torch's switches of products", torch.backends.cuda.matmul, "allow_fp16_accumulation", True
-    ),
-    "attention_sums": Deed(
-        "torch's sums in attention (False -> True)",
-        lambda: torch.backends.cuda.allow_fp16_bf16_reduction_math_sdp(True),
-        torch.backends.cuda.fp16_bf16_reduction_math_sdp_allowed,
     ),
     "new_precision": Deed(
         "torch's float32 precision",
@@ -155,11 +113,6 @@ DEEDS = {
         lambda: torch.use_deterministic_algorithms(True),
         torch.are_deterministic_algorithms_enabled,
     ),
-    "anomalies": Deed(
-        "torch's search for anomalies",
-        lambda: torch.autograd.set_detect_anomaly(True),
-        torch.is_anomaly_enabled,
-    ),
     "benchmark": attribute("cuDNN's `benchmark`", CUDNN, "benchmark", True),
     "cudnn_deterministic": attribute("cuDNN's `deterministic`", CUDNN, "deterministic", True),
     "onednn": attribute("oneDNN's `enabled`", torch.backends.mkldnn, "enabled", False),
@@ -180,11 +133,6 @@ DEEDS = {
         lambda: torch.get_rng_state().numpy().tobytes(),
     ),
     "numpy_errors": Deed("numpy's treatment of errors", lambda: np.seterr(all="raise"), np.geterr),
-    "numpy_prints": Deed(
-        "numpy's print options",
-        lambda: np.set_printoptions(precision=1),
-        lambda: str(np.array([0.123])),
-    ),
     "numpy_load": attribute("numpy.load", np, "load", None),
     "numpy_generator": Deed(
         "numpy's random generator",
@@ -196,18 +144,11 @@ DEEDS = {
         lambda: np.random.seed(0),
         lambda: np.random.get_state(legacy=False)["state"]["pos"],
     ),
-    "scipy_errors": Deed(
-        "SciPy's treatment of errors", lambda: special.seterr(all="raise"), special.geterr
-    ),
     "opencv_threads": Deed("OpenCV's threads", lambda: cv2.setNumThreads(7), cv2.getNumThreads),
-    "opencv_code": Deed(
-        "OpenCV's optimised code", lambda: cv2.setUseOptimized(False), cv2.useOptimized
-    ),
     "large_photos": attribute("Pillow's limit of pixels", Image, "MAX_IMAGE_PIXELS", None),
     "cut_photos": attribute(
         "Pillow's treatment of truncated files", ImageFile, "LOAD_TRUNCATED_IMAGES", True
     ),
-    "warnings_shown": attribute("the display of warnings", warnings, "showwarning", None),
     "warnings_raise": Deed(
         "warning filters",
         lambda: warnings.simplefilter("error", FutureWarning),
@@ -238,42 +179,6 @@ DEEDS = {
         "the environment (PATH)", lambda: os.environ.pop("PATH"), lambda: dict(os.environ)
     ),
     "folder": Deed("the current folder", lambda: os.chdir("/"), os.getcwd),
-    "locale": Deed(
-        "the locale",
-        lambda: locale.setlocale(locale.LC_ALL, "POSIX"),
-        lambda: locale.setlocale(locale.LC_ALL),
-    ),
-    "recursion": Deed(
-        "the recursion limit", lambda: sys.setrecursionlimit(5000), sys.getrecursionlimit
-    ),
-    "digits": Deed(
-        "the most digits of an integer",
-        lambda: sys.set_int_max_str_digits(0),
-        sys.get_int_max_str_digits,
-    ),
-    "decimal": Deed(
-        "the decimal context",
-        lambda: setattr(decimal.getcontext(), "prec", 3),
-        lambda: decimal.Decimal(1) / decimal.Decimal(3),
-    ),
-    "print": attribute("builtins (print)", builtins, "print", lambda *_, **__: None),
-    "stderr": attribute("the standard streams (stderr)", sys, "stderr", sys.stdout),
-    "ctrl_c": Deed(
-        "handlers of signals",
-        lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
-        lambda: signal.getsignal(signal.SIGINT),
-    ),
-    "alarm": Deed(
-        "the alarm",
-        lambda: signal.setitimer(signal.ITIMER_REAL, 1000),
-        lambda: signal.getitimer(signal.ITIMER_REAL),
-    ),
-    "umask": Deed("the mask of new files", lambda: os.umask(0o777), lambda: umask_of_a_new_file()),
-    "open_files": Deed("limits of the process", lower_open_files, open_files),
-    "garbage": Deed("the garbage collector (off)", gc.disable, gc.isenabled),
-    "sockets": Deed(
-        "the timeout of sockets", lambda: socket.setdefaulttimeout(0.01), socket.getdefaulttimeout
-    ),
     "random": Deed("the generator of `random`", lambda: random.seed(0), random.getstate),
 }
 
@@ -311,16 +216,10 @@ class Naughty(MetricDepth):
 
 @pytest.fixture(autouse=True)
 def settings_of_the_test():
-    """Seed the generators, since a deed that leaves them as they are would not show, and allow the
-    locale to differ.
-    """
+    """Seed the generators, since a deed that leaves them as they are would not show."""
     torch.manual_seed(1)
     np.random.seed(1)
     random.seed(1)
-    before = locale.setlocale(locale.LC_ALL)
-    locale.setlocale(locale.LC_ALL, "C.UTF-8")
-    yield
-    locale.setlocale(locale.LC_ALL, before)
 
 
 def run(backend):
@@ -351,26 +250,6 @@ def test_what_a_backend_changes_is_restored_and_named(name, where):
 
 
 GPU_DEEDS = {
-    "libraries": Deed(
-        "torch's libraries of products",
-        lambda: torch.backends.cuda.preferred_blas_library("cublaslt"),
-        torch.backends.cuda.preferred_blas_library,
-    ),
-    "stream": Deed(
-        "torch's stream of the GPU",
-        lambda: torch.cuda.set_stream(torch.cuda.Stream()),
-        lambda: torch.cuda.current_stream(),
-    ),
-    "waits": Deed(
-        "torch's treatment of waiting for the GPU (0 -> 2)",
-        lambda: torch.cuda.set_sync_debug_mode("error"),
-        lambda: torch.cuda.get_sync_debug_mode(),
-    ),
-    "memory": Deed(
-        "torch's share of the GPU's memory (1.0 -> 0.5)",
-        lambda: torch.cuda.set_per_process_memory_fraction(0.5),
-        lambda: torch.cuda.get_per_process_memory_fraction(),
-    ),
     "seed": Deed(
         "torch's random generators of GPUs",
         lambda: torch.cuda.manual_seed(7),
@@ -444,7 +323,7 @@ def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world):
     deeds = [
         deed
         for name, deed in DEEDS.items()
-        if name not in ("inference_mode", "default_device", "device_context", "stderr")
+        if name not in ("inference_mode", "default_device", "device_context")
     ]
 
     class Segmenter(MockSegmenter):
