@@ -4,7 +4,6 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Mapping
 from functools import cache, partial, partialmethod
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -151,17 +150,17 @@ def chromium(module_at):
 class Site:
     """A folder of installed distributions, written as pip would leave them."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
 
     def install(
         self,
-        distribution: str,
-        source: str,
-        version: str = "1.0",
-        entry: str = "",
-        group: str = "physic.plugins",
-    ) -> str:
+        distribution,
+        source,
+        version="1.0",
+        entry="",
+        group="physic.plugins",
+    ):
         """Add a distribution with one module and one group of entry points, or all if ``entry``
         begins with one.
 
@@ -180,7 +179,7 @@ class Site:
         )
         return module
 
-    def list_weights(self, distribution: str, manifest: str) -> Path:
+    def list_weights(self, distribution, manifest):
         """Add a distribution that lists weights; return the file of the list."""
         folder = self.folder / f"{distribution.replace('-', '_')}_weights"
         folder.mkdir()
@@ -190,11 +189,11 @@ class Site:
 
     def put(
         self,
-        kinds: Mapping[str, type],
-        name: str = "own",
-        distribution: str = "physic-mine",
-        version: str = "0.2",
-    ) -> None:
+        kinds,
+        name="own",
+        distribution="physic-mine",
+        version="0.2",
+    ):
         """Add a distribution that offers classes of a test, by interface."""
         lines = []
         for interface, kind in kinds.items():
@@ -207,9 +206,7 @@ class Site:
         made.__file__ = str(self.folder / f"{module}.py")
         made.__dict__.update(kinds)
 
-    def offer(
-        self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1
-    ) -> str:
+    def offer(self, distribution, interface, name, version="1.0", api=1):
         """Add a distribution that offers one backend, of its own module's class ``B``."""
         module = distribution.replace("-", "_")
         source = (

@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -52,7 +51,7 @@ def find_chromium():
 class Chromium:
     """A running browser; close it after use."""
 
-    def __init__(self, binary: str, *flags: str) -> None:
+    def __init__(self, binary, *flags):
         self._folder = tempfile.mkdtemp(prefix="chromium-")
         (out, self._send), (self._receive, into) = os.pipe(), os.pipe()
         command = [binary, *_FLAGS, *flags, f"--user-data-dir={self._folder}", "about:blank"]
@@ -67,11 +66,9 @@ class Chromium:
         os.close(into)
         self._ids = itertools.count(1)
         self._buffer = b""
-        self._listeners: dict[str, list[dict[str, Any]]] = {}
+        self._listeners = {}
 
-    def open(
-        self, url: str, width: int = 1280, height: int = 800, dark: bool = False, before: str = ""
-    ) -> Page:
+    def open(self, url, width=1280, height=800, dark=False, before=""):
         """Open a page in a tab of this size, px, and wait until it is loaded; ``before`` is a
         script to run first.
         """
@@ -94,7 +91,7 @@ class Chromium:
         page.wait("document.readyState === 'complete'")
         return page
 
-    def call(self, method: str, session: str | None = None, **params: Any) -> dict[str, Any]:
+    def call(self, method, session=None, **params):
         number = next(self._ids)
         message = {"id": number, "method": method, "params": params} | (
             {"sessionId": session} if session else {}
@@ -107,10 +104,10 @@ class Chromium:
                     raise RuntimeError(f"{method}: {answer['error']}")
                 return dict(answer["result"])
 
-    def events(self, session: str) -> list[dict[str, Any]]:
+    def events(self, session):
         return self._listeners.get(session, [])
 
-    def _next(self) -> dict[str, Any]:
+    def _next(self):
         end = time.monotonic() + _SECONDS
         while b"\0" not in self._buffer:
             ready, _, _ = select.select([self._receive], [], [], max(0.0, end - time.monotonic()))
@@ -121,12 +118,12 @@ class Chromium:
                 )
             self._buffer += part
         text, _, self._buffer = self._buffer.partition(b"\0")
-        message: dict[str, Any] = json.loads(text)
+        message = json.loads(text)
         if "method" in message:
             self._listeners.setdefault(message.get("sessionId", ""), []).append(message)
         return message
 
-    def close(self) -> None:
+    def close(self):
         os.close(self._send)
         try:
             self._process.wait(10)
@@ -140,15 +137,15 @@ class Chromium:
 class Page:
     """A tab of the browser."""
 
-    def __init__(self, browser: Chromium, target: str, session: str) -> None:
+    def __init__(self, browser, target, session):
         self._browser = browser
         self._target = target
         self._session = session
 
-    def call(self, method: str, **params: Any) -> dict[str, Any]:
+    def call(self, method, **params):
         return self._browser.call(method, self._session, **params)
 
-    def evaluate(self, expression: str) -> Any:
+    def evaluate(self, expression):
         """Return the value of a JavaScript expression, or of its promise."""
         answer = self.call(
             "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
@@ -157,7 +154,7 @@ class Page:
             raise RuntimeError(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
 
-    def wait(self, expression: str, seconds: float = _SECONDS) -> None:
+    def wait(self, expression, seconds=_SECONDS):
         """Wait until an expression is true, on this page or on one that it goes to meanwhile."""
         end = time.monotonic() + seconds
         while not self._holds(expression):
@@ -165,7 +162,7 @@ class Page:
                 raise RuntimeError(f"not true within {seconds:.0f} s: {expression}")
             time.sleep(0.05)
 
-    def _holds(self, expression: str) -> bool:
+    def _holds(self, expression):
         try:
             return bool(self.evaluate(expression))
         except RuntimeError as error:
@@ -173,7 +170,7 @@ class Page:
                 return False
             raise
 
-    def picture(self, selector: str = "body") -> np.ndarray:
+    def picture(self, selector="body"):
         """Return the pixels of an element (H, W, 3), as they are on the screen."""
         self.evaluate(
             "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
@@ -183,7 +180,7 @@ class Page:
         data = self.call("Page.captureScreenshot", format="png", clip=clip)["data"]
         return np.array(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
 
-    def box(self, selector: str) -> tuple[float, float, float, float]:
+    def box(self, selector):
         """Return x, y, width and height of an element, px."""
         code = (
             "(r => [r.x, r.y, r.width, "
@@ -192,14 +189,12 @@ class Page:
         x, y, width, height = self.evaluate(code % json.dumps(selector))
         return x, y, width, height
 
-    def click(self, x: float, y: float) -> None:
+    def click(self, x, y):
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
             pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **pressed)
 
-    def drag(
-        self, start: tuple[float, float], end: tuple[float, float], button: str = "left"
-    ) -> None:
+    def drag(self, start, end, button="left"):
         """Move the mouse from one place to another, px; the pressed button is "left" or "right"."""
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
         for kind, (x, y) in (
@@ -218,11 +213,11 @@ class Page:
                 **(pressed if kind != "mouseMoved" else {}),
             )
 
-    def turn_wheel(self, x: float, y: float, amount: float) -> None:
+    def turn_wheel(self, x, y, amount):
         """Turn the wheel of the mouse at a place, px; a positive amount scrolls down."""
         self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=amount)
 
-    def press(self, key: str) -> None:
+    def press(self, key):
         codes = {"Tab": 9, "Enter": 13, " ": 32, "Escape": 27, "ArrowLeft": 37, "ArrowUp": 38}
         text = {" ": " ", "Enter": "\r"}.get(key, key if len(key) == 1 else "")
         common = {
@@ -235,7 +230,7 @@ class Page:
         )
         self.call("Input.dispatchKeyEvent", type="keyUp", **common)
 
-    def requests(self) -> list[str]:
+    def requests(self):
         """Return the addresses that the page has asked for, but for data in the page itself."""
         sent = (
             e["params"]
@@ -248,7 +243,7 @@ class Page:
             if not p["request"]["url"].startswith(("data:", "blob:"))
         ]
 
-    def errors(self) -> list[str]:
+    def errors(self):
         """Return what the page has reported as errors: exceptions, console and log."""
         found = []
         for event in self._browser.events(self._session):
@@ -261,5 +256,5 @@ class Page:
                 found.append(params["entry"]["text"])
         return found
 
-    def close(self) -> None:
+    def close(self):
         self._browser.call("Target.closeTarget", targetId=self._target)

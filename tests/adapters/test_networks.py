@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from types import MappingProxyType, ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,14 +34,14 @@ class Own(NetworkBackend, MetricDepth):
 
     Options = OwnOptions
 
-    def build(self, device: str) -> Any:
+    def build(self, device):
         factor = float(self.file().read_text())
         return lambda inputs: factor * inputs
 
-    def preprocess(self, image: np.ndarray, hints: Hints) -> np.ndarray:
+    def preprocess(self, image, hints):
         return image.mean(axis=-1)
 
-    def postprocess(self, output: np.ndarray, image: np.ndarray, hints: Hints) -> DepthMap:
+    def postprocess(self, output, image, hints):
         return DepthMap(output.astype(np.float32) + 1)
 
 
@@ -102,7 +101,7 @@ def test_a_path_of_the_user_replaces_the_set(own, tmp_path):
 
 def test_torch_backends_refuse_a_device_that_is_not_there():
     class Net(TorchBackend, MetricDepth):
-        def build(self, device: str) -> Any:
+        def build(self, device):
             raise AssertionError("opened on a device that is not there")
 
     with pytest.raises(DeviceError):
@@ -119,7 +118,7 @@ class Half(TorchBackend, MetricDepth):
     Options = HalfOptions
     gpu_gigabytes = MappingProxyType({"float32": 4.0, "float16": 2.5})
 
-    def build(self, device: str) -> Any:
+    def build(self, device):
         raise NotImplementedError
 
 

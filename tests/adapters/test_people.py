@@ -41,7 +41,7 @@ def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
     table = np.array(rows, float).reshape(-1, 5)
     boxes = xyxy_from_cxcywh(table[:, :4])
     scores = table[:, 4]
-    kept: list[int] = []
+    kept = []
     for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
         if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
             kept.append(i)

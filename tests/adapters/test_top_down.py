@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from physic_core.adapters.top_down import (
     Crop,
-    PixelAlignment,
     antialias_sigma,
     crop_around_box,
     heatmap_peaks,
@@ -18,7 +17,7 @@ from physic_core.adapters.top_down import (
     subpixel_peaks,
 )
 
-GRIDS: tuple[PixelAlignment, ...] = ("corners", "halves", "areas")
+GRIDS = ("corners", "halves", "areas")
 BOX = np.array([40.0, 30.0, 100.0, 190.0])
 
 

@@ -28,7 +28,7 @@ def open_worker():
 class Printing(MockMetricDepth):
     """Prints to stdout in three ways, and an answer of its own; closes stdout."""
 
-    def load(self, device: str = "cpu") -> None:
+    def load(self, device="cpu"):
         print('physic-doctor: {"state": "broken"}')
         os.write(1, b'{"state": "broken"}\n')
         os.system("echo '[]'")
@@ -38,7 +38,7 @@ class Printing(MockMetricDepth):
 class Forging(MockMetricDepth):
     """Prints that it is ok, and ends the process."""
 
-    def load(self, device: str = "cpu") -> None:
+    def load(self, device="cpu"):
         print(
             'physic-doctor: {"interface": "metric_depth", "backend": "forged", "owner": "", '
             '"state": "ok"}',

@@ -6,10 +6,7 @@ import builtins
 import errno
 import io
 import os
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -30,15 +27,15 @@ class Steps:
             "interrupted": this one step raises KeyboardInterrupt, as Ctrl-C does.
     """
 
-    def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
+    def __init__(self, folder, last=None, how="killed"):
         self.folder = str(folder)
         self.last = last
         self.how = how
         self.count = 0
-        self.writes: dict[str, list[int]] = {}
+        self.writes = {}
         self.is_dead = False
 
-    def step(self, path: Any, *, is_write: bool = False) -> None:
+    def step(self, path, *, is_write=False):
         """Count a step on a path, and fail if it is the last one."""
         if not str(path).startswith(self.folder) or (self.how == "full" and not is_write):
             return
@@ -56,7 +53,7 @@ class Steps:
             raise Killed
         self.count += 1
 
-    def chosen(self) -> list[int]:
+    def chosen(self):
         """Return the steps that were counted; of many writes to one file the first, the last, and
         some between.
         """
@@ -66,10 +63,10 @@ class Steps:
         return [number for number in range(self.count) if number not in middle]
 
     @contextmanager
-    def applied(self) -> Iterator[None]:
+    def applied(self):
         """Count and fail within the block."""
         with pytest.MonkeyPatch.context() as patch:
-            opened: dict[int, str] = {}
+            opened = {}
             real_open = io.open
             real_os_open = os.open
 
@@ -121,23 +118,23 @@ class Steps:
 class _File:
     """A file whose writes are steps."""
 
-    def __init__(self, file: Any, path: str, steps: Steps) -> None:
+    def __init__(self, file, path, steps):
         self._file = file
         self._path = path
         self._steps = steps
 
-    def write(self, content: Any) -> Any:
+    def write(self, content):
         self._steps.step(self._path, is_write=True)
         return self._file.write(content)
 
-    def __enter__(self) -> _File:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._file.close()
 
-    def __iter__(self) -> Any:
+    def __iter__(self):
         return iter(self._file)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self._file, name)

@@ -14,7 +14,7 @@ from physic_core.io.photo import read_photo
 PHOTO = Path(__file__).parents[2] / "examples" / "basketball.png"
 BLOCK = 4096
 
-KINDS: dict[str, tuple[str, dict]] = {
+KINDS = {
     "baseline": ("JPEG", {"quality": 90}),
     "fine": ("JPEG", {"quality": 98}),
     "optimised": ("JPEG", {"quality": 90, "optimize": True}),

@@ -7,7 +7,6 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Callable
 
 from PIL import Image
 
@@ -127,7 +126,7 @@ def many_gif_frames():
     return data[:at] + data[at:-1] * 100_000 + data[-1:]
 
 
-BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
+BOMBS = {
     "webp": (webp, "more than 55 megapixels"),
     "jpeg2000": (jpeg2000, "more than 40 megapixels"),
     "jpeg without its end": (jpeg, DAMAGED),

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 import pytest
@@ -69,7 +67,7 @@ def holes_in(depth):
     return changed
 
 
-DEVIATIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+DEVIATIONS = {
     "floor everywhere": ("segmenter", filled(floor=True)),
     "floor nowhere": ("segmenter", filled(floor=False)),
     "all points equal": ("relative_pointmap", filled(points=1.0)),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,12 +23,12 @@ from physic_core.types import DepthMap, Hints, Provenance
 class Own(MetricDepth):
     """Calls a function with its input, and returns depths of 1 m."""
 
-    def __init__(self, deed: Callable[[Any], Any]) -> None:
+    def __init__(self, deed):
         super().__init__()
         self.deed = deed
         self.depth = np.ones((6, 8), np.float32)
 
-    def infer(self, image: Any, hints: Hints) -> DepthMap:
+    def infer(self, image, hints):
         self.deed(image)
         return DepthMap(self.depth)
 

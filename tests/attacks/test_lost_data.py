@@ -175,7 +175,7 @@ def test_switches_of_pillow_change_nothing(kind, module, name, value, monkeypatc
 
 
 def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch):
-    shown: list[bytes] = []
+    shown = []
 
     def accept(prefix):
         shown.append(prefix)
@@ -193,7 +193,7 @@ def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch):
 def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch):
     monkeypatch.setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True)
     data = cut(encoded("png"), len(encoded("png")) // 2)
-    found: list[str] = []
+    found = []
 
     def read():
         for _ in range(10):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -32,7 +31,7 @@ def card(number, grade):
 
 @pytest.fixture(scope="module")
 def page(chromium, tmp_path_factory):
-    path: Path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
+    path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
     cards = [card(number, grade) for number, grade in enumerate(GRADES)]
     cards[1]["checks"] = ["limb_keypoints"]
     cards[2]["people"] = 0
@@ -52,14 +51,14 @@ def select(page, field, value):
 
 def titles(page):
     shown = "[...document.querySelectorAll('article')].filter(a => !a.hidden)"
-    found: list[str] = page.evaluate(
+    found = page.evaluate(
         f"{shown}.map(a => a.querySelector('.line span').textContent.slice(6, 7))"
     )
     return found
 
 
 def text(page, selector):
-    found: str = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
+    found = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
     return found
 
 

@@ -90,7 +90,7 @@ def test_workers_that_cannot_start_end_the_batch_at_once(standin, name, kind, me
 
 
 def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin, tmp_path):
-    asked: list[float] = []
+    asked = []
 
     def count(peak_mb):
         asked.append(peak_mb)
@@ -138,7 +138,7 @@ def alive(pid):
 
 
 def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(standin):
-    waiting: deque[str] = deque()
+    waiting = deque()
     outcomes = run_in_workers(
         iter(waiting.popleft, None), standin.open_worker, WorkerSettings(timeout=20.0)
     )

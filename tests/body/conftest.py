@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import roma
 import torch
-from torch import Tensor
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
 from physic_core.body.model import BodyArrays, build_body_model
@@ -42,7 +41,7 @@ def random_pose(embedded):
     def normal(*shape):
         return torch.randn(*shape, generator=generator)
 
-    rotations: Tensor = roma.rotvec_to_rotmat(0.4 * normal(3, 55, 3))
+    rotations = roma.rotvec_to_rotmat(0.4 * normal(3, 55, 3))
     return {
         "rotations": rotations,
         "betas": normal(3, embedded.num_betas),

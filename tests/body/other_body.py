@@ -115,7 +115,7 @@ def coarser(vertices, faces, count):
             np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1),
             axis=0,
         )
-        rings: list[set[int]] = [set() for _ in vertices]
+        rings = [set() for _ in vertices]
         for a, b in edges.tolist():
             rings[a].add(b)
             rings[b].add(a)

@@ -8,8 +8,6 @@ import pickle
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,30 +49,28 @@ def test_a_mano_file_is_read_in_its_own_types(tmp_path, protocol, sparse):
 class _As:
     """Is pickled as a call of somebody else's function, or as their class with a state."""
 
-    def __init__(
-        self, module: str, name: str, arguments: tuple[Any, ...], state: Any = None
-    ) -> None:
+    def __init__(self, module, name, arguments, state=None):
         self.called = (_Name(module, name), arguments, *(() if state is None else (state,)))
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self):
         return self.called
 
 
 class _Name:
     """Stands for a function while it is pickled."""
 
-    def __init__(self, module: str, name: str) -> None:
+    def __init__(self, module, name):
         self.__module__ = module
         self.__qualname__ = name
 
-    def __call__(self, *_: Any) -> None:
+    def __call__(self, *_):
         raise AssertionError
 
 
 class _Pickler(pickle._Pickler):
     """Writes names that nothing here needs to have."""
 
-    def save(self, obj: Any, save_persistent_id: bool = True) -> None:
+    def save(self, obj, save_persistent_id=True):
         if isinstance(obj, _Name):
             self.write(b"c" + obj.__module__.encode() + b"\n" + obj.__qualname__.encode() + b"\n")
         else:
@@ -123,7 +119,7 @@ def endless():
 
 FULL = np.arange(778 * 30).reshape(778, 3, 10)
 UNFIT = "is an array whose parts do not fit together"
-HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
+HARM = {
     "row outside": ("J_regressor", lambda: sparse(indices=np.arange(16) + 10**9), UNFIT),
     "row below": ("J_regressor", lambda: sparse(indices=np.arange(16) - 5), UNFIT),
     "fractions for rows": ("J_regressor", lambda: sparse(indices=np.full(16, 0.5)), "by float64, not of numbers"),  # noqa: E501
@@ -172,7 +168,7 @@ def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path):
 
 
 NEITHER = "is neither an .npz archive nor a pickle of MANO"
-CLAIMS: dict[str, tuple[bytes, str]] = {
+CLAIMS = {
     "BINBYTES8": (b"\x80\x04\x8e" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
     "FRAME": (
         b"\x80\x04\x95" + (2**62).to_bytes(8, "little") + b"}.",
@@ -235,7 +231,7 @@ def npy(shape, kind, data=b""):
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + data
 
 
-ARCHIVES: dict[str, tuple[bytes, str]] = {
+ARCHIVES = {
     "huge": (npy("(1000000000000, 16)", "'<f8'"), "cannot be read, the file is damaged"),
     "short": (
         npy("(778, 16)", "'<f8'", b"1234"),

@@ -42,14 +42,14 @@ def npz(arrays, tmp_path_factory):
 class Ch:
     """What chumpy's arrays are in a pickle."""
 
-    def __init__(self, x: np.ndarray) -> None:
+    def __init__(self, x):
         self.x = x
 
 
 class Select:
     """What chumpy's choices are in a pickle."""
 
-    def __init__(self, a: Ch, idxs: np.ndarray, shape: tuple[int, ...]) -> None:
+    def __init__(self, a, idxs, shape):
         self.a = a
         self.idxs = idxs
         self.preferred_shape = shape

@@ -43,7 +43,7 @@ def package(site):
     write(site / "pack" / "weights.onnx", "12345")
     write(site / "pack" / "deep" / "worker.py", SOURCE)
     importlib.invalidate_caches()
-    kind: type = importlib.import_module("pack.deep.worker").Depth
+    kind = importlib.import_module("pack.deep.worker").Depth
     return kind
 
 

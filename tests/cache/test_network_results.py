@@ -18,16 +18,14 @@ OUTPUTS = (np.array([[1.5, np.nan]], np.float32), np.zeros((0, 4), np.int64))
 class Network:
     """A network that counts its runs."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.runs = 0
 
-    def __call__(self) -> tuple[np.ndarray, ...]:
+    def __call__(self):
         self.runs += 1
         return OUTPUTS
 
-    def outputs(
-        self, image: np.ndarray = IMAGE, made_of: str = "sha256 CPU"
-    ) -> tuple[np.ndarray, ...]:
+    def outputs(self, image=IMAGE, made_of="sha256 CPU"):
         return cached_network_result("depth", made_of, {"image": image}, self)
 
 

@@ -43,7 +43,7 @@ class Pipeline:
     error: Exception | None = None
     calls: list[tuple[Any, Any]] = field(default_factory=list)
 
-    def reconstruct(self, path: Any, plan: Any, *, progress: Any) -> Reconstruction:
+    def reconstruct(self, path, plan, *, progress):
         self.calls.append((path, plan.config))
         progress = progress or (lambda *_: None)
         progress("people", 0, 2)

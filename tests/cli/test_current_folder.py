@@ -77,9 +77,7 @@ def names(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clean") / "here"
     folder.mkdir()
     photo(folder)
-    names: dict[str, list[str]] = json.loads(
-        python(folder, "-P", "-c", RECORD, *RUN).splitlines()[-1]
-    )
+    names = json.loads(python(folder, "-P", "-c", RECORD, *RUN).splitlines()[-1])
     return names
 
 

@@ -18,7 +18,7 @@ from .results import empty_reconstruction
 @pytest.fixture(autouse=True)
 def asked(tmp_path, monkeypatch):
     """The photos that a stand-in of the pipeline was given."""
-    photos: list[Path] = []
+    photos = []
 
     def reconstruct(path, config, **_):
         photos.append(path)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
 
 import pytest
-from pydantic import BaseModel
 
 from physic_core import engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, stage_models
@@ -18,7 +16,7 @@ INFINITE = {"far_m", "robust_px_share", "robust_m"}
 
 
 def models():
-    found: dict[str, type[BaseModel]] = {"photo": PhotoSettings, "run": RunSettings}
+    found = {"photo": PhotoSettings, "run": RunSettings}
     for preset in engine_preset_names():
         found |= {f"{preset} {stage}": model for stage, model in stage_models(preset).items()}
     for offer in list_backends():
@@ -90,7 +88,7 @@ def test_every_setting_is_bounded(model):
         ), path
         if model is PhotoSettings:  # its settings need each other
             continue
-        table: Any = value
+        table = value
         for key in reversed(path[1:]):
             table = {key: table}
         try:

@@ -26,7 +26,7 @@ def constructed(monkeypatch):
 
     Nobody is found, so that no run takes long.
     """
-    counts: Counter[str] = Counter()
+    counts = Counter()
     plain = Backend.__init__
 
     def count(self, options=None):

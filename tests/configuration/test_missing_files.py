@@ -97,7 +97,7 @@ def bring(folder):
 
 
 def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy):
-    asked: list[str] = []
+    asked = []
     photo = np.zeros((72, 96, 3), np.uint8)
     with pytest.raises(WeightsMissingError) as caught:
         reconstruct(photo, load_config("my.toml"), progress=lambda name, *_: asked.append(name))

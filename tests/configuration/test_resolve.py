@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from pydantic import Field
 
@@ -42,7 +40,7 @@ def own(site):
 
 
 def config(**tables):
-    choices: dict[str, Any] = {name: {"backend": "own"} for name in INTERFACES}
+    choices = {name: {"backend": "own"} for name in INTERFACES}
     return load_config(flags={"config": choices | tables})
 
 

@@ -29,7 +29,7 @@ class Environment:
     folder: Path
     variables: dict[str, str] = field(default_factory=dict)
 
-    def run(self, command: str, cwd: Path, code: int = 0) -> str:
+    def run(self, command, cwd, code=0):
         """What a shell command prints; it has to end with ``code``."""
         own = {
             "PATH": f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
@@ -52,7 +52,7 @@ class Environment:
         assert done.returncode == code, f"$ {command}\n{done.stdout}\n{done.stderr}"
         return done.stdout
 
-    def install(self, *wheels: Path) -> None:
+    def install(self, *wheels):
         """Put wheels in, without what they require: that is there."""
         command = [
             sys.executable,

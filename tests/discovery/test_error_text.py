@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,7 +49,7 @@ SAID = "AttributeError: 'Options' object has no attribute 'nothere' (physic_brok
 def broken(site, monkeypatch):
     site.install("physic-broken", BROKEN, entry=ENTRIES)
     monkeypatch.setenv("PYTHONPATH", str(site.folder))
-    folder: Path = site.folder
+    folder = site.folder
     return folder
 
 
@@ -147,7 +146,7 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken, debug, t
 
 def test_a_message_without_end_is_cut_and_one_that_fails_is_named():
     class Mute(Exception):
-        def __str__(self) -> str:
+        def __str__(self):
             raise ValueError
 
     assert len(describe_error(ValueError("x" * 1_000_000))) < 5000

@@ -5,7 +5,7 @@ contact__weight=0.0)``.
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import torch
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 def adjusted(settings, **changes):
     """A double underscore leads into the settings of a term."""
-    overrides: dict[str, Any] = {}
+    overrides = {}
     for path, value in changes.items():
         *tables, name = path.split("__")
         place = overrides

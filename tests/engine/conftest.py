@@ -49,7 +49,7 @@ def upright(bends):
     turns[JOINT_INDEX["right_shoulder"], 2] = 1.2
     for name, turn in bends.items():
         turns[JOINT_INDEX[name]] = torch.tensor(list(turn))
-    rotations: torch.Tensor = roma.rotvec_to_rotmat(turns)
+    rotations = roma.rotvec_to_rotmat(turns)
     rotations[0] = torch.diag(torch.tensor([1.0, -1.0, -1.0])) @ rotations[0]
     return rotations
 

@@ -21,7 +21,6 @@ from physic_core.engine.floor import (
     standing_score,
 )
 from physic_core.engine.floor_and_scale import (
-    FloorAndScale,
     PeopleInScene,
     candidates_in,
     find_floor_and_scale,
@@ -86,7 +85,7 @@ class World:
     may be lifted.
     """
 
-    def __init__(self, places: list[tuple[float, float]], lifted: float = 0.0) -> None:
+    def __init__(self, places, lifted=0.0):
         model = load_body("embedded")
         rotations, betas, _ = model.zero_pose(len(places))
         rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
@@ -116,14 +115,14 @@ class World:
         photo = as_pointmap(original)
         self.given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, NOBODY)
 
-    def answer(self, candidates=FLOOR, known: KnownPeople = NOBODY, **changed) -> FloorAndScale:
+    def answer(self, candidates=FLOOR, known=NOBODY, **changed):
         given = self.given._replace(known=known, **changed)
         evidence = floor_evidence(
             given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints, given.camera
         )
         return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
 
-    def with_depth(self, factor: float, sigma: float | None = None, **changed) -> FloorAndScale:
+    def with_depth(self, factor, sigma=None, **changed):
         """The answer with a metric depth that is this many times the true one."""
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
         hole = np.zeros((HEIGHT, WIDTH), bool)
@@ -132,12 +131,12 @@ class World:
             FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth
         )
 
-    def without_feet(self, *people: int) -> Bodies:
+    def without_feet(self, *people):
         observed = np.ones((len(self.given.people), 55), bool)
         observed[np.ix_(people, ANKLES)] = False
         return replace(self.given.bodies, observed=observed)
 
-    def moved(self, person: int, factor: float) -> Bodies:
+    def moved(self, person, factor):
         """The feet of one person this many times as far away, at the same pixels."""
         places = self.given.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
@@ -146,7 +145,7 @@ class World:
             self.given.bodies, parameters=replace(self.given.bodies.parameters, transl=places)
         )
 
-    def error(self, found: FloorAndScale) -> float:
+    def error(self, found):
         """Logarithm of the depth by an answer over the true one."""
         depth = scaled_depth(self.given.scene, found.scale, CAMERA).depth
         return float(np.log(np.nanmedian(depth / self.depth)))

@@ -6,7 +6,6 @@ The body is an ellipsoid of a person's size: its picture and its points are know
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -66,9 +65,7 @@ class Placed(NamedTuple):
 class Picture:
     """Two ellipsoids seen by a camera of a given width."""
 
-    def __init__(
-        self, columns: int = 320, farther: float = 1.0, settings: method.PlacementMethod = DEFAULT
-    ) -> None:
+    def __init__(self, columns=320, farther=1.0, settings=DEFAULT):
         rows = columns * 3 // 4
         focal = 0.8 * columns
         self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
@@ -88,7 +85,7 @@ class Picture:
         self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
         self.confidence = torch.ones(2, 17, dtype=torch.float64)
 
-    def person(self, i: int, start: Tensor, floor: Tensor | None = None) -> PlacementProblem:
+    def person(self, i, start, floor=None):
         body = VERTICES + start[i]
         return PlacementProblem(
             landmarks=LANDMARKS + start[i],
@@ -109,13 +106,13 @@ class Picture:
 
     def place(
         self,
-        settings: method.PlacementMethod = DEFAULT,
-        start: Tensor = START,
+        settings=DEFAULT,
+        start=START,
         *,
-        floor: Tensor | None = None,
-        feet_seen: Sequence[bool] = (True, True),
-        **changed: Tensor,
-    ) -> Placed:
+        floor=None,
+        feet_seen=(True, True),
+        **changed,
+    ):
         """Place both people; ``changed`` has other values (2, ...) of their problems."""
         fits = []
         for i, seen in enumerate(feet_seen):

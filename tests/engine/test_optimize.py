@@ -181,7 +181,7 @@ def test_visibility_is_updated_at_least_every_thirty_steps():
 
 def test_the_optimiser_stops_when_its_steps_hardly_lower_the_energy():
     energy = Bowl()
-    progress: list[float] = []
+    progress = []
     trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy, progress.append)
     assert trace.steps <= 40
     # Progress is progress after each block and at the end; the last block changed nothing to look

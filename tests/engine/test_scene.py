@@ -102,7 +102,7 @@ def build_scene(
 
 
 def scene(**options):
-    given: dict[str, object] = {"K_metric": K, "floor_mask": ON_FLOOR}
+    given = {"K_metric": K, "floor_mask": ON_FLOOR}
     return build_scene(RAYS * DEPTH[..., None] / 2, ALL, "scale", DEPTH, **(given | options))
 
 

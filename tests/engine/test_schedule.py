@@ -19,7 +19,7 @@ JOINT, PROX = (engine_preset(name).joint for name in ("default", "prox"))
 def test_contact_and_penetration_of_prox_are_added_after_three_quarters_of_the_steps(two):
     state = replace(two.state, transl=two.state.transl + torch.tensor([0.0, 0.06, 0.0]))
     prox = adjusted(PROX, optimiser__steps=6, optimiser__refresh_steps=2)
-    progress: list[float] = []
+    progress = []
     late = optimize(state, prox, progress.append)
     assert progress == sorted(progress)
     assert progress[-1] == 1.0

@@ -61,7 +61,7 @@ VALUE = Value(
 
 
 def stored(value):
-    arrays: dict[str, Any] = {}
+    arrays = {}
     return json.loads(json.dumps(split(value, arrays), allow_nan=False)), arrays
 
 

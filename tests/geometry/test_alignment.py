@@ -19,7 +19,6 @@ from physic_core.geometry.alignment import (
     fit_alignment,
 )
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.types import AffineAmbiguity
 
 pytestmark = pytest.mark.quick
 
@@ -29,7 +28,7 @@ ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 RAYS = pixel_rays(
     ROWS, COLUMNS, intrinsics_matrix(70.0, 70.0, 39.5, 29.5, torch.zeros((), dtype=torch.float64))
 )
-KINDS: tuple[AffineAmbiguity, ...] = ("scale", "scale_shift", "inverse_scale_shift")
+KINDS = ("scale", "scale_shift", "inverse_scale_shift")
 
 
 def random(*shape, seed=0):

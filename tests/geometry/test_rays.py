@@ -12,11 +12,11 @@ import torch
 import trimesh
 
 from physic_core.body import load_body
-from physic_core.geometry.rays import RayCaster, RayLibrary
+from physic_core.geometry.rays import RayCaster
 
 pytestmark = pytest.mark.quick
 
-LIBRARIES: list[RayLibrary] = ["embree", "numpy"]
+LIBRARIES = ["embree", "numpy"]
 
 
 def both(vertices, faces):

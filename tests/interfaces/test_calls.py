@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
@@ -29,14 +27,14 @@ STRANGE = [
 
 
 class Counting(Inpainter):
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
-        self.events: list[str] = []
+        self.events = []
 
-    def load(self, device: str = "cpu") -> None:
+    def load(self, device="cpu"):
         self.events.append("load")
 
-    def infer(self, image: Any, mask: Any) -> Any:
+    def infer(self, image, mask):
         self.events.append("infer")
         return image
 

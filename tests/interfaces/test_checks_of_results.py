@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +56,7 @@ BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
 CONTACT = ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
 
-INTERFACES: dict[type, tuple[Any, dict[str, Any]]] = {
+INTERFACES = {
     People: (interfaces.Segmenter, {"height": H, "width": W}),
     Keypoints: (interfaces.KeypointDetector, {"people": 2}),
     Pointmap: (interfaces.RelativePointmap, {"height": H, "width": W}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ class FlatOptions(Options):
 class Flat(MetricDepth):
     Options: ClassVar[type[Options]] = FlatOptions
 
-    def infer(self, image: Any, hints: Hints) -> DepthMap:
+    def infer(self, image, hints):
         return DepthMap(np.full(image.shape[:2], self.options.metres))
 
 
 class Behind(Flat):
-    def infer(self, image: Any, hints: Hints) -> DepthMap:
+    def infer(self, image, hints):
         return DepthMap(np.full(image.shape[:2], -1.0))
 
 
@@ -71,7 +71,7 @@ def test_each_interface_can_be_called_alone():
     world = load_world("stand", (160, 120))
     image = world.image
     hints = Hints()
-    found: dict[str, Any] = {}
+    found = {}
     arguments = {
         "segmenter": lambda: (),
         "inpainter": lambda: (found["segmenter"].masks.any(0),),
@@ -130,7 +130,7 @@ class ReadsTheCamera(Flat):
 
     reads = ("intrinsics",)
 
-    def infer(self, image: Any, hints: Hints) -> DepthMap:
+    def infer(self, image, hints):
         assert hints.people is None
         assert hints.hole is None
         return DepthMap(np.full(image.shape[:2], 1.0), hints.intrinsics)
@@ -147,7 +147,7 @@ def test_using_an_argument_that_is_not_declared_is_an_error():
     class Prior(ContactPrior):
         reads = ("people",)
 
-        def infer(self, image: Any, people: People, bodies: Any) -> Any:
+        def infer(self, image, people, bodies):
             return bodies.parameters
 
     with pytest.raises(AttributeError, match="lacks 'bodies', whose 'parameters'"):

@@ -12,7 +12,6 @@ import tracemalloc
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,9 +34,7 @@ def document_of(folder):
     def refuse(word):
         raise AssertionError(f"{word} is not JSON")
 
-    document: dict[str, Any] = json.loads(
-        (folder / "reconstruction.json").read_bytes(), parse_constant=refuse
-    )
+    document = json.loads((folder / "reconstruction.json").read_bytes(), parse_constant=refuse)
     return document
 
 
@@ -240,7 +237,7 @@ def message_of(folder):
 
 @pytest.fixture(scope="module")
 def saved(make, tmp_path_factory):
-    folder: Path = tmp_path_factory.mktemp("saved")
+    folder = tmp_path_factory.mktemp("saved")
     save_reconstruction(make(people=2), folder, "numbers")
     return folder
 

@@ -32,11 +32,11 @@ EVERYBODY = ONCE + Counter(["relative_pointmap"])
 class Counts:
     """What happened to the backends, by interface."""
 
-    def __init__(self) -> None:
-        self.asked: Counter[str] = Counter()
-        self.loaded: Counter[str] = Counter()
-        self.closed: Counter[str] = Counter()
-        self.open: set[str] = set()
+    def __init__(self):
+        self.asked = Counter()
+        self.loaded = Counter()
+        self.closed = Counter()
+        self.open = set()
         self.most_open = 0
 
 

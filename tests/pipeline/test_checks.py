@@ -480,7 +480,7 @@ class Body:
     px.
     """
 
-    def __init__(self) -> None:
+    def __init__(self):
         model = load_body()
         posed = model(
             torch.eye(3).expand(1, 55, 3, 3), torch.zeros(1, model.num_betas), torch.zeros(1, 3)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -67,7 +66,7 @@ def test_a_false_person_within_a_person_moves_nobody(pipeline, top, bottom):
     ],
 )
 def test_pictures_and_pages_show_the_numbers_of_the_result(result_of, name, module_at):
-    docs: ModuleType = module_at("tools/docs_numbers.py")
+    docs = module_at("tools/docs_numbers.py")
     shown = docs.read_numbers()[name]
     if name in PHOTOS:
         result = result_of(name)

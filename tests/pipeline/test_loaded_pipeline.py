@@ -157,7 +157,7 @@ def test_settings_of_one_photo_hold_for_that_photo_only(world):
 class Flat(MetricDepth):
     """Depth of an instance with an attribute that no option knows."""
 
-    def __init__(self, depth_m: float) -> None:
+    def __init__(self, depth_m):
         super().__init__()
         self.depth_m = depth_m
 
@@ -200,7 +200,7 @@ def test_a_given_backend_of_the_wrong_kind(given, kind, message):
 
 
 def test_a_second_thread_is_refused(world):
-    refused: list[str] = []
+    refused = []
 
     class Slow(backends.MockInpainter):
         def infer(self, image, mask):

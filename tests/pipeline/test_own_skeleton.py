@@ -39,7 +39,7 @@ MARKERS = Skeleton(
 class MarkerDetector(MockKeypointDetector):
     """The world's true points in a skeleton of this plugin's own."""
 
-    def infer(self, image: np.ndarray, people: object) -> Keypoints:
+    def infer(self, image, people):
         found = recognise_world(image)
         points, visible = world_keypoints(found.world, MARKERS)
         rows = match_masks_to_world(found, people)

@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
 
 
 def test_point_maps_get_the_photo_beside_the_inpainted_one(world):
-    calls: list[tuple[bool, Hints]] = []
+    calls = []
 
     class Looks(backends.MockRelativePointmap):
         def infer(self, image, hints):
@@ -91,7 +91,7 @@ def test_optional_interfaces_may_be_left_out(world):
     config = load_config(
         preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"]
     )
-    steps: list[tuple[str, int, int]] = []
+    steps = []
     result = reconstruct(world.image, config, progress=lambda *step: steps.append(step))
     assert [s.name for s in result.stages] == [name for name, _, _ in steps]
     assert [done for _, done, _ in steps] == list(range(len(steps)))

@@ -63,7 +63,7 @@ def product():
     return (values @ values).numpy().tobytes()
 
 
-HELD: list[Any] = []
+HELD = []
 CUDNN = torch.backends.cudnn
 
 DEEDS = {
@@ -188,26 +188,26 @@ class Naughty(MetricDepth):
 
     def __init__(
         self,
-        where: str = "",
-        do: Callable[[], object] = lambda: None,
-        error: Exception | None = None,
-    ) -> None:
+        where="",
+        do=lambda: None,
+        error=None,
+    ):
         super().__init__()
         self.where = where
         self.do = do
         self.error = error
 
-    def load(self, device: str = "cpu") -> None:
+    def load(self, device="cpu"):
         self.act("load")
 
-    def infer(self, image: Any, hints: Hints) -> DepthMap:
+    def infer(self, image, hints):
         self.act("infer")
         return DepthMap(np.ones(SHAPE, np.float32))
 
-    def close(self) -> None:
+    def close(self):
         self.act("close")
 
-    def act(self, where: str) -> None:
+    def act(self, where):
         if where == self.where:
             self.do()
             if self.error is not None:
@@ -327,7 +327,7 @@ def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world):
     ]
 
     class Segmenter(MockSegmenter):
-        def infer(self, *arguments: Any) -> Any:
+        def infer(self, *arguments):
             found = super().infer(*arguments)
             for deed in deeds:
                 deed.do()

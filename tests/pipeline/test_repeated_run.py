@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ def run(*arguments):
     done = CliRunner().invoke(main, ["run", "photo.png", "--no-cache", *arguments])
     assert done.exit_code == 0, done.output
     folder = arguments[arguments.index("-o") + 1]
-    document: dict[str, Any] = json.loads((Path(folder) / "reconstruction.json").read_text())
+    document = json.loads((Path(folder) / "reconstruction.json").read_text())
     return document
 
 

@@ -36,12 +36,10 @@ class Counting(interfaces.MetricDepth):
 
     events: ClassVar[list[str]] = []
 
-    def __init__(
-        self, name: str = "a", fails_in: str = "", error: BaseException | None = None
-    ) -> None:
+    def __init__(self, name="a", fails_in="", error=None):
         super().__init__()
         self.name, self.fails_in, self.error = name, fails_in, error or RuntimeError("no")
-        self.answer: object = DepthMap(np.ones(SHAPE, np.float32), notes=(f"from {name}",))
+        self.answer = DepthMap(np.ones(SHAPE, np.float32), notes=(f"from {name}",))
 
     def load(self, device="cpu"):
         self.note("load", f" on {device}")
@@ -58,7 +56,7 @@ class Counting(interfaces.MetricDepth):
             raise self.error
         return ""
 
-    def note(self, event: str, more: str = "") -> None:
+    def note(self, event, more=""):
         self.events.append(f"{event} {self.name}{more}")
         if self.fails_in == event:
             raise self.error
@@ -145,7 +143,7 @@ TITLE = "metric_depth 'a' (my-dist 1.0), stage 'depth'"
 
 
 class Own(PhysicError):
-    def __init__(self, one: int, two: int) -> None:
+    def __init__(self, one, two):
         super().__init__(f"{one} and {two}")
 
 

@@ -28,7 +28,7 @@ def requirements():
     """Requirements and runtime extras of all distributions, without the distributions
     themselves.
     """
-    found: list[str] = []
+    found = []
     for folder in PROJECTS:
         project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
         extras = project.get("optional-dependencies", {})

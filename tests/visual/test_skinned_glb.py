@@ -49,7 +49,7 @@ def array(tree, index):
 
 
 def node_poses(tree):
-    poses: dict[int, np.ndarray] = {}
+    poses = {}
 
     def visit(index, parent):
         node = tree.nodes[index]

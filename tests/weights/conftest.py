@@ -6,8 +6,6 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -48,11 +46,11 @@ def weights(*files, **keys):
 class Lists:
     """A plugin's folder of TOML files, written table by table."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
         folder.mkdir()
 
-    def add(self, name: str, *files: dict[str, Any], **keys: Any) -> Path:
+    def add(self, name, *files, **keys):
         """Add a set in a file of its own; return the folder."""
         keys = {"summary": f"The {name} weights", "license": "MIT", "commercial": True} | keys
         lines = [
@@ -98,9 +96,9 @@ class Page:
 class Server:
     """A web server on this machine alone, that remembers what it was asked."""
 
-    def __init__(self) -> None:
-        self.pages: dict[str, Page] = {}
-        self.asked: list[tuple[str, str, dict[str, str]]] = []
+    def __init__(self):
+        self.pages = {}
+        self.asked = []
         self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
         self._http.handle_error = lambda request, address: None  # who asked has gone
         self.address = f"http://127.0.0.1:{self._http.server_port}"
@@ -108,31 +106,31 @@ class Server:
             target=self._http.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True
         ).start()
 
-    def add(self, path: str, content: bytes = b"", **more: Any) -> str:
+    def add(self, path, content=b"", **more):
         """Serve a file; return its address."""
         self.pages[path] = Page(content, **more)
         return self.address + path
 
-    def close(self) -> None:
+    def close(self):
         self._http.shutdown()
         self._http.server_close()
 
-    def _handler(self) -> type[BaseHTTPRequestHandler]:
+    def _handler(self):
         server = self
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
 
-            def log_message(self, *arguments: object) -> None:
+            def log_message(self, *arguments):
                 pass
 
-            def do_HEAD(self) -> None:
+            def do_HEAD(self):
                 self._answer(body=False)
 
-            def do_GET(self) -> None:
+            def do_GET(self):
                 self._answer(body=True)
 
-            def _answer(self, body: bool) -> None:
+            def _answer(self, body):
                 path = self.path.partition("?")[0]
                 server.asked.append((self.command, path, dict(self.headers.items())))
                 page = server.pages.get(path, Page(status=404))

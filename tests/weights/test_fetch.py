@@ -40,7 +40,7 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, lists):
         "net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url}
     )
     chosen = read_manifest(folder)["net"]
-    reported: list[WeightFile] = []
+    reported = []
     assert fetch(chosen, report=reported.append) == ("model.onnx",)
     assert locate(folder, "net").read_bytes() == CONTENT
     assert reported == list(chosen.files)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any
 
 import pytest
 
@@ -29,17 +28,17 @@ def git(content):
 class Hub:
     """The pages of repositories."""
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server):
         self.server = server
 
     def add(
         self,
-        path: str,
-        content: bytes,
-        repository: str = "owner/net",
-        revision: str = "main",
-        **more: Any,
-    ) -> str:
+        path,
+        content,
+        repository="owner/net",
+        revision="main",
+        **more,
+    ):
         """Serve a file, large ones from another place as the hub does; return its source."""
         etag = hashlib.sha256(content).hexdigest() if len(content) > 1000 else git(content)
         address = f"/{repository}/resolve/{revision}/{path}"
@@ -60,7 +59,7 @@ class Hub:
             self.server.add(address, content, etag=f'"{etag}"', headers=headers, **more)
         return f"hf://{repository}/{path}" + ("" if revision == "main" else f"@{revision}")
 
-    def refuse(self, path: str, status: int, code: str = "", message: str = "no") -> str:
+    def refuse(self, path, status, code="", message="no"):
         headers = {"X-Error-Message": message} | ({"X-Error-Code": code} if code else {})
         if code == "EntryNotFound":
             headers["X-Repo-Commit"] = COMMIT

@@ -89,10 +89,10 @@ def test_a_damaged_lock_file_is_an_error(manifest):
 
 def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest):
     class Depth(MetricDepth):
-        def load(self, device: str = "cpu") -> None:
+        def load(self, device="cpu"):
             locate(manifest, "net")
 
-        def requirements(self) -> tuple[Repository, ...]:
+        def requirements(self):
             return (
                 Repository(
                     "checkout",
@@ -105,7 +105,7 @@ def test_a_result_names_its_weights_and_checkouts_and_warns_of_others(manifest):
                 ),
             )
 
-        def infer(self, image, hints) -> DepthMap:
+        def infer(self, image, hints):
             return DepthMap(np.full(image.shape[:2], 3.0, np.float32))
 
     fetch(read_manifest(manifest)["net"])

@@ -15,7 +15,7 @@ import numpy as np
 from click.testing import CliRunner
 from PIL import Image
 
-from physic_bench.bodies import BodyFiles, PosedBody
+from physic_bench.bodies import BodyFiles
 from physic_bench.joints import LIMB_JOINTS
 from physic_core.cli import main
 
@@ -49,10 +49,10 @@ class Files:
 
     bodies: BodyFiles
 
-    def standing(self, **parameters: Any) -> PosedBody:
+    def standing(self, **parameters):
         return self.bodies.smplx_body(STANDING | parameters, "male")
 
-    def arguments(self) -> list[str]:
+    def arguments(self):
         return ["--smplx", str(self.bodies.smplx), "--smpl", str(self.bodies.smpl)]
 
 
@@ -122,7 +122,7 @@ def python2_pickle(path, values):
     import struct
 
     class Python2(pickle._Pickler):
-        def save_text(self, value: Any) -> None:
+        def save_text(self, value):
             data = value if isinstance(value, bytes) else value.encode("latin1")
             self.write(pickle.BINSTRING + struct.pack("<i", len(data)) + data)
             self.memoize(value)

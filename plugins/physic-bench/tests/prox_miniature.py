@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -72,7 +71,7 @@ def write_prox(root, files, mesh_frame="vicon"):
     floor_of().export(root / "scenes" / "vicon.ply")
     recording = "vicon_03301_01"
     for name, pose in POSES.items():
-        parameters: dict[str, Any] = {
+        parameters = {
             **STANDING,
             **pose,
             "betas": np.array([0.5, -0.3, *[0.0] * 8]),

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any
 
 import numpy as np
 import pytest
@@ -87,7 +86,7 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root):
 )
 def test_a_damaged_result_costs_its_frame(root, change, reason):
     theirs = results(root, "theirs")
-    arrays: dict[str, Any] = {"joints": TRUE[None], "joint_names": NAMES}
+    arrays = {"joints": TRUE[None], "joint_names": NAMES}
     change(arrays)
     write_plain(root.parent / "theirs", "p1", **arrays)
     text = call(root, theirs)

@@ -4,10 +4,7 @@ of their own.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from physic_core.types import SURFACE_NAMES
 from physic_embedded.networks.ade20k import PADDING_VALUE, label_surfaces
@@ -23,11 +20,11 @@ class Network:
     logits.
     """
 
-    def __init__(self, margin: float = 8.0) -> None:
+    def __init__(self, margin=8.0):
         self.margin = margin
-        self.input: NDArray[np.float32] = np.zeros((0,), np.float32)
+        self.input = np.zeros((0,), np.float32)
 
-    def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
+    def run(self, names, inputs):
         assert names == ["logits"]
         self.input = inputs["image"][0]
         red = self.input[::4, ::4, 0] > 200

@@ -34,10 +34,10 @@ class Valley:
     a: Tensor
     asked: list[int]
 
-    def select(self, rows: Tensor) -> Valley:
+    def select(self, rows):
         return replace(self, a=self.a[rows])
 
-    def loss(self, x: Tensor) -> Tensor:
+    def loss(self, x):
         self.asked.append(len(x))
         return (self.a - x[:, 0]).square() + 100 * (x[:, 1] - x[:, 0].square()).square()
 
@@ -81,7 +81,7 @@ def test_people_are_independent_and_stop_one_by_one():
 
 def test_a_saddle_is_left_downhill():
     class Saddle(Valley):
-        def loss(self, x: Tensor) -> Tensor:
+        def loss(self, x):
             return (x[:, 0].square() - 1).square() + x[:, 1].square()
 
     found = minimize_newton(
@@ -97,7 +97,7 @@ def test_the_covariance_is_that_of_a_linear_problem():
     design = torch.randn(7, 2, dtype=torch.float64, generator=generator)
 
     class Linear(Valley):
-        def loss(self, x: Tensor) -> Tensor:
+        def loss(self, x):
             return (x @ design.T - 1).square().sum(1)
 
     problem = Linear(torch.zeros(1, dtype=torch.float64), [])
@@ -107,7 +107,7 @@ def test_the_covariance_is_that_of_a_linear_problem():
 
 def test_no_person_moves_where_the_loss_is_nan():
     class Broken(Valley):
-        def loss(self, x: Tensor) -> Tensor:
+        def loss(self, x):
             return torch.where(x[:, 0] > 0.5, torch.nan, super().loss(x))
 
     start = torch.tensor([[0.5, 0.25]], dtype=torch.float64)

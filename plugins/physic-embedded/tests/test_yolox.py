@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from physic_core.adapters.people import box_iou
 from physic_embedded.networks.sessions import open_packaged_session
@@ -20,12 +17,12 @@ class Network:
     with scores.
     """
 
-    def __init__(self, width: float, height: float, **scores: float) -> None:
+    def __init__(self, width, height, **scores):
         self.size = (width, height)
         self.scores = {"person": 0.9, **scores}
-        self.inputs: list[NDArray[np.float32]] = []
+        self.inputs = []
 
-    def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
+    def run(self, names, inputs):
         image = inputs["images"][0]
         self.inputs.append(image)
         rows = np.zeros((1, 3549, 85), np.float32)

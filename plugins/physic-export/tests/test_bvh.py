@@ -14,9 +14,9 @@ from physic_export.skeleton import bone_names
 def read_bvh(path, frame):
     """Poses (4, 4) of the joints in a frame, by the rules of the format alone."""
     words = iter(path.read_text().split())
-    stack: list[str] = []
-    joints: list[tuple[str, str | None, np.ndarray, int]] = []
-    channels: list[str] = []
+    stack = []
+    joints = []
+    channels = []
     pending = ""
     offset = np.zeros(3)
     for word in words:
@@ -37,7 +37,7 @@ def read_bvh(path, frame):
             break
     values = np.array(list(map(float, words))).reshape(-1, len(channels))[frame]
     numbers = iter(zip(channels, values, strict=True))
-    poses: dict[str, np.ndarray] = {}
+    poses = {}
     for name, parent, place, count in joints:
         pose = np.eye(4)
         pose[:3, 3] = place

@@ -5,7 +5,6 @@ the corner.
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,7 +19,7 @@ from physic_core.visual.export.request import export_frame
 class Model:
     """A model of one image, read field by field as COLMAP's page "Output format" lists them."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         cameras, images, points = (
             (folder / f"{name}.bin").read_bytes() for name in ("cameras", "images", "points3D")
         )

@@ -5,7 +5,6 @@ step.
 from __future__ import annotations
 
 import io
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ def read(path):
     """Return entity -> component -> its rows, in the order of the steps."""
     from rerun.chunk import RrdReader
 
-    found: dict[str, dict[str, list[Any]]] = {}
+    found = {}
     for chunk in RrdReader(path).stream().to_chunks():
         columns = found.setdefault(chunk.entity_path, {})
         for name, rows in chunk.to_record_batch().to_pydict().items():

@@ -47,10 +47,10 @@ class Place:
     side: int
 
     @property
-    def mirrored(self) -> bool:
+    def mirrored(self):
         return bool(self.step[0] < 0)
 
-    def at(self, share: float) -> np.ndarray:
+    def at(self, share):
         """(2,) px of the photo at the same share of both sides, 0.5 being crop pixel side / 2."""
         return self.origin + self.step * share * self.side
 

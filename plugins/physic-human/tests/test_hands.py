@@ -7,7 +7,6 @@ from __future__ import annotations
 import os
 import pickle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def mano(tmp_path):
 def unpickled(path):
     """As smplx reads it."""
     with path.open("rb") as stream:
-        found: dict[str, Any] = pickle.load(stream, encoding="latin1")
+        found = pickle.load(stream, encoding="latin1")
     return found
 
 
@@ -124,7 +123,7 @@ def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_pa
 
 
 class Runs:
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self):
         return pytest.fail, ("the pickle was run",)
 
 

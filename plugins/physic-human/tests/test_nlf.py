@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -169,7 +167,7 @@ def test_a_network_is_not_called_without_people(nlf):
 
 def test_torchvision_comes_before_the_file(tmp_path, monkeypatch):
     class Broken:
-        def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        def find_spec(self, name, path=None, target=None):
             if name == "torchvision":
                 raise RuntimeError("operator torchvision::nms does not exist")
 
@@ -210,9 +208,7 @@ def test_other_files_are_refused(tmp_path, torchvision):
 
 def test_nan_bodies_are_an_error(nlf):
     class Broken:
-        def estimate_smpl_batched(
-            self, images: torch.Tensor, boxes: Any, **rest: Any
-        ) -> dict[str, Any]:
+        def estimate_smpl_batched(self, images, boxes, **rest):
             nan = float("nan")
             return {
                 "pose": [torch.full((2, 165), nan)],
@@ -238,13 +234,11 @@ def smplx_file(module_at, tmp_path_factory):
 class ExactNlf:
     """Poses the user's own SMPL-X file; ``shift`` mm moves its vertices alone."""
 
-    def __init__(self, file: Path, shift: float) -> None:
+    def __init__(self, file, shift):
         self.body = load_body(file)
         self.shift = shift
 
-    def estimate_smpl_batched(
-        self, images: torch.Tensor, boxes: Any, **rest: Any
-    ) -> dict[str, list[torch.Tensor]]:
+    def estimate_smpl_batched(self, images, boxes, **rest):
         import roma
 
         pose = 0.2 * torch.randn(2, 55, 3, generator=torch.Generator().manual_seed(0))

@@ -7,7 +7,6 @@ import pickle
 import sys
 import threading
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -294,7 +293,7 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(
 
 def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path):
     torch.save({"a": Path("x")}, tmp_path / "objects.pt")
-    found: list[Any] = []
+    found = []
     with guarded_torch(lambda *_: "guarded", trusted=False):
         assert torch.hub.load("any", "thing") == "guarded"
         with pytest.raises(pickle.UnpicklingError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -59,7 +58,7 @@ def graph_file(tmp_path, graph, node):
             node("Flatten", ["pooled"], ["flat"]),
             node("Concat", ["flat", "cliff_cond"], ["seen"], axis=1),
         ]
-        constants: dict[str, np.ndarray] = {}
+        constants = {}
         for name, (_, (_, *shape)) in outputs.items():
             bias = (
                 np.array([0.1, 0.2, 4.0])
@@ -73,7 +72,7 @@ def graph_file(tmp_path, graph, node):
                 node("Gemm", ["seen", f"{name} weights", f"{name} bias"], [f"{name} flat"]),
                 node("Reshape", [f"{name} flat", f"{name} shape"], [name]),
             ]
-        path: Path = graph(tmp_path / "instanthmr.onnx", INPUTS, outputs, nodes, constants)
+        path = graph(tmp_path / "instanthmr.onnx", INPUTS, outputs, nodes, constants)
         if metadata:
             model = onnx.load(path)
             onnx.helper.set_model_props(model, metadata)

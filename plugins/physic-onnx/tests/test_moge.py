@@ -63,7 +63,7 @@ def contract_graph(graph, node, tmp_path):
 class TestContract:
     """What is fed, and what is read, by a real onnxruntime on a graph of the published form."""
 
-    def raw(self, path: str, image: np.ndarray, **options):
+    def raw(self, path, image, **options):
         backend = Moge2Pointmap(MogeOptions(weights=path, **options))
         backend.load()
         try:

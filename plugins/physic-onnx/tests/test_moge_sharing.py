@@ -12,7 +12,6 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.types import Hints
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
-from physic_onnx.moge_network import SharedMoge
 
 HEIGHT = 48
 WIDTH = 64
@@ -145,7 +144,7 @@ def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
 
 def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
     pointmap, depth = backends()
-    runner: weakref.ref[SharedMoge] = weakref.ref(depth.runner)
+    runner = weakref.ref(depth.runner)
     open_in(depth, "file", opened)
     depth.infer(photos[0], Hints())
     del pointmap, depth

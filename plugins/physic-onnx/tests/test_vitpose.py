@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -40,7 +38,7 @@ def vitpose(tmp_path, graph, node, loaded):
         **options,
     ):
         picture, maps, plus = PORTS[kind]
-        inputs: dict[str, Any] = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
+        inputs = {picture: ("float32", (batch, 3, HEIGHT, WIDTH))}
         nodes = [
             node("Gather", [picture, "colours"], ["gathered"], axis=1),
             node(

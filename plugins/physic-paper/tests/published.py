@@ -6,18 +6,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import roma
 import torch
-from numpy.typing import NDArray
-from torch import Tensor
 
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import LandmarkRegressor
-from physic_core.body.model import BodyArrays, BodyModel, build_body_model, derive_vertex_sets
+from physic_core.body.model import BodyArrays, build_body_model, derive_vertex_sets
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
 from physic_core.geometry.alignment import Alignment
@@ -53,14 +49,14 @@ class Published:
         path: of ``problem_one.npz``.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         with np.load(path) as file:
-            self.arrays: dict[str, NDArray[Any]] = {name: file[name] for name in file.files}
+            self.arrays = {name: file[name] for name in file.files}
 
-    def __getitem__(self, name: str) -> Tensor:
+    def __getitem__(self, name):
         return torch.from_numpy(np.array(self.arrays[name]))
 
-    def bits(self, name: str, shape: tuple[int, ...] | None = None) -> Tensor:
+    def bits(self, name, shape=None):
         """A stored array of booleans; those without a stored shape fill the picture, or
         ``shape``.
         """
@@ -72,14 +68,14 @@ class Published:
         return torch.from_numpy(flat.astype(bool).reshape(shape))
 
     @cached_property
-    def size(self) -> tuple[int, int]:
+    def size(self):
         """Height and width, px."""
         width, height = self.arrays["camera/size_wh"].tolist()
         return height, width
 
     # Inputs
 
-    def points(self, name: str = "one/in/scene_depth_u16") -> Tensor:
+    def points(self, name="one/in/scene_depth_u16"):
         """(H, W, 3) of a depth map, infinite where it is not valid."""
         count = self.arrays[name].astype(np.float64)
         depth = torch.from_numpy(
@@ -89,7 +85,7 @@ class Published:
         return torch.where(torch.isfinite(depth)[..., None], points, torch.inf)
 
     @cached_property
-    def scene(self) -> SceneState:
+    def scene(self):
         """What is left of the scene."""
         kept = self.bits("one/out/pre/inlier")
         points = self.points()
@@ -106,7 +102,7 @@ class Published:
         )
 
     @cached_property
-    def floor(self) -> Tensor:
+    def floor(self):
         """(10000, 3) of which every ninth along both axes is stored."""
         plane = self["one/out/pre/plane"].double()
         grid = self["one/out/pre/plane_grid"].double()
@@ -115,7 +111,7 @@ class Published:
         y = -(plane[0] * x + plane[2] * z + plane[3]) / plane[1]
         return torch.stack([x, y, z], -1).float()
 
-    def human_map(self) -> Tensor:
+    def human_map(self):
         """(H, W, 3) of the photo with its person."""
         points = self.points()
         person = self.bits("one/in/person_pixel")
@@ -125,12 +121,12 @@ class Published:
         return points
 
     @cached_property
-    def human_points(self) -> Tensor:
+    def human_points(self):
         """(M, 3) that are left of the person's."""
         person = self.human_map()[self.bits("one/in/person_pixel")]
         return person[self.bits("one/out/pre/person0_inlier", (len(person),))]
 
-    def given(self, whose: str) -> tuple[Tensor, Tensor, Tensor]:
+    def given(self, whose):
         """Rotations (1, 55, 3, 3), betas and translation of "init" or "truth"."""
         rotations = torch.eye(3).repeat(1, 55, 1, 1)
         for part, rows in _ROWS.items():
@@ -139,15 +135,15 @@ class Published:
 
     # States of the optimiser
 
-    def raw(self, tag: str) -> dict[str, Tensor]:
+    def raw(self, tag):
         """Parameters of a state, as ``Variables`` of stage 3 has them when raw."""
         return self._by_group(f"one/out/{tag}/param")
 
-    def gradients(self, tag: str, term: str) -> dict[str, Tensor]:
+    def gradients(self, tag, term):
         """Of an unweighted term, by the same groups."""
         return self._by_group(f"one/out/{tag}/grad/{term}")
 
-    def _by_group(self, folder: str) -> dict[str, Tensor]:
+    def _by_group(self, folder):
         part = {name: _columns(self[f"{folder}/{name}_rot6d"]) for name in _ROWS}
         return {
             "root": part["root"],
@@ -158,7 +154,7 @@ class Published:
             "scale": self[f"{folder}/scale"],
         }
 
-    def rotations(self, tag: str) -> Tensor:
+    def rotations(self, tag):
         """(1, 55, 3, 3) of a state."""
         raw = self.raw(tag)
         rotations = torch.eye(3).repeat(1, 55, 1, 1)
@@ -170,7 +166,7 @@ class Published:
             rotations[:, rows] = roma.special_gramschmidt(raw[group]).reshape(1, -1, 3, 3)
         return rotations
 
-    def state(self, start: str = "s3_start", skeleton: Skeleton = SKELETON) -> State:
+    def state(self, start="s3_start", skeleton=SKELETON):
         """Return the state before stage 3.
 
         Args:
@@ -201,7 +197,7 @@ class Published:
 
     # The body
 
-    def body(self, rotations: Tensor) -> BodyModel:
+    def body(self, rotations):
         """The body, with its face's contour as rotations (55, 3, 3) turn the head."""
         everything = self._points133(rotations)
         regressors = {
@@ -211,7 +207,7 @@ class Published:
         return replace(self._body, regressors=regressors)
 
     @cached_property
-    def _body(self) -> BodyModel:
+    def _body(self):
         a = self.arrays
         posedirs = a["body/posedirs_i8"].astype(np.float32) * a["body/posedirs_unit"]
         regressor = a["body/J_regressor"].astype(np.float64)
@@ -237,7 +233,7 @@ class Published:
         picks = replace(derive_vertex_sets(arrays), part_of_vertex=part)
         return build_body_model(replace(arrays, picks=picks))
 
-    def _points133(self, rotations: Tensor) -> LandmarkRegressor:
+    def _points133(self, rotations):
         """The 133 points; the two that no body has are its pelvis."""
         a = self.arrays
         faces = a["body/faces"]

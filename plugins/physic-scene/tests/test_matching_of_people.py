@@ -112,7 +112,7 @@ def test_a_photo_without_a_sure_pair_is_joined_by_its_likeliest_one(facing_each_
 
 def verdict(*views, rows):
     """Return the values of each check over the photos."""
-    found: dict[str, list[float | None]] = {}
+    found = {}
     for check in checks_of_cameras(views, np.array(rows)):
         found.setdefault(check.name, []).append(check.value)
     return found

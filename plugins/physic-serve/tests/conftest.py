@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
 from physic_serve.app import make_app
 from physic_serve.jobs import Jobs
-from physic_serve.worker import Message, Task
+from physic_serve.worker import Message
 
 PHOTO = b"\xff\xd8\xff a photo"
 
@@ -22,49 +20,49 @@ class ScriptedWorker:
     ``outcome`` says.
     """
 
-    def __init__(self) -> None:
-        self.tasks: list[Task] = []
+    def __init__(self):
+        self.tasks = []
         self.release = threading.Event()
-        self.outcome: Callable[[Task], Message] = self.write
+        self.outcome = self.write
         self.alive = True
 
-    def write(self, task: Task) -> Message:
+    def write(self, task):
         for name in ("preview.png", "report.html", "combined.glb", "other.ply"):
             (task.folder / name).write_text(name)
         return Message(
             "done", {"grade": "good", "missing_exports": {"mjcf": "the result has no floor"}}
         )
 
-    def reconstruct(self, task: Task) -> Iterator[Message]:
+    def reconstruct(self, task):
         self.tasks.append(task)
         yield Message("stage", ("people", 0, 2))
         while not self.release.wait(0.01) and self.alive:
             pass
         yield self.outcome(task) if self.alive else Message("failed", "the process ended")
 
-    def end(self) -> None:
+    def end(self):
         self.alive = False
 
 
 class Served:
     """A browser, and the workers that have been started."""
 
-    def __init__(self, folder: Path) -> None:
-        self.workers: list[ScriptedWorker] = []
+    def __init__(self, folder):
+        self.workers = []
         self.release = threading.Event()
         self.jobs = Jobs(folder, self._open)
         self.client = self.browser()
 
-    def browser(self) -> TestClient:
+    def browser(self):
         example = Path(__file__)
         return TestClient(make_app(self.jobs, ("testserver", "[::1]"), {"an-example.jpg": example}))
 
-    def _open(self) -> Any:
+    def _open(self):
         self.workers.append(ScriptedWorker())
         self.workers[-1].release = self.release
         return self.workers[-1]
 
-    def post(self, name: str = "photo.jpg", content: bytes = PHOTO, **settings: str) -> str:
+    def post(self, name="photo.jpg", content=PHOTO, **settings):
         """Send a photo, and return the address of its page."""
         posted = self.client.post(
             "/jobs", files={"photo": (name, content)}, data=settings, follow_redirects=False
@@ -72,7 +70,7 @@ class Served:
         assert posted.status_code == 303
         return str(posted.headers["location"])
 
-    def wait(self, page: str, text: str) -> str:
+    def wait(self, page, text):
         """Wait until a page has a text, and return it."""
         while text not in (found := self.client.get(page).text):
             pass

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import Any
 
 import pytest
 
@@ -173,7 +172,7 @@ def test_an_upload_that_the_browser_breaks_off_raises_nothing(served):
             {"type": "http.disconnect"},
         ]
     )
-    sent: list[dict[str, Any]] = []
+    sent = []
 
     async def receive():
         return next(messages)

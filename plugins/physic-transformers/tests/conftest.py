@@ -5,13 +5,8 @@ few words.
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 WORDS = (
     "[PAD]",
@@ -213,7 +208,7 @@ def depth_pro(*, use_fov_model=True):
     )
 
 
-_TOKENIZERS: dict[Any, Callable[[Path], None]] = {
+_TOKENIZERS = {
     grounding_dino: write_bert_tokenizer,
     sam3: write_clip_tokenizer,
     sam3_video: write_clip_tokenizer,
@@ -226,7 +221,7 @@ def saved(tmp_path_factory):
     import torch
     from transformers.utils import logging
 
-    done: dict[tuple[Any, ...], Path] = {}
+    done = {}
 
     def folder(name, *args, **kwargs):
         key = (name, args, tuple(kwargs.items()))

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -27,9 +26,6 @@ from physic_transformers.grounded_sam2 import (
 from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 LOW = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
 """Options with which a network of random weights finds something."""
 
@@ -41,21 +37,21 @@ class Recorded:
     one.
     """
 
-    def __init__(self, config: Any, *answers: Any, tokenizer: Any = None) -> None:
+    def __init__(self, config, *answers, tokenizer=None):
         self.config = config
         self.tokenizer = tokenizer
         self.output_kind = list(answers)
         self.asked = []
 
-    def run(self, method: str = "", /, **inputs: Any) -> Any:
+    def run(self, method="", /, **inputs):
         self.asked.append(
             (method, {k: np.asarray(v) if torch.is_tensor(v) else v for k, v in inputs.items()})
         )
         return self.output_kind.pop(0) if len(self.output_kind) > 1 else self.output_kind[0]
 
-    def shown(self, call: int = 0) -> NDArray[np.float32]:
+    def shown(self, call=0):
         """The pixels of a call."""
-        found: NDArray[np.float32] = self.asked[call][1]["pixel_values"]
+        found = self.asked[call][1]["pixel_values"]
         return found
 
 
@@ -159,7 +155,7 @@ def test_a_torchvision_that_does_not_fit_torch_is_named(saved, tmp_path):
 class TestDepthPro:
     CONFIG = SimpleNamespace(patch_size=24, scaled_images_ratios=[0.25, 0.5, 1])
 
-    def asked(self, raw: float, angle: float | None, hints: Hints = Hints(), **options: Any) -> Any:  # noqa: B008
+    def asked(self, raw, angle, hints=Hints(), **options):  # noqa: B008
         out = tensors(predicted_depth=np.full((1, 96, 96), raw, np.float32))
         out.field_of_view = None if angle is None else torch.tensor([angle])
         backend = given(DepthPro(DepthProOptions(**options)), weights=Recorded(self.CONFIG, out))
@@ -235,28 +231,26 @@ class TestGroundedSam2:
     NOTHING = tensors(logits=np.full((1, 5, 256), -9.0), pred_boxes=np.full((1, 5, 4), 0.5))
     MASKS = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
 
-    def words(self, text: str, **_: Any) -> dict[str, Any]:
+    def words(self, text, **_):
         self.texts = [*getattr(self, "texts", []), text]
         return {
             name: np.ones((1, 4), np.int32)
             for name in ("input_ids", "token_type_ids", "attention_mask")
         }
 
-    def found(self, *rows: tuple[float, list[float]]) -> SimpleNamespace:
+    def found(self, *rows):
         """Scores and boxes (centre, size) of queries."""
         logits = np.full((1, len(rows), 256), -9.0)
         logits[0, :, 1] = [np.log(score / (1 - score)) for score, _ in rows]
         return tensors(logits=logits, pred_boxes=[[box for _, box in rows]])
 
-    def run(
-        self, people: Any, floor: Any, masks: Any, **options: Any
-    ) -> tuple[People, Recorded, Recorded]:
+    def run(self, people, floor, masks, **options):
         detector = Recorded(None, people, floor, None, tokenizer=self.words)
         sam = Recorded(self.MASKS, "embeddings", *masks, None)
         backend = given(GroundedSam2(GroundedSam2Options(**options)), detector=detector, masks=sam)
         return backend.infer(WIDE), detector, sam
 
-    def inside(self, *boxes: tuple[int, int, int, int]) -> SimpleNamespace:
+    def inside(self, *boxes):
         """Mask logits on the grid of 256, of boxes in px of the grid."""
         logits = np.full((1, len(boxes), 1, 256, 256), -5.0, np.float32)
         for mask, (x0, y0, x1, y1) in zip(logits[0, :, 0], boxes, strict=True):
@@ -341,7 +335,7 @@ class TestGroundedSam2:
             device = "cpu"
             dtype = torch.bfloat16
 
-            def __call__(self, **inputs: torch.Tensor) -> dict[str, torch.Tensor]:
+            def __call__(self, **inputs):
                 return inputs
 
         box = np.array([[[1001.25, 3.0, 1007.5, 9.0]]], np.float32)
@@ -355,14 +349,14 @@ class TestGroundedSam2:
 class TestSam3:
     CONFIG = SimpleNamespace(image_size=1008)
 
-    def words(self, text: str, **options: Any) -> dict[str, Any]:
+    def words(self, text, **options):
         assert options["padding"] == "max_length"
         assert options["max_length"] == 32
         mask = np.zeros((1, 32), np.int64)
         mask[0, :3] = 1
         return {"input_ids": np.full((1, 32), len(text)), "attention_mask": mask}
 
-    def out(self, presence: float, *rows: tuple[float, tuple[float, ...]]) -> SimpleNamespace:
+    def out(self, presence, *rows):
         masks = np.full((1, len(rows), 288, 288), -5.0, np.float32)
         for mask, (_, (x0, y0, x1, y1)) in zip(masks[0], rows, strict=True):
             mask[int(288 * y0) : int(288 * y1), int(288 * x0) : int(288 * x1)] = 5.0
@@ -376,7 +370,7 @@ class TestSam3:
             semantic_seg=floor,
         )
 
-    def run(self, people: Any, **options: Any) -> tuple[People, Recorded]:
+    def run(self, people, **options):
         floors = [self.out(9.0, (3.0, (0, 0, 1, 1)))] * 3
         network = Recorded(self.CONFIG, "seen", *floors, people, None, tokenizer=self.words)
         return given(Sam3(Sam3Options(**options)), weights=network).infer(WIDE), network
@@ -400,7 +394,7 @@ class TestSam3:
         left.semantic_seg[..., 144:] = -5
         right.semantic_seg[..., :144] = -5
         everywhere.semantic_seg[:] = 5
-        texts: list[str] = []
+        texts = []
 
         def words(text, **options):
             texts.append(text)

@@ -267,7 +267,7 @@ LABELLED = """(view => [...document.querySelectorAll(".label.number")].some(labe
 """True if the number of a person, which is at the head, is in the view."""
 
 
-def shows_people(page) -> bool:
+def shows_people(page):
     """Whether a number of a person is in the view, or else a part of a body."""
     page.evaluate(
         "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"

@@ -24,7 +24,7 @@ def true_contacts(world):
     objects.
     """
     partner = np.full(world.contact.shape, -1, np.int16)
-    partners: list[ContactPartner] = []
+    partners = []
 
     def add(rows, found):
         if (rows & (partner < 0)).any():

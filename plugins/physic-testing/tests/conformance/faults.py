@@ -4,9 +4,7 @@ returns.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -461,7 +459,7 @@ _COLLARS = [(f"{side}_collar", f"{side}_shoulder") for side in ("left", "right")
 _FINGER_ORDER = np.arange(15).reshape(5, 3)
 _MEAN_HAND = np.radians(np.tile([5.0, 3.0, 20.0], (15, 1)))
 
-FORTY: dict[str, tuple[tuple[str, Callable[..., Any]], ...]] = {
+FORTY = {
     "MockSegmenter": (
         (
             "masks of the mirrored photo",
@@ -539,7 +537,7 @@ FORTY: dict[str, tuple[tuple[str, Callable[..., Any]], ...]] = {
 }
 """Mock -> faults, each in words and as ``change(result, *arguments)``."""
 
-FURTHER: dict[str, tuple[tuple[str, Callable[..., Any]], ...]] = {
+FURTHER = {
     "MockSegmenter": (
         (
             "masks one pixel to the right",

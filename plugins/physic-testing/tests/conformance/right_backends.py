@@ -22,7 +22,7 @@ from physic_core.types import (
     People,
     Pointmap,
 )
-from physic_testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
+from physic_testing.conformance.cases import CASES, SCENE_UNIT, build_case
 
 SIZE = (160, 120)
 POOR = 0.2  # how far answers are off for a photo in strange colours
@@ -40,13 +40,13 @@ class Knowing:
     Options: ClassVar[type[interfaces.Options]] = RightOptions
     loaded = False
 
-    def load(self, device: str = "cpu") -> None:
+    def load(self, device="cpu"):
         self.loaded = True
 
-    def close(self) -> None:
+    def close(self):
         self.loaded = False
 
-    def look_up(self, image: np.ndarray) -> tuple[Case, bool, bool]:
+    def look_up(self, image):
         """The case, whether its people are in the image, and whether red and blue are exchanged."""
         if not self.loaded:
             raise BackendError("not loaded: call load() first")
@@ -59,7 +59,7 @@ class Knowing:
                         return case, people, exchanged
         raise BackendError("no photo of a world")
 
-    def rows(self, case: Case, people: People) -> list[int]:
+    def rows(self, case, people):
         """Which person of the case each given one is."""
         every = build_case(case.name, SIZE).people.masks
         return [int(np.argmax([(mask & own).sum() for own in every])) for mask in people.masks]
@@ -153,7 +153,7 @@ class RightContact(Knowing, interfaces.ContactPrior):
         return ContactProbability(0.1 + 0.8 * touching[self.rows(case, people)], world.topology)
 
 
-RIGHT: tuple[type[interfaces.Backend], ...] = (
+RIGHT = (
     RightSegmenter,
     RightInpainter,
     RightMetricDepth,

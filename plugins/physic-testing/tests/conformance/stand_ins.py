@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import zlib
-from typing import Any
 
 import numpy as np
 
@@ -13,13 +12,13 @@ from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.field_comparison import named_values
 from physic_testing.conformance.kit import start_checks
 
-NO_NOISE: dict[str, dict[str, Any]] = {
+NO_NOISE = {
     "MockMetricDepth": {"noise": 0, "stated_sigma": 0.1},
     "MockRelativePointmap": {"noise": 0, "unknown": "scale"},
 }
 """Mock -> its options; all others have {"noise": 0}."""
 
-_ANSWERS: dict[tuple[Any, ...], Any] = {}
+_ANSWERS = {}
 
 
 def answer_of(kind, own, arguments):

@@ -6,14 +6,13 @@ import pytest
 
 from physic_core import list_backends
 from physic_testing import check_backend
-from physic_testing.conformance.backend_under_test import OptionsFor
 from physic_testing.conformance.cases import SIZE
 
 pytestmark = pytest.mark.slow
 
 # Contracts do not depend on how much a network sees: small inputs, one look and one thread are
 # enough.
-OPTIONS: dict[tuple[str, str], OptionsFor] = {
+OPTIONS = {
     ("segmenter", "embedded"): {"tile_fractions": [], "threads": 1},
     ("relative_pointmap", "embedded"): {"short_side": 154, "threads": 1},
     ("inpainter", "embedded"): {"threads": 1},

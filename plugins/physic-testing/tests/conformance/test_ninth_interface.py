@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -43,11 +41,11 @@ class NormalEstimator(Backend):
     hints = ("intrinsics", "people")
 
     @abstractmethod
-    def infer(self, image: Any, hints: Hints) -> Normals:
+    def infer(self, image, hints):
         """Image (H, W, 3) -> normals."""
 
     @classmethod
-    def check(cls, result: Normals, request: NormalsRequest) -> Iterator[str]:
+    def check(cls, result, request):
         wrong = list(check_array("normals", result.normals, request.image.shape, "float"))
         yield from wrong or check_finite("normals", result.normals)
 

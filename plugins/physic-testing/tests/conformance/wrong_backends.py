@@ -47,11 +47,11 @@ class Wrong:
     plugin: str = ""
 
     @property
-    def id(self) -> str:
+    def id(self):
         return f"{self.kind.interface}-{self.mistake}".replace(" ", "_")
 
 
-WRONG: list[Wrong] = []
+WRONG = []
 
 
 def wrong(mistake, check):

@@ -12,7 +12,6 @@ import torch
 from right_backends import RightBodies, RightContact, RightHands
 from wrong_backends import altered
 
-from physic_core import interfaces
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
 from physic_core.body.convert.bodies import rest_mesh_of_model
@@ -45,7 +44,7 @@ class OtherBodies(RightBodies):
         joints[:, 22:] = np.nan
         return Bodies(p, "smpl", correct.observed, joints, self.mesh(out.vertices.numpy()))
 
-    def mesh(self, vertices: np.ndarray) -> Mesh | None:
+    def mesh(self, vertices):
         return None
 
 
@@ -77,7 +76,7 @@ class WristHands(RightHands):
         )
 
 
-RIGHT: tuple[type[interfaces.Backend], ...] = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
+RIGHT = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
 
 
 def hipless(correct, *_):
