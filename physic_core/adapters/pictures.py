@@ -227,12 +227,6 @@ class Letterbox:
         """Return the part of a map (h, w, ...) of the canvas that the photo covers, as a view."""
         return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
 
-    def map_to_photo(self, values: NDArray[Any]) -> FloatArray:
-        """Resize the photo's part of a map (h, w) or (h, w, C) of the canvas to the photo's size,
-        bilinear.
-        """
-        return resize_map(self.crop(values), *self.size)
-
     def _factor(self) -> FloatArray:
         return np.array([self.inner[1] / self.size[1], self.inner[0] / self.size[0]])
 

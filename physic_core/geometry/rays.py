@@ -103,17 +103,6 @@ class RayCaster:
         face: _Indices = self._run(start, way).astype(np.int64)
         return face
 
-    def blocked(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether each segment from origin to origin + direction hits the mesh, (n,)."""
-        start, way = _rays(origins, directions)
-        if self._tree is not None:
-            near: NDArray[np.bool_] = self._tree.first(start, way)[1] <= 1
-            return near
-        hit: NDArray[np.bool_] = (
-            self._run(start, way, dists=np.ones(len(way), np.float32), query="OCCLUDED") >= 0
-        )
-        return hit
-
     def plane_distance(self, faces: _Indices, origins: _Array, directions: _Array) -> _Array:
         """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's
         length.

@@ -229,16 +229,6 @@ class TestLetterbox:
         assert box.inner == (388, 518)
         assert canvas.shape == (392, 518, 3)
 
-    def test_map_comes_back_to_the_photo(self):
-        """A blob in the photo is found again at its place after the canvas and back."""
-        photo = np.zeros((60, 100, 3), np.uint8)
-        photo[20:30, 70:80] = 255
-        canvas, box = letterbox(photo, 128, 128)
-        back = box.map_to_photo(canvas[..., 0] / 255)
-        assert back.shape == (60, 100)
-        rows, columns = np.nonzero(back > 0.5)
-        assert (rows.mean(), columns.mean()) == pytest.approx((24.5, 74.5), abs=0.1)
-
 
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
 

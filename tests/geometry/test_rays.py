@@ -84,21 +84,6 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
     np.testing.assert_allclose(on_face, along, atol=1e-9 * np.abs(along).max())
 
 
-@pytest.mark.parametrize("name", MESHES)
-def test_both_find_the_same_segments_blocked(name):
-    vertices, faces = MESHES[name]()
-    rng = np.random.default_rng(2)
-    origins, ends = (
-        vertices.mean(0) + 1.5 * rng.normal(size=(4000, 3)) * vertices.std(0) for _ in range(2)
-    )
-    by_embree, by_numpy = (
-        caster.blocked(origins, ends - origins) for caster in both(vertices, faces)
-    )
-    assert by_numpy.any()
-    assert not by_numpy.all()
-    assert (by_embree == by_numpy).mean() > 0.998
-
-
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_the_faces_alone_are_those_of_the_hits(library):
     if library == "embree":

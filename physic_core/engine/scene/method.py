@@ -87,7 +87,6 @@ class SceneMethod:
         uses_pointmap: whether the scene is the aligned point map rather than the metric depth
             alone.
         alignment: options of Eq. 1.
-        min_floor_share: minimum inlier share of an accepted floor.
         rescales_depth: whether metric depth gets the scale of the vote with the people, or keeps
             its own.
     """
@@ -103,7 +102,6 @@ class SceneMethod:
 
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
-    min_floor_share: ClassVar[float] = 0.05
     rescales_depth: ClassVar[bool] = True
 
     def share_camera(

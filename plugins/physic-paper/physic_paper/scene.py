@@ -21,7 +21,7 @@ from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.types.bounds import NotNegative, PositiveOrInfinite
-from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
+from physic_paper.floor_metric import fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
 from physic_paper.released.pointmap import (
     published_floor_grid,
@@ -51,7 +51,6 @@ class PaperScene(SceneMethod):
     carve_m: NotNegative = 0.0
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
-    min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
     rescales_depth: ClassVar[bool] = False
 
     def share_camera(
