@@ -13,6 +13,7 @@ import os
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -240,6 +241,19 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     }
 
 
+_DRAWN_BY = (
+    "scipy.sparse.csgraph",
+    "scipy.sparse.linalg",
+    "scipy.spatial",
+    "physic_core.visual.glb",
+    "physic_core.visual.preview",
+    "physic_core.visual.report",
+)
+"""What both threads of :func:`_contents` use. Packages of SciPy import each other, and two threads
+that import some of them may wait for each other.
+"""
+
+
 def _contents(
     reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
 ) -> tuple[dict[str, bytes], BaseException | None]:
@@ -248,6 +262,8 @@ def _contents(
     """
     from threadpoolctl import threadpool_limits
 
+    for name in _DRAWN_BY if pictures else ():
+        import_module(name)
     stream = BytesIO()
     found = dict[str, bytes]()
     # A second thread draws the preview, which takes as long as all else. Matrices of three columns:

@@ -364,8 +364,8 @@ def _reconstruct(
     photo = prepared.photo
     stages.note(*photo.notes)
     with limited_threads(plan.config.run.threads):
-        # Beside the first networks: with torch, the engine takes longer than two seconds to import.
-        threading.Thread(target=_import_engine, name="import engine").start()
+        # Beside the first networks: torch takes longer than a second to import.
+        threading.Thread(target=_import_torch, name="import torch").start()
         try:
             estimates = run_backends(
                 photo.image,
@@ -413,10 +413,12 @@ def _reconstruct(
     return found if prepared.border is None else prepared.border.added_to(found)
 
 
-def _import_engine() -> None:
-    # as of a torch that is damaged: the import that needs it raises the error
+def _import_torch() -> None:
+    # Packages of SciPy import each other: two threads that import some of them may wait for each
+    # other, and the import raises. torch imports none of them, nor do they import torch.
+    # As of a torch that is damaged: the import that needs it raises the error.
     with suppress(ImportError, OSError):
-        import_module("physic_core.pipeline.optimise")
+        import_module("torch")
 
 
 @contextmanager
