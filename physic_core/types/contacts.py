@@ -155,6 +155,11 @@ class SupportState(StrEnum):
     BALANCED = "balanced"
     """The centre of mass is over contacts with floor, scene or other people."""
 
+    UNSTEADY = "unsteady"
+    """The centre of mass is over contacts of feet alone, whose heels rest on too little ground to
+    stay up: the person moves, or may fall in a simulation.
+    """
+
     HANGING = "hanging"
     """The hands hold something above the centre of mass."""
 

@@ -59,9 +59,9 @@ def members(model, *names):
     return chosen
 
 
-def evidence(model, *touching, feet=True, holds=False, unseen=(), sits=False):
-    """Contact of sets of vertices, whether feet and hands probably touch, and sets that the photo
-    does not show.
+def evidence(model, *touching, feet=True, holds=False, unseen=(), sits=False, height=0.0):
+    """Contact of sets of vertices at a height over the ground, whether feet and hands probably
+    touch, and sets that the photo does not show.
     """
     return SimpleNamespace(
         contact=members(model, *touching),
@@ -69,6 +69,7 @@ def evidence(model, *touching, feet=True, holds=False, unseen=(), sits=False):
         feet=torch.tensor([feet, feet]),
         sits=sits,
         holds=torch.tensor([holds, holds]),
+        height=torch.full((model.num_vertices,), height),
     )
 
 
@@ -88,6 +89,26 @@ def test_feet_balance_people_who_stand_or_squat(posed, bends):
     assert found.state == SupportState.BALANCED
     assert found.outside_m < 0.12
     assert not found.hidden.any()
+
+
+@pytest.mark.parametrize(
+    ("height", "roll", "touching", "state"),
+    [
+        (0.08, 0.0, ("left_sole", "right_sole"), "balanced"),  # the error of a pose
+        (0.12, 0.0, ("left_sole", "right_sole"), "unsteady"),
+        (0.0, 0.0, ("left_sole",), "balanced"),
+        (0.0, -0.4, ("left_sole",), "unsteady"),
+        (0.0, -0.4, ("left_sole", "right_sole"), "balanced"),
+        (0.0, -0.4, ("left_sole", "left_hand"), "balanced"),
+    ],
+)
+def test_feet_alone_balance_a_person_only_on_heels_with_enough_ground(
+    posed, height, roll, touching, state
+):
+    model, body = posed({"left_ankle": (0, 0, roll)})
+    found = support_of(model, body, evidence(model, *touching, height=height), UP, assume=True)
+    assert found.state == state
+    assert found.outside_m < 0.12
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,9 @@ from physic_core.geometry.tensors import select_pixels, tensor, tensors
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
-_PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own body", "object"))
+_SCENE, _PERSON, _OWN_BODY, _OBJECT = (
+    KINDS.index(kind) for kind in ("scene", "person", "own body", "object")
+)
 # cosine between up and the skin of another person; above it, a person can sit or stand there
 _BEARS = 0.3
 
@@ -159,6 +161,9 @@ def _find_supports(
     # a lap carries, a neighbour's thigh does not
     beside = (touch.kind == _PERSON) & (beneath < _BEARS)
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
+    # the pose leaves a gap only to floor and scene, which do not move
+    height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
+    height = torch.where(touch.kind >= 0, height, torch.inf)
     seen = state.seen
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite.tolist()):
@@ -173,6 +178,7 @@ def _find_supports(
             feet=_both(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             holds=_both(touch, "hand", i),
+            height=height[i],
         )
         found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
     return tuple(found)

@@ -3,7 +3,8 @@ supports.
 
 A seated person has a seat, whatever else balances the body: the surface under buttocks and thighs,
 or a hidden one. A person is balanced if the centre of mass is over the convex hull of the carrying
-contacts, or below hands that hold something. Otherwise, the photo may not show the support. A
+contacts, or below hands that hold something. Feet alone balance a person only on heels that rest on
+enough ground: on less, the person is unsteady. Otherwise, the photo may not show the support. A
 hidden support is assumed only where the photo cannot show one, and if the body is balanced on it:
 something under feet that the photo does not show, and a bar in the hands of people whose feet are
 in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
@@ -17,6 +18,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.types.contacts import BodyContact, Support, SupportState
@@ -30,6 +32,11 @@ _BALANCE_M = 0.12
 _PATCH_M = 0.04
 _LOWEST_SHARE = 0.02
 _MIN_VERTICES = 10  # of a body part that carries
+# height over the ground from which a heel does not rest on it; poses are off by centimetres
+_HEEL_REACH_M = 0.1
+_HEEL_FLATTENS_M = 0.02  # height over its lowest skin up to which a heel rests on the ground
+# least width of the ground under heels that balance a body: on less, it falls in a simulation
+_STEADY_M = 0.08
 _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1 % of its size
 
 
@@ -45,6 +52,8 @@ class PersonContact:
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
         sits: whether buttocks or thighs probably rest on something.
         holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
+        height: (V,) height of contacts over what they touch, metres, negative inside; inf of other
+            skin. None if unknown.
     """
 
     vertices: Tensor
@@ -54,6 +63,7 @@ class PersonContact:
     feet: Tensor | None = None
     sits: bool = False
     holds: Tensor | None = None
+    height: Tensor | None = None
 
     @property
     def in_air(self) -> bool:
@@ -88,7 +98,8 @@ def find_support(
 ) -> PersonSupport:
     """Find the support of a person.
 
-    Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not
+    Heels over the ground do not carry. Contacts whose skin faces down do, as do hands above the
+    centre of mass. If they do not
     balance the body, all contacts carry. So a back against a wall carries only beside other
     contacts: an upright surface carries no weight by itself. If they do not balance it either, the
     hidden support that balances the body best is assumed. A support that balances the body only
@@ -100,6 +111,7 @@ def find_support(
         up: (3,) unit.
         assume: whether hidden supports are considered.
     """
+    person = replace(person, contact=person.contact & ~_raised_heels(model, person))
     contact = person.contact
     vertices = person.vertices
     centre = centre_of_mass(vertices, model.faces)
@@ -119,10 +131,11 @@ def find_support(
     for state, carrying in _carrying(contact, level & ~hold, hold):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
-            seen = beside_hull(centre, vertices[carrying & person.seen], up) <= _BALANCE_M
-            return PersonSupport(
-                state if seen else SupportState.ASSUMED, carrying, none, seat, outside, centre
-            )
+            if _is_unsteady(model, vertices, carrying, up):
+                state = SupportState.UNSTEADY
+            if beside_hull(centre, vertices[carrying & person.seen], up) > _BALANCE_M:
+                state = SupportState.ASSUMED
+            return PersonSupport(state, carrying, none, seat, outside, centre)
     airborne = person.in_air and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
     best = PersonSupport(state, contact, none, seat, outside, centre)
@@ -135,6 +148,45 @@ def find_support(
             )
             least = outside
     return best
+
+
+def _heels(model: BodyModel) -> Iterator[Tensor]:
+    """Yield the skin (V,) bool of heel and instep of each foot: without toes, which are too weak to
+    balance a body.
+    """
+    joint = model.skin.weights.argmax(0)
+    for side in SIDES:
+        yield _members(model, f"{side}_foot") & (joint == JOINT_INDEX[f"{side}_ankle"])
+
+
+def _raised_heels(model: BodyModel, person: PersonContact) -> Tensor:
+    """Return the skin (V,) bool of heels that the pose has too high over the ground to rest on
+    it.
+    """
+    raised = torch.zeros_like(person.contact)
+    if person.height is not None:
+        for heel in _heels(model):
+            if float(person.height[heel].amin()) >= _HEEL_REACH_M:
+                raised |= heel
+    return raised
+
+
+def _is_unsteady(model: BodyModel, vertices: Tensor, carrying: Tensor, up: Tensor) -> bool:
+    """Return whether feet alone carry a person, and their heels rest on too little ground to stay
+    up.
+    """
+    feet = torch.tensor([name.endswith("_foot") for name in model.part_names])
+    others = carrying & ~feet.to(carrying.device)[model.part_of_vertex]
+    if int(others.sum()) >= _MIN_VERTICES:
+        return False
+    height = vertices @ up
+    rests = torch.zeros_like(carrying)
+    for heel in _heels(model):
+        touching = heel & carrying
+        if int(touching.sum()) >= _MIN_VERTICES:
+            rests |= touching & (height < height[touching].amin() + _HEEL_FLATTENS_M)
+    across = vertices[rests] @ _directions(up).T
+    return not len(across) or float((across.amax(0) - across.amin(0)).amin()) < _STEADY_M
 
 
 def _level(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
@@ -220,12 +272,17 @@ def beside_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
     """
     if not len(points):
         return float("inf")
+    return float(((centre - points) @ _directions(up).T).amin(0).max())
+
+
+def _directions(up: Tensor) -> Tensor:
+    """Return horizontal unit vectors (_DIRECTIONS, 3) all around."""
     axis = torch.eye(3).to(up)[int(up.abs().argmin())]
     first = torch.nn.functional.normalize(torch.linalg.cross(up, axis), dim=0)
     second = torch.linalg.cross(up, first)
     angle = torch.arange(_DIRECTIONS).to(up) * (2 * torch.pi / _DIRECTIONS)
-    directions = angle.cos()[:, None] * first + angle.sin()[:, None] * second
-    return float(((centre - points) @ directions.T).amin(0).max())
+    around: Tensor = angle.cos()[:, None] * first + angle.sin()[:, None] * second
+    return around
 
 
 def _members(model: BodyModel, *names: str) -> Tensor:

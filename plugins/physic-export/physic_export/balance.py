@@ -12,7 +12,7 @@ import trimesh
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.geometry.upright import transform_points
 from physic_core.types import SupportState
@@ -26,7 +26,7 @@ from physic_export.humanoid import (
     vertex_segments,
 )
 from physic_export.skeleton import skinned
-from physic_export.tiles import FLOOR_M, Tile, convex_tiles, tiles_without
+from physic_export.tiles import FLOOR_M, Tile, convex_tiles, step_under, tiles_without
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,6 +63,7 @@ class ExportedPerson:
         feet: sides of the feet that carry the person alone; none if another part carries, too.
         on_floor: sides of the feet that touch the floor, with the heel less than SOLE_REACH_M over
             it.
+        unsteady: whether the result says that the feet carry the person on too little ground.
         falls: why a simulation does not keep the person up; "" if it does, or if that is not known.
         turned_deg: angle about the ankles; None if the person was not to be turned.
         inside_m: distance of the centre of mass from the edge of the soles, negative outside; None
@@ -74,9 +75,22 @@ class ExportedPerson:
     vertices: Array
     feet: tuple[str, ...] = ()
     on_floor: tuple[str, ...] = ()
+    unsteady: bool = False
     falls: str = ""
     turned_deg: float | None = None
     inside_m: float | None = None
+
+    @property
+    def ground(self) -> dict[str, float]:
+        """Height of the ground under each foot that stands: the floor, or a step of the scene."""
+        part = vertex_segments(self.rig.weights)
+        steps = {side: float(self.foot(side, part)[:, 2].min()) for side in self.feet}
+        return steps | dict.fromkeys(self.on_floor, 0.0)
+
+    def foot(self, side: str, part: NDArray[np.int64]) -> Array:
+        """Return the vertices (n, 3) of a foot; ``part`` (V,) are the segments of the vertices."""
+        joints = [JOINT_INDEX[f"{side}_{name}"] for name in ("ankle", "foot")]
+        return self.vertices[np.isin(part, joints)]
 
     @property
     def note(self) -> str:
@@ -86,10 +100,8 @@ class ExportedPerson:
         if self.turned_deg is None or self.inside_m is None:
             return ""
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
-        if not self.on_floor:
-            place += ", but the scene under them is uneven: it may fall"
-        elif self.inside_m < INSIDE_M - 10 * _NEAR_M:
-            place += ", which are narrow: it may fall"
+        if self.unsteady:
+            place += ", and it stands on too little ground: it may fall"
         if self.turned_deg == 0:
             return f"person {self.index} is not turned: {place}"
         return (
@@ -101,33 +113,30 @@ class ExportedPerson:
 def tiles_beside(
     request: ExportRequest, people: Sequence[ExportedPerson]
 ) -> tuple[list[Tile], tuple[str, ...]]:
-    """Return the tiles of the scene that do not push over people whom their feet alone carry, and a
-    note on the others.
+    """Return the tiles of the scene that do not push over people whom their feet alone carry, the
+    steps under feet that stand on the scene, and a note on the tiles that are left out.
 
-    Such a tile reaches into the body; a foot that touches the scene, not the floor, may stand on
-    it.
+    The surface of a photo reaches centimetres into feet that stand on it, or ends below them: such
+    a foot stands on a flat step, as the floor is flat under others.
     """
     tiles = convex_tiles(request.result)
     to_camera: Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)
     bodies = []
+    steps = []
     for person in people:
+        if not person.feet:
+            continue
         part = vertex_segments(person.rig.weights)
         vertices = transform_points(to_camera, person.vertices)
-        standing = {
-            f"{side}_{name}"
+        bodies += [vertices[part == joint] for joint in range(NUM_BODIES)]
+        steps += [
+            step_under(person.foot(side, part), to_camera)
             for side in person.feet
             if side not in person.on_floor
-            for name in ("ankle", "foot")
-        }
-        free = [
-            joint
-            for joint in range(NUM_BODIES)
-            if person.feet and JOINT_NAMES[joint] not in standing
         ]
-        bodies += [vertices[part == joint] for joint in free]
     kept = tiles_without(tiles, bodies)
     left_out = len(tiles) - len(kept)
-    return kept, (
+    return kept + steps, (
         f"{left_out} convex tiles of the scene reach into people and are left out",
     ) if left_out else ()
 
@@ -154,7 +163,10 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         if carrying and not feet:
             lowest = min(heels[side] for side in carrying)
             falls = f"its soles are {100 * lowest:.0f} cm over the floor"
-        plain = ExportedPerson(index, rig, vertices, feet, on_floor, falls)
+        elif feet and not on_floor and not request.scene:
+            falls = "it stands on the scene, which is left out"
+        unsteady = person.support is not None and person.support.state is SupportState.UNSTEADY
+        plain = ExportedPerson(index, rig, vertices, feet, on_floor, unsteady, falls)
         if feet:
             plain = _set_down(plain, _height(vertices))
         made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
@@ -169,6 +181,7 @@ def feet_that_carry(person: Person) -> tuple[str, ...]:
     """
     if person.support is None or person.support.state not in (
         SupportState.BALANCED,
+        SupportState.UNSTEADY,
         SupportState.ASSUMED,
     ):
         return ()
@@ -283,7 +296,7 @@ def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to
     balance a body.
     """
-    segments = body_segments(person.rig, person.vertices, person.on_floor)
+    segments = body_segments(person.rig, person.vertices, person.ground)
     world = person.rig.world()
     masses = np.array([one.mass for one in segments])
     centres = [

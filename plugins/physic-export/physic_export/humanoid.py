@@ -18,7 +18,7 @@ from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.geometry.rotations import rotmat_to_euler
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -125,7 +125,7 @@ contact of the reconstruction.
 """
 
 SOLE_REACH_M = 0.1
-"""Height over the floor up to which a foot that touches it has its sole there: one foot of people
+"""Height over the ground up to which a foot that touches it has its sole there: one foot of people
 who stand is often some centimetres higher than the other, which is an error of the pose.
 """
 
@@ -220,13 +220,13 @@ def vertex_segments(weights: Array) -> NDArray[np.int64]:
     return body
 
 
-def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> list[Segment]:
+def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> list[Segment]:
     """Return the 22 segments of a person in the order of JOINT_NAMES.
 
     Args:
         rig: in the frame of the file.
         vertices: (V, 3) posed, in that frame, with the floor at z = 0.
-        on_floor: sides of the feet that touch the floor.
+        ground: height of the ground under each foot that stands, by side.
     """
     poses = rig.world()
     part = vertex_segments(rig.weights)
@@ -248,7 +248,7 @@ def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> li
         used, faces = np.unique(rig.faces[owner == joint], return_inverse=True)
         soles = np.zeros((0, 3))
         if name.endswith(("ankle", "foot")) or lowest[joint] < FLAT_M:
-            level = _sole_level(name, lowest, on_floor)
+            level = _sole_level(name, lowest, ground)
             soles = _soles(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
         hull = (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
@@ -321,21 +321,21 @@ def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | No
     return Capsule(center + ends[:, None] * axis, radius)
 
 
-def _sole_level(name: str, lowest: Sequence[float], on_floor: Sequence[str]) -> float:
-    """Return the height of the sole of a part: heel and ball of a foot have one, on the floor if
-    the foot touches it.
+def _sole_level(name: str, lowest: Sequence[float], ground: Mapping[str, float]) -> float:
+    """Return the height of the sole of a part: heel and ball of a foot have one, on the ground if
+    the foot stands.
 
     Args:
         name: of the joint.
         lowest: height of the lowest skin of each part.
-        on_floor: sides of the feet that touch the floor.
+        ground: of :func:`body_segments`.
     """
     own = lowest[JOINT_INDEX[name]]
     side, _, plain = name.rpartition("_")
     if plain not in _FOOT:
         return own
-    if side in on_floor and 0 < own < SOLE_REACH_M:
-        return 0.0
+    if side in ground and 0 < own - ground[side] < SOLE_REACH_M:
+        return ground[side]
     other = lowest[JOINT_INDEX[f"{side}_{_FOOT[plain]}"]]
     return other if 0 < own - other < FLAT_M else own
 

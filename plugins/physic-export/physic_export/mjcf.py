@@ -291,7 +291,7 @@ def _mjcf_tree(
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
-        segments = body_segments(person.rig, person.vertices, person.on_floor)
+        segments = body_segments(person.rig, person.vertices, person.ground)
         add_humanoid(root, f"person_{person.index}", segments, geom)
     _exclude_touching(root, jointed)
     pose = camera_pose(request.frame)

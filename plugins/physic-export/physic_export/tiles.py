@@ -8,6 +8,7 @@ with its thickness is then nearly convex, and its hull is the collision shape.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,9 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
+from physic_core.geometry.upright import transform_points
 from physic_core.visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
+from physic_export.humanoid import convex_hull
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,6 +46,9 @@ FLAT_SHARE = 0.01
 """Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if
 that is more.
 """
+
+STEP_RIM_M = 0.02
+"""Width of a step around the foot that stands on it."""
 
 PRESSED_M = 0.002
 """Depth of a tile in a body that a simulator resolves without a push that is felt."""
@@ -94,6 +100,23 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     tree = cKDTree(skin)
     tiles = (_thicken(patch, color, skin, normals, tree) for patch, color in patches)
     return [tile for tile in tiles if tile is not None]
+
+
+def step_under(foot: Array, to_camera: Array) -> Tile:
+    """Return a flat tile under a foot.
+
+    Args:
+        foot: (n, 3) vertices, z up.
+        to_camera: (4, 4) from that frame.
+    """
+    low = foot.min(0) - STEP_RIM_M
+    high = foot.max(0) + STEP_RIM_M
+    top = foot[:, 2].min()
+    corners = itertools.product(
+        (low[0], high[0]), (low[1], high[1]), (float(top) - THICKNESS_M, float(top))
+    )
+    vertices, faces = convex_hull(transform_points(to_camera, np.array(list(corners))))
+    return Tile(vertices, faces, np.full(3, 0.5))
 
 
 def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:

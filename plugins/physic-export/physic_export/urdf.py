@@ -89,7 +89,7 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
     files: dict[str, bytes] = {}
     people = people_of(request)
     for person in people:
-        segments = body_segments(person.rig, person.vertices, person.on_floor)
+        segments = body_segments(person.rig, person.vertices, person.ground)
         name = request.file_of(person.index)
         stem = PurePath(name).stem
         robot = _robot(stem, f"person_{person.index}", segments)

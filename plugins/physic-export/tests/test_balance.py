@@ -182,6 +182,27 @@ def test_a_foot_far_over_the_floor_does_not_balance_a_person_though_it_is_said_t
     assert end == pytest.approx(start, abs=0.03)
 
 
+def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(leaning, tmp_path):
+    feet = support(SupportState.BALANCED, ("left_foot", "right_foot"), ContactPartner("scene"))
+    raised = replace(leaning.scene.floor, offset=leaning.scene.floor.offset + 0.5)
+    person = replace(leaning.people[0], support=feet, contacts=feet.contacts)
+    high = replace(leaning, people=(person,), scene=replace(leaning.scene, floor=raised))
+    done = high.export(str(tmp_path / "a.xml"))
+    start, end = head_after(done.files[0], 1.5)
+    assert end == pytest.approx(start, abs=0.03)
+    assert not any("fall" in note for note in done.notes)
+    (note,) = high.export(str(tmp_path / "b.xml"), scene=False).notes
+    assert note.startswith("person 0 falls")
+
+
+def test_the_export_says_that_who_is_unsteady_may_fall(leaning, tmp_path):
+    feet = support(SupportState.UNSTEADY, ("left_foot", "right_foot"), FLOOR)
+    unsteady = replace(leaning, people=(replace(leaning.people[0], support=feet),))
+    for name, result, falls in (("a.xml", leaning, False), ("b.xml", unsteady, True)):
+        notes = result.export(str(tmp_path / name)).notes
+        assert any("may fall" in note for note in notes) == falls
+
+
 def test_people_who_touch_each_other_do_not_push_each_other_over(leaning, tmp_path):
     import mujoco
 
