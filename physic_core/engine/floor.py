@@ -72,6 +72,7 @@ _IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the
 # least cosine between straight bodies and the camera's up axis
 _STANDS = math.cos(math.radians(45.0))
 # of cameras in hands
+_DOWN_SIGMA_DEG = 12.0  # of a camera over people who lie, from straight down
 _ROLL_SIGMA_DEG = 8.0
 _PITCH_SIGMA_DEG = 30.0
 # least cosine between up and the normal of a horizontal pixel
@@ -240,9 +241,11 @@ def floor_candidates(
         shares = plane_inlier_shares(samples, beneath.plane, view.tolerance)
         fit = plane_as_fit(view, beneath.plane, shares, "people who lie", MASK_SLACK)
         score = max(one.log_score for one in found) + beneath.log_odds
-        # A camera that looks down has a level horizontal axis, and the sky is not below it.
-        x, y = (math.degrees(math.asin(float(fit.normal[i]))) for i in (0, 1))
+        # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
+        # that it sees at a flatter angle is behind people rather than beneath them.
+        x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
         score += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+        score -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
         found.insert(0, FloorCandidate(fit, score, beneath=True))
     return tuple(found)
 

@@ -435,9 +435,14 @@ def plane_at_feet(
     return plane, plane_as_fit(view, plane, shares, "soles")
 
 
+_SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps
+
+
 def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
     """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another
-    unit or camera.
+    unit, camera or offset of inverse depth.
+
+    A plane that turns by more than 60 degrees is no floor in the new map.
     """
     view = None if found.plane is None else inverse_depth_map(points, valid)
     if view is None or found.plane is None:
@@ -448,6 +453,8 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
     fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
+    if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
+        return FloorSearch(None, "no_consensus", *shares)
     factor = found.plane.reanchored
     pitch_sigma = found.plane.pitch_sigma
     moved = replace(fit, offset=fit.offset / factor, reanchored=factor, pitch_sigma=pitch_sigma)

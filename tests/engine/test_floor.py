@@ -343,3 +343,14 @@ def test_the_floor_is_moved_to_the_ground_beside_soles():
     assert plain.offset == pytest.approx(1.8, abs=0.02)
     assert moved.offset == pytest.approx(1.5, abs=0.02)
     assert torch.equal(plain.normal, moved.normal)
+
+
+def test_a_floor_is_found_again_with_another_offset_of_depth_and_none_if_it_is_upside_down():
+    normal = up(20.0)
+    depth, on_floor = room(normal)
+    found = fit_floor(RAYS * depth[..., None], ALL, mask=on_floor)
+    farther = 1 / (1 / depth + 0.05)
+    again = floor.refit_floor(RAYS * farther[..., None], ALL, found)
+    assert angle_deg(again.plane.normal, normal) < 30
+    turned = 1 / (2 / float(depth.min()) - 1 / depth)
+    assert floor.refit_floor(RAYS * turned[..., None], ALL, found).plane is None
