@@ -25,6 +25,7 @@ LYING_RATE = 0.05
 """Share of photos in which people lie beneath the camera."""
 
 _SOFT = ("bed", "rug")
+_WALL = ("wall", "window")
 _RING = 0.08  # width of the background around a person, in lengths from shoulders to ankles
 _SMALLEST = 0.15  # that length, in heights of the photo; depth maps do not resolve smaller people
 _FEWEST = 30  # pixels of each part of that background, and of the body
@@ -47,6 +48,10 @@ _FAR_OFF = 1.0  # larger gaps tell no more
 _LEAST_DENSITY = 0.1  # of the share on the plane
 _MOST_NATS = 4.0  # of one person
 _UNLABELLED = 0.3  # share of the background with the label of a bed or rug that doubles the odds
+# Share of it with the label of a wall, beyond what a bed seen from above has (.2), and its price:
+# around people who stand at walls it is .9 to 1.
+_USUAL_WALL = 0.3
+_WALL_NATS = 6.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,7 @@ class Surroundings:
         columns: (M,) int64.
         along: (M,) their places on the way from shoulders, 0, to ankles, 1, in the picture.
         soft: share of them with the label of a bed or rug.
+        wall: share of them with the label of a wall or window.
         body: rays (3, 3) to head, trunk and feet: the median pixels of the mask.
         depth: (3,) of these, in the unit of the scene.
     """
@@ -66,6 +72,7 @@ class Surroundings:
     columns: Tensor
     along: Tensor
     soft: float
+    wall: float
     body: Tensor
     depth: Tensor
 
@@ -99,7 +106,10 @@ def surroundings(
         photo: of the photo with its people, aligned to the scene.
         surfaces: labels of surfaces, or None.
     """
-    soft = None if surfaces is None else surfaces.mask(*_SOFT)
+    soft, wall = (
+        np.zeros(visible.shape, bool) if surfaces is None else surfaces.mask(*names)
+        for names in (_SOFT, _WALL)
+    )
     found = []
     for i, mask in enumerate(masks):
         ends = _shoulders_and_ankles(keypoints, i)
@@ -126,7 +136,8 @@ def surroundings(
                 torch.from_numpy(rows),
                 torch.from_numpy(columns),
                 torch.from_numpy(((np.stack([columns, rows], 1) - start) @ way) / length**2),
-                0.0 if soft is None else float(soft[rows, columns].mean()),
+                float(soft[rows, columns].mean()),
+                float(wall[rows, columns].mean()),
                 torch.from_numpy(np.stack(points) / depth[:, None]),
                 torch.from_numpy(depth),
             )
@@ -216,5 +227,5 @@ def _person_nats(rays: Tensor, inverse: Tensor, person: Surroundings, plane: Ten
     nats = math.log(lying * _GAP_STANDING) + gap / _GAP_STANDING
     # Beta(4, 1) of people who lie, Beta(1, 3) of others
     nats += math.log(max(4 * share**3, _LEAST_DENSITY) / max(3 * (1 - share) ** 2, _LEAST_DENSITY))
-    nats += math.log(1 + person.soft / _UNLABELLED)
-    return min(max(nats, -_MOST_NATS), _MOST_NATS)
+    nats = min(max(nats + math.log(1 + person.soft / _UNLABELLED), -_MOST_NATS), _MOST_NATS)
+    return nats - _WALL_NATS * max(0.0, person.wall - _USUAL_WALL)

@@ -20,7 +20,7 @@ from physic_core.engine.floor_and_scale import (
 )
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.geometry.rays import RayCaster
-from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, Pointmap
+from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, Pointmap, SurfaceLabels
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SKELETONS
 from physic_testing.worlds import load_world
@@ -36,9 +36,10 @@ DOWN = np.array([0.0, 0.0, -1.0])
 """Normal of a floor below a camera that looks straight down."""
 
 
-def answer(turned=False, floor_m=None, gap_m=0.0):
+def answer(turned=False, floor_m=None, gap_m=0.0, label=None):
     """Floor and scale of a person before a surface that faces the camera; upside down in the
-    picture if turned, and on a level floor below the camera, if it has a height.
+    picture if turned, and on a level floor below the camera, if it has a height. The surface may
+    have a label.
     """
     model = load_body("embedded")
     rotations, betas, _ = model.zero_pose(1)
@@ -71,7 +72,8 @@ def answer(turned=False, floor_m=None, gap_m=0.0):
                 CAMERA.fy * y / z + CAMERA.cy,
             ]
     keypoints = Keypoints(points, np.ones((1, 17), np.float32), "coco17")
-    people = People(mask[None], np.zeros((1, 4)), np.ones(1))
+    labels = None if label is None else SurfaceLabels(np.zeros(mask.shape, np.uint8), (label,))
+    people = People(mask[None], np.zeros((1, 4)), np.ones(1), surfaces=labels)
     scene, photo = (
         Pointmap(
             (rays * z[..., None]).astype(np.float32),
@@ -104,6 +106,12 @@ def test_people_who_stand_at_a_wall_on_a_floor_do_not_lie_on_the_wall(gap_m):
     assert found.plane is not None
     assert found.plane.normal @ DOWN == pytest.approx(0.0, abs=0.1)
     assert found.stance.stands.min() > 0.5
+
+
+def test_a_surface_with_the_label_of_a_wall_is_not_lain_on():
+    assert answer(label="bed").plane.normal @ DOWN > 0.9
+    plane = answer(label="wall").plane
+    assert plane is None or plane.normal @ DOWN < 0.9
 
 
 def test_people_who_hover_far_before_a_plane_do_not_lie_on_it():
