@@ -124,7 +124,10 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
     place = contact = "-"
     if distance is not None:
         place = metres_text(distance, None if sigma is None else sigma / distance, 1)
-        contact = "; ".join(filter(None, (person["contacts"], person["assumed"]))) or "none"
+        touches = filter(None, (person["contacts"], person["assumed"]))
+        contact = "; ".join(touches) or "none"
+        if person["unseen"]:
+            contact += f"; not seen: {person['unseen']}"
     return (
         str(person["person"]),
         grade_text(person["grade"], person["trust"]),

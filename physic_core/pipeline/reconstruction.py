@@ -105,6 +105,7 @@ def _people(
                 contacts=touch.contacts[i],
                 support=touch.supports[i],
                 world_contact=_world_contact(touch, i),
+                unseen=_unseen(touch, i),
                 age=age if math.isfinite(age) else None,
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
@@ -121,6 +122,16 @@ def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
         return None
     found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
     return found or None
+
+
+def _unseen(touch: Contact, person: int) -> tuple[str, ...]:
+    """Return the head, limbs, hands and feet that no pixel shows, of a person with a body."""
+    if touch.supports[person] is None:
+        return ()
+    trunk = ("torso", "back", "seat")
+    return tuple(
+        name for name, hidden in touch.unseen.items() if name not in trunk and bool(hidden[person])
+    )
 
 
 def _diagnostics(state: State) -> dict[str, Any]:

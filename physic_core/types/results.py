@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
-from physic_core.types.contacts import PARTNER_KINDS, contacts_text
+from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.records import Measures
 from physic_core.types.short_repr import ShortRepr
 
@@ -95,6 +95,8 @@ class Person(ShortRepr):
             or a support that the photo does not show. Own body, other people and held objects do
             not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
             and both thighs. None without a body, and if the preset estimates none.
+        unseen: head, limbs, hands and feet that no pixel shows, and at whose end no confident
+            keypoint is: their pose is a guess. Empty if the preset estimates no contact of parts.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
@@ -131,6 +133,7 @@ class Person(ShortRepr):
     contacts: tuple[BodyContact, ...] = ()
     support: Support | None = None
     world_contact: Mapping[str, float] | None = None
+    unseen: tuple[str, ...] = ()
     age: float | None = None
     stature: float | None = None
     stature_sigma: float | None = None
@@ -486,9 +489,9 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     this person), grade, trust (probability that the person is right), why (what lowers it most),
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), contacts (body parts that are likely, one half or more,
-    to touch something, each with what it touches and its probability) and assumed (likely contacts
-    of body parts that no pixel shows, not among the others). Distance and stature are None without
-    a body.
+    to touch something, each with what it touches and its probability), assumed (likely contacts of
+    body parts that no pixel shows, not among the others) and unseen (head, limbs, hands and feet
+    that no pixel shows). Distance and stature are None without a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()}
@@ -529,6 +532,7 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     ),
     "contacts": lambda result, index: contacts_text(result.people[index].contacts, assumed=False),
     "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
+    "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
 }
 
 PERSON_COLUMNS = ("id", *_ROW)

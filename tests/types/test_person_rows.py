@@ -37,6 +37,7 @@ def two_people(reconstruction):
             BodyContact("right_foot", floor, 0.49, 20),
             BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
         ),
+        unseen=("left_lower_leg", "left_foot"),
     )
     far = replace(
         far,
@@ -65,6 +66,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "stature_sigma_m": 0.086,
             "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
             "assumed": "left lower leg: floor, 0.80, assumed",
+            "unseen": "left lower leg, left foot",
         },
         {
             "person": 1,
@@ -78,6 +80,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "stature_sigma_m": None,
             "contacts": "",
             "assumed": "",
+            "unseen": "",
         },
     ]
     assert all(["id", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
