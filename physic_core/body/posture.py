@@ -127,7 +127,7 @@ def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
 
     At 180, the trunks of all people point down in the picture. At 90, all point to the same side,
-    and people are straight. There is no floor on which they lie.
+    and people are straight. No floor beneath them is known.
 
     Args:
         joints: (P, 55, 3) metres, camera frame, NaN for people without a body.

@@ -22,7 +22,8 @@ RIDDEN = ("bicycle", "motorcycle", "horse")
 NOTHING = -1
 """Entry of :class:`Carried` for a person without a carrier."""
 
-# shares of the length from shoulders to hips in the picture
+# Shares of the length from shoulders to hips in the picture. Set on 52 labelled photos with such
+# boxes; no other photos have tested them.
 _ABOVE = 0.5  # hips over the upper edge of what a person rides
 _BELOW = 0.5  # least height of its box below the hips
 _BESIDE_HIPS = 0.2

@@ -71,8 +71,9 @@ _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
 _IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the segmenter sees it
 # least cosine between straight bodies and the camera's up axis
 _STANDS = math.cos(math.radians(45.0))
+# of a camera over people who lie, from straight down; a guess: one photo has 6 degrees
+_DOWN_SIGMA_DEG = 12.0
 # of cameras in hands
-_DOWN_SIGMA_DEG = 12.0  # of a camera over people who lie, from straight down
 _ROLL_SIGMA_DEG = 8.0
 _PITCH_SIGMA_DEG = 30.0
 # least cosine between up and the normal of a horizontal pixel

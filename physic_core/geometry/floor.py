@@ -442,7 +442,7 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another
     unit, camera or offset of inverse depth.
 
-    A plane that turns by more than 60 degrees is no floor in the new map.
+    A plane that turns by more than 60 degrees is dropped: it is not the floor of the new map.
     """
     view = None if found.plane is None else inverse_depth_map(points, valid)
     if view is None or found.plane is None:

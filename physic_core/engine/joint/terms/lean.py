@@ -67,7 +67,7 @@ def lean_weight(state: State) -> Tensor | None:
     1/rad^2.
 
     The variance is that of bodies over a known floor, and that of the floor's pitch. The weight is
-    0 for people whose lean is not stated; None if no lean is stated or there is no floor.
+    0 for people whose lean is not stated; None without a stated lean or without a floor.
     """
     floor = state.scene.floor
     if state.lean_sigma is None or state.stance is None or floor is None:
