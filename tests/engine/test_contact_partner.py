@@ -10,20 +10,22 @@ import torch
 from physic_core.engine.contact.distances import (
     KINDS,
     Distances,
-    ObjectDistances,
     SkinDistances,
     SurfaceDistances,
 )
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    VertexContacts,
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.probability import ContactModel
-from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
-from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
+from physic_core.engine.contact.parts import (
+    ContactRegions,
+    are_adjacent,
+    is_farther_out,
+    scene_parts,
+)
+from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
@@ -55,9 +57,10 @@ def parts_of(*squares, normal=UP):
     points = torch.cat([points for points, _, _ in squares])
     label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
     seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
-    classes = ClassifiedPoints(NAMES, label, seen)
+    label[~seen] = -1
+    scene = NearestPointSearch(points, normal.expand_as(points).contiguous())
     rows = torch.arange(len(points))
-    return points, scene_parts(points, normal.expand_as(points), rows, classes, -points[:, 1], UP)
+    return points, scene_parts(scene, rows, NAMES, label, -points[:, 1], UP)
 
 
 def test_surfaces_of_one_class_that_are_apart_have_different_ids():
@@ -101,7 +104,6 @@ def test_points_without_a_class_are_surfaces_by_their_connection():
 
 FLOOR_PARTNER = ContactPartner("floor", "floor")
 SEAT_PARTNER = ContactPartner("scene", "seat", id=2)
-SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0}, {})
 
 
 def assigned(touched, scene, floor, point):
@@ -113,7 +115,7 @@ def assigned(touched, scene, floor, point):
     one = torch.ones(1, count, dtype=torch.int64)
     skin = SkinDistances(torch.zeros(1, count), one, one)
     surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
-    objects = ObjectDistances(torch.zeros(1, count), 4 * one)
+    objects = torch.zeros(1, count), 4 * one
     near = distances_of(torch.zeros(1, count, 3), surface, parts, skin, objects)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
@@ -155,27 +157,19 @@ def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, n
     assert [partner.surface for partner in table] == [name]
 
 
-def vertex_contacts(index, likely, dent=None):
-    nowhere = torch.full(index.shape, torch.nan)
-    return VertexContacts(index, likely, nowhere if dent is None else dent)
-
-
 def test_the_list_by_body_part_has_the_most_probable_contact_first():
     table = (FLOOR_PARTNER, SEAT_PARTNER)
     index = torch.tensor([0] * 4 + [1] * 5 + [NO_PARTNER] * 3 + [1] * 2)
     regions = ContactRegions(("seat", "left_foot"), torch.tensor([1] * 4 + [0] * 8 + [1] * 2))
     probability = torch.tensor([0.5] * 4 + [0.8] * 5 + [0.1] * 3 + [0.9] * 2)
     dent = torch.tensor([torch.nan] * 4 + [0.02] * 10)
-    contacts = body_contacts(vertex_contacts(index, probability, dent), table, regions, SAME_ODDS)
+    contacts = body_contacts(index, probability, dent, table, regions)
     assert contacts == (
         BodyContact("seat", SEAT_PARTNER, 0.8, 5, 0.02),
         BodyContact("left_foot", FLOOR_PARTNER, 0.5, 4),
     )
     assert [str(one) for one in contacts] == ["buttocks: seat, 0.80", "left foot: floor, 0.50"]
-    assert (
-        body_contacts(vertex_contacts(index, None, dent), table, regions, SAME_ODDS)[0].probability
-        is None
-    )
+    assert body_contacts(index, None, dent, table, regions)[0].probability is None
 
 
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
@@ -187,10 +181,11 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     # the last: the torso touches the head
     index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)
     regions = ContactRegions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
-    person = vertex_contacts(index, torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4))
-    contacts = body_contacts(person, table, regions, SAME_ODDS)
+    likely = torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4)
+    person = index, likely, torch.full(index.shape, torch.nan), table, regions
+    contacts = body_contacts(*person)
     assert [(one.part, one.partner.part) for one in contacts] == [("left_hand", "head")]
-    assert body_contacts(person, table, regions, SAME_ODDS, least=0.61) == ()
+    assert body_contacts(*person, least=0.61) == ()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import KINDS, ContactSurfaces
 from physic_core.engine.contact.probability import ContactModel, part_gaps
-from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.contact.solve import contact_of, measure_distances
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
@@ -103,8 +102,7 @@ def near_of(state, method):
     empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
     none = torch.zeros(0, dtype=torch.int64)
     surfaces = ContactSurfaces(empty, none, state.scene.floor_plane)
-    classes = ClassifiedPoints(("unknown",), none, none.bool())
-    return measure_distances(state, surfaces, classes, method)
+    return measure_distances(state, surfaces, (("unknown",), none), method)
 
 
 def test_up_is_that_of_an_upright_camera_without_a_floor(body):

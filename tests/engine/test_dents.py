@@ -15,7 +15,7 @@ from physic_core.engine.contact.distances import (
     dent_depths,
     largest_dents,
 )
-from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.engine.contact.parts import SceneParts
 from physic_core.types import SURFACE_NAMES
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.contact.distances import HeldObjects, object_distances
+from physic_core.engine.contact.distances import object_distances
 from physic_core.pipeline.backend_results import select_held_objects
 from physic_core.types import Keypoints, People
 
@@ -29,9 +29,9 @@ def ball():
 def distances(points, ratio=1.0):
     mask, depth = ball()
     vertices = torch.tensor([points], dtype=torch.float64)
-    objects = HeldObjects(mask, depth, torch.tensor([ratio], dtype=torch.float64), K)
-    found = object_distances(vertices, objects, 0.15)
-    return found.distance[0].tolist()
+    ratios = torch.tensor([ratio], dtype=torch.float64)
+    distance, _ = object_distances(vertices, mask, depth, ratios, K)
+    return distance[0].tolist()
 
 
 def test_the_hidden_side_of_an_object_is_as_far_behind_as_the_object_is_wide():
@@ -59,11 +59,10 @@ def test_a_vertex_in_the_first_column_of_the_picture_can_be_inside_an_object():
     mask, depth = ball()
     camera = K.clone()
     camera[0, 2] = 0.0
-    right_half = HeldObjects(
-        mask[..., 60:], depth[:, 60:], torch.ones(1, dtype=torch.float64), camera
-    )
+    one = torch.ones(1, dtype=torch.float64)
     vertices = torch.tensor([[[0, 0, AWAY - 0.12]]], dtype=torch.float64)
-    assert float(object_distances(vertices, right_half, 0.15).distance) < 0
+    distance, _ = object_distances(vertices, mask[..., 60:], depth[:, 60:], one, camera)
+    assert float(distance) < 0
 
 
 def people(*objects):

@@ -24,7 +24,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.scene.state import Surroundings
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
@@ -288,61 +288,37 @@ def _nearest_skin(
 _MAX_DEPTH_SPREAD = 0.15
 
 
-@dataclass(frozen=True)
-class HeldObjects:
-    """Small objects in the photo.
-
-    Attributes:
-        masks: (K, H, W) bool, visible pixels of each object.
-        depth: (H, W) metres along z of the photo, NaN where unknown.
-        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object has the
-            same distance from its holder as in the photo. A person with NaN touches no object.
-        K: (3, 3) px.
-    """
-
-    masks: Tensor
-    depth: Tensor
-    ratio: Tensor
-    K: Tensor
-
-
-@dataclass(frozen=True)
-class ObjectDistances:
-    """Nearest object of each vertex.
-
-    Attributes:
-        distance: (N, V) signed, metres, negative inside; inf if no object is within the search
-            radius.
-        object: (N, V) int64, index of that object; 0 if there is none.
-    """
-
-    distance: Tensor
-    object: Tensor
-
-
-def object_distances(vertices: Tensor, objects: HeldObjects, radius: float) -> ObjectDistances:
-    """Find the nearest object of each vertex.
+def object_distances(
+    vertices: Tensor, masks: Tensor, depth: Tensor, ratio: Tensor, K: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Find the nearest small object of each vertex.
 
     Args:
         vertices: (N, V, 3) metres.
-        objects: of the photo.
-        radius: of the search, metres.
+        masks: (K, H, W) bool, visible pixels of each object.
+        depth: (H, W) metres along z of the photo, NaN where unknown.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo. A person with NaN
+            touches no object.
+        K: (3, 3) px.
+
+    Returns:
+        Signed distances (N, V), metres, negative inside, inf beyond the search radius; and the
+        index (N, V) int64 of that object, 0 if there is none.
     """
     distance = torch.full_like(vertices[..., 0], torch.inf)
     nearest = torch.zeros(distance.shape, dtype=torch.int64, device=vertices.device)
-    points = depth_to_pointmap(objects.depth, objects.K)
-    for k, mask in enumerate(objects.masks):
-        shape = _shape(mask, points, float(objects.K[0, 0]))
+    points = depth_to_pointmap(depth, K)
+    for k, mask in enumerate(masks):
+        shape = _shape(mask, points, float(K[0, 0]))
         if shape is None:
             continue
         front, thickness = shape
-        for i in torch.isfinite(objects.ratio).nonzero()[:, 0].tolist():
-            ratio = objects.ratio[i]
-            found = _distance_to(vertices[i], front * ratio, thickness * ratio, objects.K, radius)
+        for i in torch.isfinite(ratio).nonzero()[:, 0].tolist():
+            found = _distance_to(vertices[i], front * ratio[i], thickness * ratio[i], K)
             closer = found.abs() < distance[i].abs()
             distance[i] = torch.where(closer, found, distance[i])
             nearest[i] = torch.where(closer, k, nearest[i])
-    return ObjectDistances(distance, nearest)
+    return distance, nearest
 
 
 def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:
@@ -366,9 +342,7 @@ def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tenso
     return torch.where(known[..., None], points, torch.nan), thickness
 
 
-def _distance_to(
-    vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor, radius: float
-) -> Tensor:
+def _distance_to(vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor) -> Tensor:
     """Return the signed distance (V,) of vertices (V, 3) to an object, inf beyond the radius."""
     known = torch.isfinite(front[..., 2])
     ahead = front[known]
@@ -376,7 +350,7 @@ def _distance_to(
     tree = cKDTree(
         torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False
     )
-    apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=radius)
+    apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=SEARCH_RADIUS_M)
     distance = torch.from_numpy(apart).to(vertices)
     height, width = known.shape
     column, row = project(vertices, K).round().unbind(-1)
@@ -399,7 +373,7 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
         own: to the skin of other parts of the same body.
-        objects: to small objects; None without them.
+        objects: to small objects, see :func:`object_distances`; None without them.
         surface_normals: (N, V, 3) unit, of the nearest points of the scene; zero where unknown.
         in_mask: (N, V) bool, vertices at pixels of the person's mask.
     """
@@ -409,7 +383,7 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
-    objects: ObjectDistances | None
+    objects: tuple[Tensor, Tensor] | None
     surface_normals: Tensor
     in_mask: Tensor
 
@@ -417,7 +391,7 @@ class Distances:
     def by_kind(self) -> Tensor:
         """Signed distances (K, N, V), in the order of :data:`KINDS`."""
         far = torch.full_like(self.surface.scene, torch.inf)
-        to_object = far if self.objects is None else self.objects.distance
+        to_object = far if self.objects is None else self.objects[0]
         return torch.stack(
             [self.surface.nearest, self.people.distance, self.own.distance, to_object]
         )

@@ -73,7 +73,7 @@ class ContactMethod:
     """Whether to estimate contact with other people and with the person's own body."""
     objects: bool = True
     """Whether people may touch small objects in hands and on laps, which are not part of the scene
-    (:mod:`physic_core.engine.contact.objects`)."""
+    (:func:`physic_core.engine.contact.distances.object_distances`)."""
     assume_supports: bool = True
     """Whether people without support in the scene may touch a hidden support, such as a seat or a
     bar in their hands (:mod:`physic_core.engine.contact.support`).

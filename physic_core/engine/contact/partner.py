@@ -5,16 +5,20 @@ support.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distances import KINDS, Distances
-from physic_core.engine.contact.probability import ContactModel, mean_of_surest
-from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
-from physic_core.engine.contact.scene_parts import UPRIGHT_CLASSES
+from physic_core.engine.contact.parts import (
+    UPRIGHT_CLASSES,
+    ContactRegions,
+    are_adjacent,
+    is_farther_out,
+)
+from physic_core.engine.contact.probability import contact_model, mean_of_surest
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 HIDDEN = len(KINDS)
@@ -29,21 +33,6 @@ _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 # cosine between up and the mean normal of touching skin; below it, the part rests on what it
 # touches
 _RESTS = -0.3
-
-
-@dataclass(frozen=True)
-class VertexContacts:
-    """Contacts of the vertices of one person.
-
-    Attributes:
-        index: (V,) index into the partners; :data:`NO_PARTNER` without contact.
-        probability: (V,) of contact, or None.
-        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
-    """
-
-    index: Tensor
-    probability: Tensor | None
-    dent: Tensor
 
 
 def assign_partners(
@@ -117,11 +106,9 @@ def assign_partners(
             add(on_skin & (pair == code), replace(whose, part=regions.names[part]))
     held = touched == KINDS.index("object")
     if near.objects is not None:
-        for number in torch.unique(near.objects.object[held]).tolist():
-            add(
-                held & (near.objects.object == number),
-                ContactPartner("object", "object", id=number),
-            )
+        _, object_of = near.objects
+        for number in torch.unique(object_of[held]).tolist():
+            add(held & (object_of == number), ContactPartner("object", "object", id=number))
     add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
     add(touched == HIDDEN, ContactPartner("hidden"))
     return tuple(table), index
@@ -145,10 +132,11 @@ def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tenso
 
 
 def body_contacts(
-    person: VertexContacts,
+    index: Tensor,
+    probability: Tensor | None,
+    dent: Tensor,
     table: Sequence[ContactPartner],
     regions: ContactRegions,
-    model: ContactModel | None = None,
     *,
     assumed: Mapping[str, float] = MappingProxyType({}),
     least: float = 0.0,
@@ -160,18 +148,18 @@ def body_contacts(
     the more distal part.
 
     Args:
-        person: contacts of the vertices.
+        index: (V,) of each vertex in ``table``; :data:`NO_PARTNER` without contact.
+        probability: (V,) of contact; None leaves all probabilities undefined. That of contact of a
+            part with scene and floor is the mean of its ten most probable vertices.
+        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
         table: partners.
         regions: body parts.
-        model: gives the probability that a part touches skin or an object; None leaves all
-            probabilities undefined. That of contact with scene and floor is the mean of the ten
-            most probable vertices.
         assumed: body parts that no pixel shows -> their probability of contact with scene and
             floor. Their contacts with skin and objects are not listed.
         least: minimum probability of a listed part.
     """
-    touching = person.index >= 0
-    code = person.index.long() * len(regions.names) + regions.region
+    touching = index >= 0
+    code = index.long() * len(regions.names) + regions.region
     found = []
     for value, count in zip(
         *(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True
@@ -186,15 +174,16 @@ def body_contacts(
         not_of_scene = on_skin or table[partner].kind == "object"
         if not_of_scene and part in assumed:
             continue
-        if person.probability is not None and model is not None:
-            likely = person.probability[here]
+        if probability is not None:
+            likely = probability[here]
             of_scene = assumed.get(part, mean_of_surest(likely))
-            of_part = model.part_probability(likely, on_skin=on_skin) if not_of_scene else of_scene
-            sure = round(of_part, DECIMALS)
+            if not_of_scene:
+                of_scene = contact_model().part_probability(likely, on_skin=on_skin)
+            sure = round(of_scene, DECIMALS)
         if sure is None or sure >= least:
-            dent = _dent_of(person.dent[here])
+            depth = _dent_of(dent[here])
             found.append(
-                BodyContact(part, table[partner], sure, count, dent, assumed=part in assumed)
+                BodyContact(part, table[partner], sure, count, depth, assumed=part in assumed)
             )
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
     found = [

@@ -32,7 +32,7 @@ from torch import Tensor
 from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances, SkinDistances
-from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.contact.parts import contact_regions
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
 from physic_core.engine.state import State
@@ -76,7 +76,7 @@ class ContactModel:
 
     Attributes:
         vertex: kind of contact -> name of a feature -> coefficient; see
-            :mod:`physic_core.engine.contact.features`.
+            :func:`feature_columns`.
         nearness: "far_m", by which a vertex that is farther than its part has half of its
             probability, and the power "facing" of the cosine between skin and surface; both also
             for hands and feet.
@@ -330,9 +330,8 @@ def feature_columns(state: State, near: Distances) -> dict[str, Columns]:
         whose = part + len(state.model.part_names) * near.people.person
         columns["person"] = _skin_columns(state, near.people, whose)
     if near.objects is not None:
-        columns["object"] = _shared_columns(
-            near.objects.distance, part.expand_as(near.objects.object), state.seen
-        )
+        distance, _ = near.objects
+        columns["object"] = _shared_columns(distance, part.expand_as(distance), state.seen)
     return columns
 
 

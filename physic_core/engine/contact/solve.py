@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -13,7 +15,6 @@ from physic_core.engine.contact.distances import (
     SEARCH_RADIUS_M,
     ContactSurfaces,
     Distances,
-    HeldObjects,
     SkinDistances,
     dent_depths,
     largest_dents,
@@ -26,19 +27,16 @@ from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    VertexContacts,
     assign_partners,
     body_contacts,
 )
+from physic_core.engine.contact.parts import contact_regions, scene_parts
 from physic_core.engine.contact.probability import (
     SEAT,
-    contact_model,
     contact_parts,
     part_of_region,
     unseen_parts,
 )
-from physic_core.engine.contact.regions import contact_regions
-from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
 from physic_core.engine.contact.support import (
     PersonContact,
     PersonSupport,
@@ -55,6 +53,9 @@ from physic_core.geometry.tensors import select_pixels, tensor, tensors
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray
+
 _SCENE, _PERSON, _OWN_BODY, _OBJECT = (
     KINDS.index(kind) for kind in ("scene", "person", "own body", "object")
 )
@@ -69,9 +70,9 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     around = state.surroundings
     bodies = state.vertices[state.finite]
     surfaces = method.surfaces(around, bodies, state.scene_scale)
-    classes = _classify_points(estimates, state)
-    objects = _held_objects(estimates, state)
-    near = measure_distances(state, surfaces, classes, method, objects)
+    near = measure_distances(
+        state, surfaces, _classify_points(estimates, state), method, estimates.objects
+    )
     return replace(state, contact=contact_of(state, near, method))
 
 
@@ -85,18 +86,19 @@ def contact_of(state: State, near: Distances, method: ContactMethod) -> Contact:
 def measure_distances(
     state: State,
     surfaces: ContactSurfaces,
-    classes: ClassifiedPoints,
+    classes: tuple[tuple[str, ...], Tensor],
     method: ContactMethod,
-    objects: HeldObjects | None = None,
+    objects: BoolArray | None = None,
 ) -> Distances:
     """Measure the distances to scene, floor, skin and small objects.
 
     Args:
         state: with the final bodies.
         surfaces: of scene and floor.
-        classes: of the points of the scene.
+        classes: names, and labels (M,) of the points of the scene, see :func:`scene_parts`.
         method: of stage 4.
-        objects: small objects in hands and on laps; None if people touch none.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if people
+            touch none.
     """
     model = state.model
     vertices = state.vertices
@@ -109,7 +111,7 @@ def measure_distances(
     if floor is not None:
         offset = vertices.new_tensor(floor.offset * state.scene_scale)
         height = height_over_plane(scene.points, state.up, offset)
-    parts = scene_parts(scene.points, scene.normals, surfaces.row, classes, height, state.up)
+    parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
     people = own = SkinDistances.none(vertices)
     if method.people:
         rest = model(*model.zero_pose()).vertices[0]
@@ -122,7 +124,7 @@ def measure_distances(
         parts=parts,
         people=people,
         own=own,
-        objects=None if objects is None else object_distances(vertices, objects, SEARCH_RADIUS_M),
+        objects=_held_objects(state, objects),
         surface_normals=scene.normals[surface.point].to(vertices)
         if len(scene.points)
         else torch.zeros_like(normals),
@@ -130,27 +132,33 @@ def measure_distances(
     )
 
 
-def _classify_points(estimates: Estimates, state: State) -> ClassifiedPoints:
-    """Return the classes of the valid scene points, all unknown if the segmenter labels none."""
+def _classify_points(estimates: Estimates, state: State) -> tuple[tuple[str, ...], Tensor]:
+    """Return names and labels (M,) of the valid scene points, -1 where inpainted; all unknown if
+    the segmenter labels none.
+    """
     surfaces = estimates.people.surfaces
-    valid = state.scene.valid
-    (inpainted,) = select_pixels(valid, tensor(estimates.hole))
-    if surfaces is None:
-        nothing = torch.zeros_like(inpainted, dtype=torch.int64)
-        return ClassifiedPoints(("unknown",), nothing, ~inpainted)
-    (labels,) = select_pixels(valid, tensor(surfaces.labels).long())
-    return ClassifiedPoints(surfaces.names, labels, ~inpainted)
+    names = ("unknown",) if surfaces is None else surfaces.names
+    labels = np.zeros(estimates.hole.shape, np.int64)
+    if surfaces is not None:
+        labels += surfaces.labels
+    labels[estimates.hole] = -1
+    (known,) = select_pixels(state.scene.valid, tensor(labels))
+    return names, known
 
 
-def _held_objects(estimates: Estimates, state: State) -> HeldObjects | None:
-    """Return the objects in the photo; None without any, or if their depth is unknown."""
-    masks = estimates.objects
+def _held_objects(state: State, masks: BoolArray | None) -> tuple[Tensor, Tensor] | None:
+    """Return the distances of vertices to objects in the photo; None without any, or if their depth
+    is unknown.
+
+    An object has the same distance from its holder as in the photo.
+    """
     if masks is None or not len(masks) or state.photo_depth is None:
         return None
     depth = state.photo_depth * state.scene_scale
     ratios = [torch.nan if one is None else 1 / one for one in depth_ratios(state)]
     shown = tensor(masks).to(depth.device)
-    return HeldObjects(shown, depth, state.vertices.new_tensor(ratios), state.K)
+    ratio = state.vertices.new_tensor(ratios)
+    return object_distances(state.vertices, shown, depth, ratio, state.K)
 
 
 def _find_supports(
@@ -281,17 +289,16 @@ def _describe_contacts(
     for i, one in enumerate(carried):
         carrying = torch.zeros_like(state.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
-        person = VertexContacts(index[i], likely, dents[i])
         parts = {name: part_of_region(name) for name in regions.names if unseen}
         assumed = {
             name: float(touch.parts[part][i]) for name, part in parts.items() if unseen[part][i]
         }
         listed = body_contacts(
-            person, partners, regions, contact_model(), assumed=assumed, least=LEAST_PROBABILITY
+            index[i], likely, dents[i], partners, regions, assumed=assumed, least=LEAST_PROBABILITY
         )
         contacts.append(listed)
-        own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
-        bearing = body_contacts(own, partners, regions, assumed=assumed)
+        own = torch.where(carrying, index[i], -1)
+        bearing = body_contacts(own, None, dents[i], partners, regions, assumed=assumed)
         supports.append(None if one is None else support_record(one, bearing, listed))
     return Contact(
         touches=touch.kind >= 0,

@@ -138,7 +138,7 @@ def reported_support_counts(
         carrying: (V,) vertices that truly carry the person.
         names: of the parts.
         region: (V,) part of each vertex, see
-            :func:`physic_core.engine.contact.regions.contact_regions`.
+            :func:`physic_core.engine.contact.parts.contact_regions`.
 
     Returns:
         The counts ``reported_support_hits``, ``reported_support_false_alarms`` and

@@ -7,7 +7,7 @@ import pytest
 
 from physic_bench.worlds.contact_partners import reported_support_counts
 from physic_core.body import load_body
-from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.contact.parts import contact_regions
 from physic_core.types import BodyContact, ContactPartner, Support
 
 MODEL = load_body("embedded")

@@ -1,10 +1,11 @@
-"""Parts of the scene that bodies touch: semantic class and connected surface of the scene points
-near people.
+"""Parts that touch: of bodies, with seat and back as parts of their own, and of the scene near
+people, by semantic class and connected surface.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,6 +13,68 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from torch import Tensor
+
+from physic_core.body.model import BodyModel
+from physic_core.geometry.neighbors import NearestPointSearch
+
+_OWN_REGIONS = {"gluteus": "seat", "back": "back"}
+_TRUNK = ("torso", *_OWN_REGIONS.values())
+_CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))
+_OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
+
+
+class ContactRegions(NamedTuple):
+    """Body parts.
+
+    Attributes:
+        names: of the parts.
+        region: (V,) int64, part of each vertex, index into ``names``.
+    """
+
+    names: tuple[str, ...]
+    region: Tensor
+
+
+def contact_regions(model: BodyModel) -> ContactRegions:
+    """Return the body parts of contacts."""
+    names = (*model.part_names, *_OWN_REGIONS.values())
+    region = model.part_of_vertex.clone()
+    for contact_set, name in _OWN_REGIONS.items():
+        region[model.contact_sets[contact_set]] = names.index(name)
+    return ContactRegions(names, region)
+
+
+def are_adjacent(part: str, other: str) -> bool:
+    """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches
+    in many poses.
+    """
+    side, name = _side_and_name(part)
+    other_side, other_name = _side_and_name(other)
+    if name in _TRUNK or other_name in _TRUNK:
+        return {name, other_name} <= {*_TRUNK, "head", *(chain[-1] for chain in _CHAINS)}
+    if name == other_name:
+        return side == other_side or name == "upper_leg"
+    chain = next((chain for chain in _CHAINS if name in chain), ())
+    return (
+        side == other_side
+        and other_name in chain
+        and abs(chain.index(name) - chain.index(other_name)) == 1
+    )
+
+
+def is_farther_out(part: str, other: str) -> bool:
+    """Return whether a part is more distal than another; of two equal ones, the left one is."""
+    keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_side_and_name, (part, other))]
+    return keys[0] < keys[1]
+
+
+def _side_and_name(part: str) -> tuple[str, str]:
+    """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the
+    head.
+    """
+    side, _, name = part.partition("_")
+    return (side, name) if name else ("", part)
+
 
 GROUND_CLASSES = ("floor", "ground", "rug")
 """Classes of :data:`physic_core.types.SURFACE_NAMES` that are the floor."""
@@ -28,22 +91,6 @@ _NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden o
 _RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
 _CELL_M = 0.04  # of the grid in which the points are joined to surfaces
 _SAME_SURFACE_COSINE = 0.8  # 37 degrees between normals of one surface without a class
-
-
-@dataclass(frozen=True)
-class ClassifiedPoints:
-    """Semantic classes of M scene points.
-
-    Attributes:
-        names: of the classes, as in :class:`physic_core.types.SurfaceLabels`.
-        label: (M,) int64, index into ``names``.
-        seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is
-            ignored.
-    """
-
-    names: tuple[str, ...]
-    label: Tensor
-    seen: Tensor
 
 
 @dataclass(frozen=True)
@@ -64,10 +111,10 @@ class SceneParts:
 
 
 def scene_parts(
-    points: Tensor,
-    normals: Tensor,
+    scene: NearestPointSearch,
     row: Tensor,
-    classes: ClassifiedPoints,
+    names: tuple[str, ...],
+    labels: Tensor,
     height: Tensor | None,
     up: Tensor,
 ) -> SceneParts:
@@ -82,18 +129,19 @@ def scene_parts(
     degrees.
 
     Args:
-        points: (n, 3) metres.
-        normals: (n, 3) unit; zero where unknown.
-        row: (n,) int64, row of each point in ``classes``; -1 for samples of the floor.
-        classes: of all scene points.
+        scene: n points, metres, with their normals; zero where unknown.
+        row: (n,) int64, row of each point in ``labels``; -1 for samples of the floor.
+        names: of the classes, as in :class:`physic_core.types.SurfaceLabels`.
+        labels: (M,) int64 of all scene points, index into ``names``; -1 of inpainted points.
         height: (n,) of the points above the floor, metres, or None.
         up: (3,) unit.
     """
-    names = classes.names
+    points = scene.points
+    normals = scene.normals
     raised = (
         torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     )
-    label = _labels(points, row, classes, raised)
+    label = _labels(points, row, names, labels, raised)
     mistaken = _among(label, names, _CARRIES_NOBODY) & (
         (normals @ up.to(normals)).cpu() > _FACES_UP
     )
@@ -110,15 +158,17 @@ def scene_parts(
     return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
 
 
-def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tensor) -> Tensor:
+def _labels(
+    points: Tensor, row: Tensor, names: tuple[str, ...], labels: Tensor, raised: Tensor
+) -> Tensor:
     """Return the label (n,) of each point on the CPU; -1 where it is unknown."""
     label = torch.full((len(points),), -1, dtype=torch.int64)
     if not len(points):
         return label
     row = row.cpu()
-    given = torch.where(row >= 0, classes.label.cpu()[row], 0)
-    floors = _among(given, classes.names, GROUND_CLASSES)
-    seen = (row >= 0) & classes.seen.cpu()[row] & ~_among(given, classes.names, _NO_SURFACE)
+    given = torch.where(row >= 0, labels.cpu()[row], -1)
+    floors = _among(given, names, GROUND_CLASSES)
+    seen = (given >= 0) & ~_among(given, names, _NO_SURFACE)
     label[seen] = given[seen]
     at = points.cpu().double().numpy()
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
