@@ -127,7 +127,7 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
         touches = filter(None, (person["contacts"], person["assumed"]))
         contact = "; ".join(touches) or "none"
         if person["unseen"]:
-            contact += f"; not seen: {person['unseen']}"
+            contact += f"; not surely seen: {person['unseen']}"
     return (
         str(person["person"]),
         grade_text(person["grade"], person["trust"]),

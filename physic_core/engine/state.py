@@ -154,8 +154,6 @@ class Contact(ShortRepr):
         supports: per person, their support; None for non-finite vertices.
         parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty
             if the method estimates none.
-        unseen: body part -> (N,) bool, no pixel shows it, and its probability is a base rate; empty
-            as ``parts``.
     """
 
     touches: Tensor
@@ -166,7 +164,6 @@ class Contact(ShortRepr):
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
     parts: Mapping[str, Tensor] = field(default_factory=dict)
-    unseen: Mapping[str, Tensor] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.floor_and_scale import scale_note
+from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.interfaces import Repository
@@ -90,6 +91,7 @@ def _people(
     if touch.probability is not None:
         rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
+    unseen = _unseen(state)
     people = []
     for i, (stature, sigma) in enumerate(sizes):
         has_body = bool(torch.isfinite(stature))
@@ -105,7 +107,7 @@ def _people(
                 contacts=touch.contacts[i],
                 support=touch.supports[i],
                 world_contact=_world_contact(touch, i),
-                unseen=_unseen(touch, i),
+                unseen=unseen[i] if has_body else (),
                 age=age if math.isfinite(age) else None,
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
@@ -116,22 +118,20 @@ def _people(
     return tuple(people)
 
 
+def _unseen(state: State) -> list[tuple[str, ...]]:
+    """Return the limbs of each person at whose end no photo has a confident keypoint."""
+    names = state.model.part_names
+    seen = observed_parts(names, state.observed_anywhere).tolist()
+    limbs = limb_part_indices(names)
+    return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
+
+
 def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
     """Return body part -> probability of contact with the world; None without any."""
     if touch.supports[person] is None:
         return None
     found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
     return found or None
-
-
-def _unseen(touch: Contact, person: int) -> tuple[str, ...]:
-    """Return the head, limbs, hands and feet that no pixel shows, of a person with a body."""
-    if touch.supports[person] is None:
-        return ()
-    trunk = ("torso", "back", "seat")
-    return tuple(
-        name for name, hidden in touch.unseen.items() if name not in trunk and bool(hidden[person])
-    )
 
 
 def _diagnostics(state: State) -> dict[str, Any]:

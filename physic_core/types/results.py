@@ -95,8 +95,8 @@ class Person(ShortRepr):
             or a support that the photo does not show. Own body, other people and held objects do
             not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
             and both thighs. None without a body, and if the preset estimates none.
-        unseen: head, limbs, hands and feet that no pixel shows, and at whose end no confident
-            keypoint is: their pose is a guess. Empty if the preset estimates no contact of parts.
+        unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
+            their pose is mostly a guess.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
@@ -490,8 +490,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), contacts (body parts that are likely, one half or more,
     to touch something, each with what it touches and its probability), assumed (likely contacts of
-    body parts that no pixel shows, not among the others) and unseen (head, limbs, hands and feet
-    that no pixel shows). Distance and stature are None without a body.
+    body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
+    without a confident keypoint at their end). Distance and stature are None without a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()}

@@ -19,6 +19,7 @@ from physic_core.errors import BackendError
 from physic_core.metrics import pa_mpjpe_mm
 from physic_core.pipeline import optimise as solution
 from physic_core.types import Hints
+from physic_core.types.skeletons import SIDES
 from physic_testing.worlds import World, load_world
 
 pytestmark = [pytest.mark.quick, pytest.mark.kernels]
@@ -168,6 +169,13 @@ def test_stage_3_computes_in_float64(cases, monkeypatch):
     posed = problem.model(problem.rotations, problem.betas, problem.transl, problem.expression)
     assert posed.vertices.dtype == torch.float64
     assert result.people[0].vertices.dtype == np.float32
+
+
+def test_legs_behind_a_table_are_named_as_unseen_and_limbs_in_the_open_are_not():
+    legs = {f"{side}_{part}" for side in SIDES for part in ("upper_leg", "lower_leg", "foot")}
+    for name, hidden in (("sit_behind_table_other", legs), ("lie", set())):
+        (person,) = reconstruct(load_world(name).image, load_config(preset="mock")).people
+        assert set(person.unseen) == hidden
 
 
 def test_a_photo_of_no_world_is_refused():

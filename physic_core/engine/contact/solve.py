@@ -309,5 +309,4 @@ def _describe_contacts(
         contacts=tuple(contacts),
         supports=tuple(supports),
         parts=touch.parts,
-        unseen=unseen,
     )
