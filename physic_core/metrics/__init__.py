@@ -28,12 +28,10 @@ from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_bo
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.metrics.scene import (
     PROXIMITY_RADIUS_M,
-    FloorError,
     Penetration,
     SceneError,
     SignedDistances,
     contact_gap,
-    floor_error,
     hidden_by_depth_map,
     penetration,
     point_spacing,
@@ -47,7 +45,6 @@ __all__ = [
     "PROXIMITY_RADIUS_M",
     "ContactCounts",
     "ContactScores",
-    "FloorError",
     "GeodesicError",
     "Matching",
     "Penetration",
@@ -62,7 +59,6 @@ __all__ = [
     "contact_scores",
     "distance_to_sources",
     "draw_counts",
-    "floor_error",
     "geodesic_error",
     "hidden_by_depth_map",
     "markdown_table",

@@ -155,41 +155,20 @@ class GeodesicError:
     unreachable: NDArray[np.int64]
 
 
-def surface_graph(
-    vertices: FloatArray, faces: NDArray[np.integer[Any]], *, across: bool = False
-) -> csr_array:
+def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> csr_array:
     """Build the edge graph of a mesh; one graph of the rest pose serves all people.
 
     Args:
         vertices: (V, 3) m, any frame.
         faces: (F, 3) vertex ids.
-        across: also connect the two vertices opposite an edge, by their distance after the two
-            triangles are unfolded into a plane, if the straight line between them crosses that
-            edge.
 
     Returns:
         (V, V) float64 m, upper triangle; coinciding vertices keep an edge of length 0.
     """
     vertices = np.asarray(vertices, np.float64)
-    faces = np.asarray(faces, np.int64)
-    corners = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
-    sides = np.sort(np.concatenate([faces[:, [a, b]] for a, b, _ in corners]), axis=1)
-    edges = np.unique(sides, axis=0).reshape(-1, 2)
+    sides = np.asarray(faces, np.int64)[:, [[0, 1], [1, 2], [2, 0]]]
+    edges = np.unique(np.sort(sides.reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    if across:
-        opposite = np.concatenate([faces[:, c] for _, _, c in corners])
-        hops, hop_lengths = _opposite_pairs(vertices, sides, opposite)
-        edges = np.concatenate([edges, hops])
-        lengths = np.concatenate([lengths, hop_lengths])
-        # Two edges may connect the same vertices: keep the shortest, as a sparse array would sum
-        # them.
-        order = np.lexsort((lengths, edges[:, 1], edges[:, 0]))
-        edges = edges[order]
-        lengths = lengths[order]
-        first = np.ones(len(edges), bool)
-        first[1:] = (edges[1:] != edges[:-1]).any(axis=1)
-        edges = edges[first]
-        lengths = lengths[first]
     return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
 
 
@@ -248,33 +227,3 @@ def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> 
 def _mean_finite(distance: FloatArray) -> float:
     known = distance[np.isfinite(distance)]
     return float(known.mean()) if len(known) else float("nan")
-
-
-def _opposite_pairs(
-    vertices: FloatArray, sides: NDArray[np.int64], opposite: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return pairs (E, 2) of vertices opposite an edge of two triangles, and their unfolded
-    distance (E,).
-
-    Args:
-        vertices: (V, 3).
-        sides: (3F, 2) sorted vertex ids of each triangle's sides.
-        opposite: (3F,) the third vertex of that triangle.
-    """
-    _, edge, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    order = order[count[edge.ravel()[order]] == 2].reshape(-1, 2)
-    start, end = (vertices[sides[order[:, 0], k]] for k in (0, 1))
-    axis = end - start
-    length = np.linalg.norm(axis, axis=1)
-    along = []
-    off = []
-    for k in (0, 1):
-        way = vertices[opposite[order[:, k]]] - start
-        along.append((way * axis).sum(1) / np.where(length > 0, length, 1.0))
-        off.append(np.sqrt(np.maximum(np.square(way).sum(1) - np.square(along[k]), 0.0)))
-    width = off[0] + off[1]
-    crossing = along[0] + (along[1] - along[0]) * off[0] / np.where(width > 0, width, 1.0)
-    usable = (width > 0) & (crossing >= 0) & (crossing <= length)
-    pairs = np.sort(opposite[order[usable]], axis=1)
-    return pairs, np.hypot(width, along[1] - along[0])[usable]

@@ -47,19 +47,6 @@ class SceneError:
     log_scale: float
 
 
-@dataclass(frozen=True)
-class FloorError:
-    """Errors of a floor plane; NaN if no floor was found.
-
-    Attributes:
-        angle_deg: between the normals, in [0, 180].
-        height: metres by which the found floor is too low.
-    """
-
-    angle_deg: float
-    height: float
-
-
 def scene_error(
     predicted: FloatArray, truth: FloatArray, predicted_valid: BoolArray, true_valid: BoolArray
 ) -> SceneError:
@@ -97,25 +84,6 @@ def scene_error(
         point_mean=float(off.mean()),
         log_scale=math.log(float(np.median(depth)) / float(np.median(fact))),
     )
-
-
-def floor_error(predicted: Plane | None, truth: Plane, at: FloatArray | None = None) -> FloorError:
-    """Compare two floor planes.
-
-    Args:
-        predicted: found plane, or None.
-        truth: true plane.
-        at: (3,) m, position at which heights are compared, such as a person's feet; the camera if
-            None. A tilted floor has another error at another position.
-    """
-    if predicted is None:
-        return FloorError(math.nan, math.nan)
-    place = np.zeros(3) if at is None else np.asarray(at, np.float64)
-    found, fact = (np.asarray(plane.normal, np.float64) for plane in (predicted, truth))
-    # The arc tangent is accurate for small angles, unlike the arc cosine.
-    angle = math.atan2(float(np.linalg.norm(np.cross(found, fact))), float(found @ fact))
-    height = (found @ place + predicted.offset) - (fact @ place + truth.offset)
-    return FloorError(math.degrees(angle), float(height))
 
 
 def _valid(points: FloatArray, valid: BoolArray) -> BoolArray:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 import torch
 
-from physic_bench.worlds.ablation import ABLATION, ablation_rows
+from physic_bench.worlds.ablation import ablation_rows
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 
@@ -57,9 +57,8 @@ def test_each_row_adds_one_term_to_the_row_before():
     assert difference(ours[5], ours[7]) == {"joint.contact.source"}
 
 
-@pytest.mark.parametrize("row", ABLATION, ids=[row.name for row in ABLATION])
-def test_every_row_runs_and_tells_its_terms(standing, row):
-    full = row.settings(engine_preset("default"))
+@pytest.mark.parametrize("full", rows("default").values(), ids=rows("default"))
+def test_every_row_runs_and_tells_its_terms(standing, full):
     # As the pipeline does where stage 1 looks for no floor.
     state = with_scene(standing.state, floor=None) if full.scene.floor == "off" else standing.state
     settings = adjusted(full.joint, optimiser__steps=8, optimiser__refresh_steps=4)

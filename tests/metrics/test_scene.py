@@ -1,4 +1,4 @@
-"""Errors of scenes and floors that are wrong in a known way."""
+"""Errors of scenes that are wrong in a known way."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import floor_error, scene_error
-from physic_core.types import Plane
+from physic_core.metrics import scene_error
 
 pytestmark = pytest.mark.quick
 
 ALL = np.ones((6, 8), bool)
-FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
 
 
 def room(seed=0):
@@ -72,23 +70,3 @@ def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
     assert error.pixels == 48 - 3 - 8 - 8
     assert error.coverage == pytest.approx(29 / 40)
     assert (error.point_mean, error.depth_relative_mean) == (0, 0)
-
-
-def test_height_error_of_a_lower_floor_is_positive():
-    error = floor_error(Plane(FLOOR.normal, 1.6), FLOOR)
-    assert error.angle_deg == 0
-    assert error.height == pytest.approx(0.1)
-    assert floor_error(FLOOR, FLOOR, at=np.array([1.0, 1.5, 4.0])).height == 0
-
-
-@pytest.mark.parametrize("degrees", [1e-7, 0.5, 10.0, 90.0, 180.0])
-def test_a_tilted_floor_is_right_below_the_camera_and_wrong_at_the_feet(degrees):
-    angle = math.radians(degrees)
-    tilted = Plane(np.array([0.0, -math.cos(angle), math.sin(angle)]), 1.5)
-    error = floor_error(tilted, FLOOR)
-    assert error.angle_deg == pytest.approx(degrees, rel=1e-6)
-    assert error.height == 0
-    feet = floor_error(tilted, FLOOR, at=np.array([0.0, 1.5, 4.0]))
-    assert feet.height == pytest.approx(
-        4 * math.sin(angle) + 1.5 * (1 - math.cos(angle)), rel=1e-6, abs=1e-12
-    )

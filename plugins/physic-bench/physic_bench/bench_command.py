@@ -9,10 +9,10 @@ import click
 
 from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo
-from physic_core.errors import ConfigError, PhysicError
+from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from physic_bench.worlds.run_worlds import BenchmarkJob
+    from physic_bench.worlds.frames import BenchmarkJob
     from physic_core.configuration.model import Config
 
 
@@ -69,8 +69,6 @@ def bench() -> None:
 @click.option(
     "-o", "--out", type=AnyPath(), default=Path("physic-bench"), show_default=True, help="Folder."
 )
-@click.option("--cache", type=AnyPath(), help="Keeps evidence.  [default: user's cache folder]")
-@click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(
     worlds: tuple[str, ...],
     preset: str,
@@ -79,22 +77,16 @@ def accuracy(
     overrides: tuple[str, ...],
     jobs: int,
     out: Path,
-    cache: Path | None,
-    no_cache: bool,
 ) -> None:
     """Print the ablation table on synthetic worlds with ground truth; write the tables and all
     values to --out.
 
-    Ctrl-C ends the run and writes the results of the completed worlds; the same command continues
-    the run.
+    After Ctrl-C, the same command continues the run.
     """
-    if no_cache and cache is not None:
-        raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
     trial, others = _split(overrides)
     config, noisy = _configs(preset, noise_seed, trial, others)
 
     from physic_bench.tables import check_results
-    from physic_core.cache.folders import cache_folder
     from physic_core.configuration.resolve import require_available, resolve
     from physic_core.files.atomic import check_writable
 
@@ -104,14 +96,14 @@ def accuracy(
     check_results(check_writable(out))
 
     from physic_bench.worlds.ablation import FULL, TRIAL, TableRow, select_rows
-    from physic_bench.worlds.run_worlds import BenchmarkJob
+    from physic_bench.worlds.frames import BenchmarkJob
 
     keys = [key.strip() for key in rows.split(",") if key.strip()]
     chosen = select_rows(preset, keys or ([FULL] if trial else []))
     if trial:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, TableRow(TRIAL, label, config.engine.settings()))
-    work = BenchmarkJob(noisy, chosen, None if no_cache else (cache or cache_folder("bench")))
+    work = BenchmarkJob(noisy, chosen, out / "rows")
     settings: dict[str, Any] = {"worlds": names, "preset": preset, "noise_seed": noise_seed}
     settings |= {"set": list(overrides), "config": noisy.as_dict()}
     _run(names, work, jobs, out, settings)
@@ -174,30 +166,32 @@ def _run(
     worlds: tuple[str, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]
 ) -> None:
     """Run the benchmark, write the results and print the tables."""
-    from physic_bench.tables import write_results
-    from physic_bench.worlds.results import document_of, notes_of, tables_of
-    from physic_bench.worlds.run_worlds import run_cases
+    from dataclasses import asdict
+
+    from physic_bench.bodies import BodyFiles
+    from physic_bench.run import Method, evaluate_methods
+    from physic_bench.scoring import columns_for
+    from physic_bench.tables import Tables, write_results
+    from physic_bench.worlds.ablation import FULL
+    from physic_bench.worlds.frames import solve_worlds, world_frames
     from physic_core.files.atomic import MARK
 
-    records: list[dict[str, Any]] = []
-    stopped: BaseException | None = None
-    try:
-        for record in run_cases(worlds, work, jobs):
-            records.append(record)
-            failed = (
-                " failed"
-                if record["error"] or any(row["error"] for row in record["rows"].values())
-                else ""
-            )
-            echo(f"[{len(records)}/{len(worlds)}] {record['name']}{failed}", err=True)
-    except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
-        stopped = cause
-    header = f"{len(records)} of {len(worlds)} worlds"
-    document = document_of(records, len(worlds), work, settings)
-    paths = write_results(tables_of(records, work), out, header, notes_of(records, work), document)
+    failures: dict[str, dict[str, str]] = {row.key: {} for row in work.rows}
+    for count, (name, failed) in enumerate(solve_worlds(worlds, work, jobs), 1):
+        for key, reason in failed.items():
+            failures[key][name] = reason
+        echo(f"[{count}/{len(worlds)}] {name}{' failed' if failed else ''}", err=True)
+    methods = [Method(row.key, "plain", work.results(row), failures[row.key]) for row in work.rows]
+    evaluation = evaluate_methods(world_frames(worlds), methods, BodyFiles())
+    tables = Tables.of(
+        evaluation.records, columns_for(["annotated"]), FULL if FULL in failures else ""
+    )
+    rows = {
+        row.key: {"label": row.label, "engine": row.settings and asdict(row.settings)}
+        for row in work.rows
+    }
+    document = {"settings": {**settings, "rows": rows}, "records": evaluation.records}
+    notes = [*(f"{row.key}: {row.label}" for row in work.rows), *evaluation.notes]
+    paths = write_results(tables, out, f"{len(worlds)} worlds", notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
-    if isinstance(stopped, PhysicError):
-        raise stopped
-    if stopped is not None:
-        raise click.Abort

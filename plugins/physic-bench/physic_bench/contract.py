@@ -90,13 +90,14 @@ class Truth:
 
     Attributes:
         people: everybody who is annotated.
-        scene: mesh of the scene in the world frame of the frame's camera, or None.
+        scene: mesh of the scene in the world frame of the frame's camera, or a function that
+            returns the signed distance (N,) m of points (N, 3) of the camera frame; or None.
         up: (3,) unit, camera frame, or None.
         camera_height: metres of the camera over the floor; NaN if unknown.
     """
 
     people: tuple[BenchPerson, ...] = ()
-    scene: Surface | None = None
+    scene: Surface | Callable[[Array], Array] | None = None
     up: Array | None = None
     camera_height: float = float("nan")
 

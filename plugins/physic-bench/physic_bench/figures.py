@@ -66,20 +66,6 @@ def mean_column(
     return Column(key, label, definition, partial(_one, key=key), _mean, digits, better)
 
 
-def ratio_column(
-    key: str,
-    label: str,
-    definition: str,
-    over: Sequence[str],
-    under: Sequence[str],
-    better: str = "high",
-) -> Column:
-    """Return the ratio of the sums of some entries to the sums of others."""
-    return Column(
-        key, label, definition, partial(_ratio_sums, over=over, under=under), _mean, 3, better
-    )
-
-
 def _one(record: Record, key: str) -> Sequence[float] | None:
     value = record.get(key)
     return (
@@ -89,22 +75,14 @@ def _one(record: Record, key: str) -> Sequence[float] | None:
     )
 
 
-def _ratio_sums(
-    record: Record, over: Sequence[str], under: Sequence[str]
-) -> Sequence[float] | None:
-    if under[0] not in record:
-        return None
-    return sum(record[name] for name in over), sum(record[name] for name in under)
-
-
-def ratio(top: Array, bottom: Array) -> Array:
+def _ratio(top: Array, bottom: Array) -> Array:
     """Return top / bottom; NaN where the bottom is 0."""
     found: Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
     return found
 
 
 def _mean(sums: Array) -> Array:
-    return ratio(sums[..., 0], sums[..., 1])
+    return _ratio(sums[..., 0], sums[..., 1])
 
 
 CONTACT_FIGURES = {
@@ -155,11 +133,11 @@ def _contact_sums(
 
 
 def _contact_value(sums: Array, figure: str) -> Array:
-    precision, recall, f1 = (ratio(sums[..., k], sums[..., 6]) for k in range(3))
+    precision, recall, f1 = (_ratio(sums[..., k], sums[..., 6]) for k in range(3))
     if figure == "f1_pooled":
-        return ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
+        return _ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
     total = precision + recall
-    harmonic = np.where(total > 0, ratio(2 * precision * recall, total), 0.0 * total)
+    harmonic = np.where(total > 0, _ratio(2 * precision * recall, total), 0.0 * total)
     return {"precision": precision, "recall": recall, "f1_mean": f1, "f1_of_means": harmonic}[
         figure
     ]

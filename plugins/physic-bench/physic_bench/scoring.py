@@ -4,7 +4,7 @@ columns of the table.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -252,7 +252,7 @@ def true_contacts(frame: Frame, truth: Truth, person: BenchPerson) -> dict[str, 
         return {"annotated": (person.contact, person.contact_topology)}
     if truth.scene is None or person.vertices is None:
         return {}
-    distance = _index_of(truth.scene).signed_distance(frame.camera.in_world(person.vertices))
+    distance = _distance(frame, truth.scene, person.vertices)
     return {f"{cm} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in CONTACT_CM}
 
 
@@ -296,7 +296,7 @@ def _physics(
     """Return penetration and floating of the predicted body in the true scene, mm."""
     if truth.scene is None or found.vertices is None:
         return {}
-    distance = _index_of(truth.scene).signed_distance(frame.camera.in_world(found.vertices))
+    distance = _distance(frame, truth.scene, found.vertices)
     deep = penetration(distance)
     record = {
         "penetration_mm": 1000 * float(deep.mean_depth),
@@ -335,6 +335,13 @@ def _no_way(what: str, source: str, target: str) -> str:
         f"{what} are on the mesh '{source}' and the truth on '{target}': carrying them over "
         f"needs {need}"
     )
+
+
+def _distance(frame: Frame, scene: Surface | Callable[[Array], Array], points: Array) -> Array:
+    """Return the signed distance (N,) m of points (N, 3) of the camera frame to a scene."""
+    if callable(scene):
+        return scene(points)
+    return _index_of(scene).signed_distance(frame.camera.in_world(points))
 
 
 @lru_cache(maxsize=2)

@@ -84,7 +84,7 @@ def check_results(folder: Path) -> None:
 
 
 def write_results(
-    tables: Tables | None,
+    tables: Tables,
     folder: Path,
     header: str,
     notes: Sequence[str],
@@ -93,7 +93,7 @@ def write_results(
     """Write table.txt, table.md and results.json, completely or not at all, and return their paths.
 
     Args:
-        tables: None if there is no record.
+        tables: of the figures.
         folder: for the files.
         header: a line over the tables.
         notes: sentences below the tables.
@@ -104,17 +104,17 @@ def write_results(
     """
     check_results(check_writable(folder))
     found: dict[str, Any] = {"note": MARK, "header": header, "notes": list(notes), **document}
-    if tables is not None:
-        found["columns"] = [
-            {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better}
-            for c in tables.columns
-        ]
-        for name in ("figures", "differences"):
-            by_method = getattr(tables, name)
-            found[name] = {
-                m: {key: asdict(f) for key, f in own.items()} for m, own in by_method.items()
-            }
-    text, markdown = ("", "") if tables is None else (tables.text(), tables.text(markdown=True))
+    found["columns"] = [
+        {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better}
+        for c in tables.columns
+    ]
+    for name in ("figures", "differences"):
+        by_method = getattr(tables, name)
+        found[name] = {
+            m: {key: asdict(f) for key, f in own.items()} for m, own in by_method.items()
+        }
+    text = tables.text()
+    markdown = tables.text(markdown=True)
     lines = [*notes, MARK]
     texts = (
         f"{header}\n\n{text}\n" + "\n".join(lines) + "\n",

@@ -1,1 +1,1 @@
-"""Accuracy of the engine on worlds."""
+"""The engine on synthetic worlds: rows of the ablation table, and their results."""

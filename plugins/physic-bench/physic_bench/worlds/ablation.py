@@ -51,28 +51,6 @@ class TableRow:
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 
-@dataclass(frozen=True)
-class AblationRow:
-    """One row of the ablation table.
-
-    Attributes:
-        key: short name, for ``--rows``.
-        name: in the paper's notation.
-        overrides: settings that differ from the full model.
-        preset: base of the overrides, instead of the full model.
-    """
-
-    key: str
-    name: str
-    overrides: Overrides
-    preset: str | None = None
-
-    def settings(self, full: EngineSettings) -> EngineSettings:
-        """Return the settings of this row, given those of the full model."""
-        base = full if self.preset is None else engine_preset(self.preset)
-        return with_overrides(base, self.overrides)
-
-
 def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:
     """Merge several sets of overrides."""
     merged: dict[str, dict[str, Any]] = {}
@@ -95,21 +73,21 @@ _FLOOR: Overrides = {
     "placement": {"floor_weight": 0.0},
 }
 
-ABLATION: tuple[AblationRow, ...] = (
-    AblationRow(
+_ROWS: tuple[tuple[str, str, Overrides], ...] = (
+    (
         "reprojection",
         "L_reg + L_j2d",
         _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR),
     ),
-    AblationRow("contact", "+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
-    AblationRow("penetration", "+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
-    AblationRow("depth", "+ L_d", _without(_OCCLUSION, _FLOOR)),
-    AblationRow("occlusion", "+ occ. aware L_i", _without(_FLOOR)),
-    AblationRow(FULL, "+ floor (full model)", {}),
-    AblationRow("prox", "PROX", {}, preset="prox"),
-    AblationRow("static", "static contacts", {"joint": {"contact": {"source": "static"}}}),
+    ("contact", "+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    ("penetration", "+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
+    ("depth", "+ L_d", _without(_OCCLUSION, _FLOOR)),
+    ("occlusion", "+ occ. aware L_i", _FLOOR),
+    (FULL, "+ floor (full model)", {}),
 )
-"""Rows of the ablation table; each row up to the full model adds one term to the previous one."""
+"""Key, name in the paper's notation, and what each row changes of the full model: each adds one
+term to the previous one.
+"""
 
 
 def ablation_rows(preset: str) -> tuple[TableRow, ...]:
@@ -120,8 +98,13 @@ def ablation_rows(preset: str) -> tuple[TableRow, ...]:
         ConfigError: the engine has no such preset.
     """
     full = engine_preset(preset)
-    rows = (TableRow(row.key, row.name, row.settings(full)) for row in ABLATION)
-    return (TableRow(START, "start (the estimators' own)", None), *rows)
+    static = with_overrides(full, {"joint": {"contact": {"source": "static"}}})
+    return (
+        TableRow(START, "start (the estimators' own)", None),
+        *(TableRow(key, name, with_overrides(full, changed)) for key, name, changed in _ROWS),
+        TableRow("prox", "PROX", engine_preset("prox")),
+        TableRow("static", "static contacts", static),
+    )
 
 
 def select_rows(preset: str, keys: Sequence[str]) -> tuple[TableRow, ...]:
