@@ -144,7 +144,7 @@ def find_item(
 
 
 def import_item(found: Found[Any], role: str) -> Any:
-    """Import what the target of a record names; ``role`` is as of :func:`find_item`.
+    """Import the target of an item; ``role`` as in :func:`find_item`.
 
     Raises:
         PluginError: it cannot be imported.

@@ -81,7 +81,6 @@ if TYPE_CHECKING:
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 """Surfaces that can carry a foot above the ground."""
 
-_FLOORS = ("floor", "ground", "rug")
 _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "water", "sky")
 
 # The ground beside soles, as shares of the height of a person's mask and of the photo's long side.
@@ -167,7 +166,7 @@ def floor_evidence(
     """
     labels = people.surfaces
     uncovered = ~people.masks.any(0)
-    ground = None if labels is None else labels.mask(*_FLOORS) & uncovered
+    ground = None if labels is None else labels.ground & uncovered
     soles = _ground_at_soles(people, hole, keypoints)
     no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & uncovered
     mask, hole_, feet, floor, other = optional_tensors(

@@ -84,7 +84,7 @@ def prepare_photo(
     prompt = (
         None
         if people is None
-        else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
+        else resize_prompt(checked_prompt(people, *file_size), file_size, (width, height))
     )
     given = check_lengths(settings.known_sizes(known), *file_size)
     sizes = given.resized(width / file_size[0], height / file_size[1])
@@ -252,9 +252,8 @@ def _mask(mask: BoolArray, lens: Lens) -> BoolArray:
     return found
 
 
-def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
-    """Validate the prompts for a photo of ``width`` x ``height`` px, and return them as tuples and
-    a bool array.
+def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
+    """Return valid prompts of a photo of ``width`` x ``height`` px, as tuples and a bool array.
 
     Raises:
         ConfigError: there is no prompt; a point or box lies outside the photo; masks are of another

@@ -180,6 +180,9 @@ curtains, pictures and the outside of buildings. "seat" is a chair, armchair, so
 "object" is anything without another name.
 """
 
+GROUND_SURFACES = ("floor", "ground", "rug")
+"""Names of :data:`SURFACE_NAMES` that are the floor."""
+
 
 @dataclass(frozen=True)
 class SurfaceLabels(ShortRepr):
@@ -210,6 +213,11 @@ class SurfaceLabels(ShortRepr):
             )
         chosen = np.array([name in names for name in self.names], bool)
         return np.asarray(chosen[self.labels])
+
+    @property
+    def ground(self) -> BoolArray:
+        """Pixels (H, W) bool of the floor, the ground and rugs."""
+        return self.mask(*GROUND_SURFACES)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from physic_core.engine.contact.support import (
     PersonContact,
-    beside_hull,
+    distance_to_hull,
     find_support,
     support_record,
 )
@@ -228,7 +228,7 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
     centre = draw.normal(size=3)
     hull = ConvexHull(points[:, [0, 2]])
     inside = float((hull.equations @ np.append(centre[[0, 2]], 1.0)).max())
-    found = beside_hull(*(torch.tensor(x) for x in (centre, points)), UP.double())
+    found = distance_to_hull(*(torch.tensor(x) for x in (centre, points)), UP.double())
     # The supporting lines of 360 directions miss 1 % of the hull's size.
     slack = 0.01 * float(np.ptp(points, axis=0).max())
     if inside <= 0:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import ConfigError
-from physic_core.pipeline.prepared_photo import check_prompt, resize_prompt
+from physic_core.pipeline.prepared_photo import checked_prompt, resize_prompt
 from physic_core.types import PeoplePrompt
 
 
@@ -27,7 +27,7 @@ from physic_core.types import PeoplePrompt
 )
 def test_a_choice_that_cannot_be_meant_is_refused(prompt, words):
     with pytest.raises(ConfigError, match=words):
-        check_prompt(prompt, 40, 30)
+        checked_prompt(prompt, 40, 30)
 
 
 def test_prompts_follow_the_size_of_the_image():

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.types.people import GROUND_SURFACES
 
 _OWN_REGIONS = {"gluteus": "seat", "back": "back"}
 _TRUNK = ("torso", *_OWN_REGIONS.values())
@@ -75,9 +76,6 @@ def _side_and_name(part: str) -> tuple[str, str]:
     side, _, name = part.partition("_")
     return (side, name) if name else ("", part)
 
-
-GROUND_CLASSES = ("floor", "ground", "rug")
-"""Classes of :data:`physic_core.types.SURFACE_NAMES` that are the floor."""
 
 UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
@@ -147,7 +145,7 @@ def scene_parts(
     )
     label[mistaken] = -1
     ground = row.cpu() < 0
-    ground = ground | (_among(label, names, GROUND_CLASSES) & ~raised)
+    ground = ground | (_among(label, names, GROUND_SURFACES) & ~raised)
     if height is not None:
         off = height.cpu().abs()
         ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
@@ -167,7 +165,7 @@ def _labels(
         return label
     row = row.cpu()
     given = torch.where(row >= 0, labels.cpu()[row], -1)
-    floors = _among(given, names, GROUND_CLASSES)
+    floors = _among(given, names, GROUND_SURFACES)
     seen = (given >= 0) & ~_among(given, names, _NO_SURFACE)
     label[seen] = given[seen]
     at = points.cpu().double().numpy()

@@ -124,16 +124,16 @@ def find_support(
         seat = level & under
         patch = _lowest(person, under, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
-            outside = beside_hull(centre, vertices[contact | patch], up)
+            outside = distance_to_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
     hands = _members(model, *(f"{side}_hand" for side in SIDES))
     hold = contact & hands & ((vertices - centre) @ up > 0)
     for state, carrying in _carrying(contact, level & ~hold, hold):
-        outside = beside_hull(centre, vertices[carrying], up)
+        outside = distance_to_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             if _is_unsteady(model, vertices, carrying, up):
                 state = SupportState.UNSTEADY
-            if beside_hull(centre, vertices[carrying & person.seen], up) > _BALANCE_M:
+            if distance_to_hull(centre, vertices[carrying & person.seen], up) > _BALANCE_M:
                 state = SupportState.ASSUMED
             return PersonSupport(state, carrying, none, seat, outside, centre)
     airborne = person.in_air and not bool(contact.any())
@@ -141,7 +141,7 @@ def find_support(
     best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
     for patch in _hidden_supports(model, person, up) if assume else ():
-        outside = beside_hull(centre, vertices[contact | patch], up)
+        outside = distance_to_hull(centre, vertices[contact | patch], up)
         if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
             best = PersonSupport(
                 SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre
@@ -261,7 +261,7 @@ def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:
     return centre
 
 
-def beside_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
+def distance_to_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
     """Return the horizontal distance of a point from the convex hull of points, metres; negative
     inside.
 

@@ -64,7 +64,7 @@ class TrustModel:
 
 @dataclass(frozen=True)
 class Trust:
-    """How far a person or a photo is to be trusted.
+    """Degree of trust in a person or a photo.
 
     Attributes:
         probability: that it is right.

@@ -18,7 +18,7 @@ from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import PackagedBackend, Products
-from physic_embedded.segmentation.chosen import Scenery, choose_poses
+from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.people import SearchSettings, UnposedBox, detect_poses, mask_box
@@ -135,7 +135,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
-            scenery = Scenery(
+            detected = DetectedPeople(
                 image,
                 networks["pose_landmark_heavy"],
                 networks["mobilesam_decoder"],
@@ -143,7 +143,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
                 found,
                 masks,
             )
-            found = choose_poses(scenery, prompt)
+            found = choose_poses(detected, prompt)
             unposed = []
             masks = _with_given_masks(
                 self._masks(embedding, [person.pose for person in found]), prompt

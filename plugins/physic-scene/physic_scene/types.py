@@ -47,7 +47,7 @@ class SkippedPhoto:
 
 @dataclass(frozen=True)
 class SolvedPhoto(ShortRepr):
-    """One photo of a scene.
+    """A photo of a moment with its solved camera.
 
     Attributes:
         index: of the photo, as it was given.

@@ -38,8 +38,8 @@ WHOLE = 1
 
 
 @dataclass(frozen=True)
-class Scenery:
-    """Photo, networks and detected people among whom the user chooses.
+class DetectedPeople:
+    """Detected people of a photo among whom the user chooses, and the networks that look again.
 
     Attributes:
         image: (H, W, 3) RGB.
@@ -58,7 +58,7 @@ class Scenery:
     masks: BoolArray
 
 
-def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
+def choose_poses(detected: DetectedPeople, prompt: PeoplePrompt) -> list[DetectedPose]:
     """Return one person for each prompt: a detected one whom it hits, else the pose in the prompt's
     box.
 
@@ -68,14 +68,14 @@ def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
     chosen: list[DetectedPose] = []
     masks = [] if prompt.masks is None else list(prompt.masks)
     finders: list[Callable[[], DetectedPose | None]] = [
-        *(lambda p=p: _at_point(scenery, np.array(p, float)) for p in prompt.points),
-        *(lambda b=b: _in_box(scenery, np.array(b, float)) for b in prompt.boxes),
-        *(lambda m=m: _in_mask(scenery, m) for m in masks),
+        *(lambda p=p: _at_point(detected, np.array(p, float)) for p in prompt.points),
+        *(lambda b=b: _in_box(detected, np.array(b, float)) for b in prompt.boxes),
+        *(lambda m=m: _in_mask(detected, m) for m in masks),
     ]
     for i, find in enumerate(finders):
         person = find()
         if person is None:
-            height, width = scenery.image.shape[:2]
+            height, width = detected.image.shape[:2]
             raise NoPersonError(
                 f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at "
                 f"{width} x {height} px: "
@@ -92,50 +92,52 @@ def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
     return chosen
 
 
-def _at_point(scenery: Scenery, point: FloatArray) -> DetectedPose | None:
+def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | None:
     """Return the detected person whose mask, else whose box contains a pixel; else the one of the
     mask at the pixel.
     """
     x, y = np.rint(point).astype(int)
-    on_mask = np.flatnonzero(scenery.masks[:, y, x])
+    on_mask = np.flatnonzero(detected.masks[:, y, x])
     if len(on_mask):
-        return scenery.found[int(on_mask[0])]
-    boxes = [_box_of(person) for person in scenery.found]
+        return detected.found[int(on_mask[0])]
+    boxes = [_box_of(person) for person in detected.found]
     around = [i for i, (x0, y0, x1, y1) in enumerate(boxes) if x0 <= x < x1 and y0 <= y < y1]
     if around:
-        return scenery.found[min(around, key=lambda i: float(np.prod(boxes[i][2:] - boxes[i][:2])))]
-    answer = predict_masks(scenery.decoder, scenery.embedding, point[None], np.zeros((0, 2)))
-    mask = scenery.embedding.to_photo(answer.logits[WHOLE]) > 0
-    person = _in_box(scenery, boxes_from_masks(mask[None])[0]) if mask.any() else None
+        return detected.found[
+            min(around, key=lambda i: float(np.prod(boxes[i][2:] - boxes[i][:2])))
+        ]
+    answer = predict_masks(detected.decoder, detected.embedding, point[None], np.zeros((0, 2)))
+    mask = detected.embedding.to_photo(answer.logits[WHOLE]) > 0
+    person = _in_box(detected, boxes_from_masks(mask[None])[0]) if mask.any() else None
     # The mask of a wall or a table has a box that contains other people.
     return (
         person if person is not None and person.pose.mask_at(point[None, None])[0, 0] > 0 else None
     )
 
 
-def _in_box(scenery: Scenery, box: FloatArray) -> DetectedPose | None:
+def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
     """Return the detected person of a box (4,), else the pose in it."""
-    if scenery.found:
-        overlap = box_iou(box[None], np.stack([_box_of(person) for person in scenery.found]))[0]
+    if detected.found:
+        overlap = box_iou(box[None], np.stack([_box_of(person) for person in detected.found]))[0]
         if overlap.max() >= MIN_BOX_IOU:
-            return scenery.found[int(overlap.argmax())]
-    others = [person.pose for person in scenery.found]
-    pose = max(_poses(scenery, box, others), key=lambda pose: pose.score * box_fit(pose, box))
+            return detected.found[int(overlap.argmax())]
+    others = [person.pose for person in detected.found]
+    pose = max(_poses(detected, box, others), key=lambda pose: pose.score * box_fit(pose, box))
     return DetectedPose(pose, float(pose.score), box) if pose.score > 0.5 else None
 
 
-def _in_mask(scenery: Scenery, mask: BoolArray) -> DetectedPose | None:
+def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
     """Return the detected or predicted pose whose own mask overlaps most with a mask (H, W)."""
     box = boxes_from_masks(mask[None])[0]
     neighbours = [
         person.pose
-        for person, own in zip(scenery.found, scenery.masks, strict=True)
+        for person, own in zip(detected.found, detected.masks, strict=True)
         if not (own & mask).any()
     ]
-    poses = [person.pose for person in scenery.found] + _poses(scenery, box, neighbours)
+    poses = [person.pose for person in detected.found] + _poses(detected, box, neighbours)
 
     def overlap(pose: Pose) -> float:
-        grid = scenery.embedding.grid_points()
+        grid = detected.embedding.grid_points()
         own = pose.mask_at(grid) > 0
         x, y = np.rint(grid).astype(int).reshape(-1, 2).T
         height, width = mask.shape
@@ -146,16 +148,16 @@ def _in_mask(scenery: Scenery, mask: BoolArray) -> DetectedPose | None:
     return DetectedPose(best, float(best.score), box) if best.score > 0.5 else None
 
 
-def _poses(scenery: Scenery, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
+def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
     """Return poses in a box (4,): with and without the other people, of a whole person and of an
     upper half.
     """
-    clear = ImagePyramid.from_image(scenery.image)
-    grey = ImagePyramid.from_image(grey_out(scenery.image, others))
+    clear = ImagePyramid.from_image(detected.image)
+    grey = ImagePyramid.from_image(grey_out(detected.image, others))
     return [
-        predict_pose(scenery.landmarker, clear, square_around(box)),
-        predict_pose(scenery.landmarker, grey, square_around(box), passes=1),
-        predict_pose(scenery.landmarker, grey, square_from_upper_half(box), passes=1),
+        predict_pose(detected.landmarker, clear, square_around(box)),
+        predict_pose(detected.landmarker, grey, square_around(box), passes=1),
+        predict_pose(detected.landmarker, grey, square_from_upper_half(box), passes=1),
     ]
 
 

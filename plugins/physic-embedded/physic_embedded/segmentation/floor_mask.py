@@ -116,7 +116,7 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool)
         surfaces: of the same photo.
         people: (H, W), pixels of people.
     """
-    labelled = surfaces.mask("floor", "ground", "rug") & ~people
+    labelled = surfaces.ground & ~people
     if labelled.mean() < _LEAST_LABELLED:
         return beside_feet
     if not people.any():

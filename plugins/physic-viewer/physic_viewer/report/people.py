@@ -25,7 +25,7 @@ _PELVIS = 0
 _SPARSE = 32  # every n-th vertex bounds the distance of two people
 
 
-def body_of(reconstruction: Reconstruction) -> BodyModel | None:
+def body_model_of(reconstruction: Reconstruction) -> BodyModel | None:
     """Load the body model of the people's parameters; None if it is not at hand, such as a file of
     another machine.
     """
@@ -65,7 +65,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
           divides the share by what is touched (``color`` sRGB, ``share``).
     """
     model = (
-        body_of(reconstruction)
+        body_model_of(reconstruction)
         if any(is_posed(person) for person in reconstruction.people)
         else None
     )
