@@ -297,6 +297,18 @@ def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch, roll, masked):
     assert found.plane.offset == pytest.approx(3.0, rel=0.03)
 
 
+@pytest.mark.parametrize("pitch", [80, 85])
+def test_a_wall_that_fills_the_photo_is_no_floor_seen_from_above(pitch):
+    wall = meet(up(pitch), 3.0) * (1 + 0.01 * noise())
+    wall[:, :60] = wall[:, :60].clamp(max=2.0)
+    points = RAYS * wall[..., None]
+    lower = NONE.clone()
+    lower[60:] = True
+    normals = pointmap_normals(points, ALL)
+    assert fit_floor(points, ALL, normals, mask=lower).plane is not None
+    assert fit_floor(points, ALL, normals, no_ground=lower).plane is None
+
+
 def two_levels():
     """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below,
     and the sand.
