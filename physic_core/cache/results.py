@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
@@ -130,7 +129,6 @@ class ResultCache:
         self._written = False
         self._code = code or CodeDigester()
         self._digester = Digester()
-        self._libraries = cache(required_versions)
 
     @classmethod
     def in_users_folder(
@@ -162,7 +160,7 @@ class ResultCache:
             "device": device,
             "files": list(files_named_by(who.options)),
             "fingerprint": str(backend.fingerprint()),
-            "libraries": self._libraries("physic-core") | self._libraries(who.distribution),
+            "libraries": required_versions("physic-core") | required_versions(who.distribution),
         }
         try:
             name = self._digester.digest(_VERSION, parts, inputs)

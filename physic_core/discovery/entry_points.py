@@ -136,6 +136,13 @@ def required_versions(distribution: str) -> dict[str, str]:
     """Return the installed versions of a distribution's requirements, by name; extras are
     ignored.
     """
+    return dict(_read_versions(distribution, _folders()))
+
+
+@lru_cache(maxsize=64)
+def _read_versions(
+    distribution: str, folders: tuple[tuple[str, float], ...]
+) -> tuple[tuple[str, str], ...]:
     found = {}
     with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
         for line in requires(distribution) or ():
@@ -144,7 +151,7 @@ def required_versions(distribution: str) -> dict[str, str]:
             if name and "extra" not in marker:
                 with suppress(PackageNotFoundError):
                     found[canonicalize_name(name[0])] = version(name[0])
-    return found
+    return tuple(found.items())
 
 
 def _folders() -> tuple[tuple[str, float], ...]:
