@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 _LEAF = 32  # points of a leaf of the tree
 
 
+def search_tree(points: np.ndarray) -> cKDTree:
+    """Return a k-d tree of points (M, 3) float64."""
+    # For pixel samples and skins, and a bounded distance, this tree is built faster and searched
+    # up to three times as fast.
+    return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+
+
 @dataclass(frozen=True)
 class Nearest:
     """Result of a nearest-point query.
@@ -62,10 +69,7 @@ class NearestPointSearch:
     @cached_property
     def tree(self) -> cKDTree:
         """The k-d tree of the points, built when it is first used."""
-        # For pixel samples and a bounded distance, this tree is built faster and searched three
-        # times as fast.
-        exact = self.points.cpu().double().numpy()
-        return cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+        return search_tree(self.points.cpu().double().numpy())
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex; not differentiable.

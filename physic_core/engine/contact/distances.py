@@ -14,9 +14,8 @@ Camera frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import TypeAlias
 
 import numpy as np
@@ -27,7 +26,7 @@ from torch import Tensor
 from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.scene.state import Surroundings
 from physic_core.geometry.camera import project
-from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes, search_tree
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
 
@@ -189,7 +188,8 @@ def people_distances(
         radius: of the search, metres.
     """
     ids = np.flatnonzero(outer.cpu().numpy())
-    searches = [(i, ids, j, ids) for i, j in permutations(_finite_people(vertices), 2)]
+    people = _finite_people(vertices)
+    searches = [(j, ids, [(i, ids) for i in people if i != j]) for j in people]
     return _nearest_skin(vertices, normals, searches, radius)
 
 
@@ -212,7 +212,7 @@ def own_distances(
     ids = np.flatnonzero(outer.cpu().numpy())
     parts = part.cpu().numpy()[ids]
     searches = [
-        (i, ids[parts != p], i, ids[parts == p])
+        (i, ids[parts == p], [(i, ids[parts != p])])
         for i in _finite_people(vertices)
         for p in np.unique(parts)
     ]
@@ -228,7 +228,7 @@ def _finite_people(vertices: Tensor) -> list[int]:
 def _nearest_skin(
     vertices: Tensor,
     normals: Tensor,
-    searches: Iterable[tuple[int, np.ndarray, int, np.ndarray]],
+    searches: Iterable[tuple[int, np.ndarray, Sequence[tuple[int, np.ndarray]]]],
     radius: float,
     rest: np.ndarray | None = None,
 ) -> SkinDistances:
@@ -237,7 +237,7 @@ def _nearest_skin(
     Args:
         vertices: (N, V, 3) metres.
         normals: (N, V, 3) unit, out of the bodies.
-        searches: person and vertices that search, person and vertices that are searched.
+        searches: person and vertices that are searched; people and their vertices that search them.
         radius: of the search, metres.
         rest: (V, 3) vertices in the rest pose, metres, where skin of the same body is searched.
     """
@@ -245,41 +245,45 @@ def _nearest_skin(
     distance = np.full(points.shape[:2], np.inf)
     person = np.zeros(distance.shape, np.int64)
     vertex = np.zeros(distance.shape, np.int64)
-    for i, ids, j, targets in searches:
+    for j, targets, searchers in searches:
         if not len(targets):
             continue
-        low = points[j, targets].min(0) - radius
-        high = points[j, targets].max(0) + radius
-        ids = ids[((points[i, ids] > low) & (points[i, ids] < high)).all(1)]
-        if not len(ids):
-            continue
+        skin = points[j, targets]
+        low = skin.min(0) - radius
+        high = skin.max(0) + radius
         count = min(_CANDIDATES, len(targets))
-        tree = cKDTree(points[j, targets], balanced_tree=False, compact_nodes=False)
-        gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
-        gap = gap.reshape(len(ids), count)
-        index = index.reshape(len(ids), count)
-        near = np.isfinite(gap[:, 0])
-        ids = ids[near]
-        found = np.isfinite(gap[near])
-        index = index[near]
-        nearest = targets[np.where(found, index, 0)]
-        offset = points[i, ids][:, None] - points[j, nearest]
-        outward = outwards[j, nearest]
-        along = (offset * outward).sum(-1)
-        beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
-        size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
-        found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
-        if rest is not None:
-            found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
-        size = np.where(found, size, np.inf)
-        rows = np.arange(len(ids))
-        best = size.argmin(1)
-        signed = np.copysign(size[rows, best], along[rows, best])
-        closer = np.abs(signed) < np.abs(distance[i, ids])
-        chosen = ids[closer]
-        distance[i, chosen] = signed[closer]
-        person[i, chosen] = j
-        vertex[i, chosen] = nearest[rows, best][closer]
+        tree = None
+        for i, candidates in searchers:
+            inside = ((points[i, candidates] > low) & (points[i, candidates] < high)).all(1)
+            ids = candidates[inside]
+            if not len(ids):
+                continue
+            tree = tree or search_tree(skin)
+            gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
+            gap = gap.reshape(len(ids), count)
+            index = index.reshape(len(ids), count)
+            near = np.isfinite(gap[:, 0])
+            ids = ids[near]
+            found = np.isfinite(gap[near])
+            index = index[near]
+            nearest = targets[np.where(found, index, 0)]
+            offset = points[i, ids][:, None] - points[j, nearest]
+            outward = outwards[j, nearest]
+            along = (offset * outward).sum(-1)
+            beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
+            size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
+            found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
+            if rest is not None:
+                found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
+            size = np.where(found, size, np.inf)
+            rows = np.arange(len(ids))
+            best = size.argmin(1)
+            signed = np.copysign(size[rows, best], along[rows, best])
+            closer = np.abs(signed) < np.abs(distance[i, ids])
+            chosen = ids[closer]
+            distance[i, chosen] = signed[closer]
+            person[i, chosen] = j
+            vertex[i, chosen] = nearest[rows, best][closer]
     others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
     return SkinDistances(torch.from_numpy(distance).to(vertices), *others)
 

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.geometry.camera import project
+from physic_core.geometry.neighbors import search_tree
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy
 
@@ -120,8 +120,8 @@ class ChamferTerm:
         self.points = points
         self.weights = weights
         self.scale = scale
-        self.vertex_tree = cKDTree(vertices.numpy())
-        self.point_tree = cKDTree(points.numpy())
+        self.vertex_tree = search_tree(vertices.numpy())
+        self.point_tree = search_tree(points.numpy())
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3)
