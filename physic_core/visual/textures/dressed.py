@@ -35,6 +35,7 @@ from physic_core.visual.textures.shoes import with_shoes, worn_shoes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Reconstruction, UInt8Array
@@ -125,10 +126,11 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     filled = dict[int, "NDArray[np.float32]"]()
     shown = dict[int, float]()
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
+    laplacian = _laplacian(faces, len(others)) if posed else None
     for index, vertices in posed.items():
         photo, seen, near = photo_colors(result, index, vertices, normals[index], caster)
         hair = None if model is None else _hair(result, index, vertices, model, parts)
-        fill[index] = _fill(photo, near, faces, others, parts, pull, hair)
+        fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
         tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals[index] @ _light(result))
         colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
         filled[index] = (1 - seen).astype(np.float32)
@@ -273,10 +275,20 @@ def _hair(
     return color
 
 
+def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
+    """Return the graph Laplacian (count, count) of the edges of a mesh."""
+    import scipy.sparse as sp
+
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
+    links = ((links + links.T) > 0).astype(np.float64)
+    return sp.diags(np.asarray(links.sum(1)).ravel()) - links
+
+
 def _fill(
     photo: Array,
     weight: Array,
-    faces: NDArray[np.int64],
+    laplacian: csr_matrix,
     others: NDArray[np.int64],
     parts: NDArray[np.int64],
     pull: Array,
@@ -303,11 +315,7 @@ def _fill(
     of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
     if hair is not None:
         of_part[-1] = hair
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
-    links = ((links + links.T) > 0).astype(np.float64)
-    laplacian = sp.diags(np.asarray(links.sum(1)).ravel()) - links
-    system = splu((laplacian + sp.diags(10 * trust + pull)).tocsc())
+    system = splu((sp.diags(10 * trust + pull) + laplacian).tocsc())
     solved: Array = system.solve(10 * trust[:, None] * target + pull[:, None] * of_part[parts])
     return solved
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from physic_core.visual.surface import kept_for_next_picture
 from physic_core.visual.textures.raster import pad_texture
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ def photo_colors(
     visible = np.zeros(len(points), bool)
     distance = 1.0 if caster is None else caster.first(np.zeros(3), points[candidate]).distance
     visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
-    photo, shown, near = _sample(result, np.asarray(result.people[index].mask, bool), points)
+    photo, shown, near = _sample(result, index, points)
     return photo, weight * (visible & shown), weight * (visible & near)
 
 
@@ -73,19 +75,34 @@ def _smooth(share: Array) -> Array:
     return t * t * (3 - 2 * t)
 
 
-def _sample(
-    result: Reconstruction, mask: NDArray[np.bool_], points: Array
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask,
-    and near to it.
+@dataclass(frozen=True)
+class _MaskPicture:
+    """Colours of the photo in and around the mask of a person.
 
-    Outside the mask (H, W) the colour is that of the nearest pixel in it.
+    Attributes:
+        corner: column and row of the photo where the picture starts.
+        colors: (h, w, 3) float32 sRGB 0-255; outside of the mask those of the nearest pixel in it.
+        distance: (h, w) float32 to the mask, px.
+        height: of the mask, px.
     """
+
+    corner: tuple[int, int]
+    colors: NDArray[np.float32]
+    distance: NDArray[np.float32]
+    height: float
+
+
+@kept_for_next_picture
+def _mask_pictures(result: Reconstruction) -> tuple[_MaskPicture | None, ...]:
+    """Return the picture of each person's mask; None of an empty mask."""
+    return tuple(_mask_picture(result.image, np.asarray(one.mask, bool)) for one in result.people)
+
+
+def _mask_picture(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> _MaskPicture | None:
     import cv2
 
     if not mask.any():
-        none = np.zeros(len(points), bool)
-        return np.zeros((len(points), 3)), none, none
+        return None
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
     height = float(np.ptp(rows)) + 1
     margin = math.ceil(REACH_SHARE * height) + 2
@@ -96,13 +113,32 @@ def _sample(
         1:-1, 1:-1
     ]
     core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
-    outer = np.full(mask.shape, 1e6, np.float32)
-    outer[window] = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
-    image = np.zeros(result.image.shape, np.float32)
-    image[window] = pad_texture(result.image[window], core)
+    return _MaskPicture(
+        corner=(int(window[1].start), int(window[0].start)),
+        colors=pad_texture(image[window], core).astype(np.float32),
+        distance=cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5),
+        height=height,
+    )
+
+
+def _sample(
+    result: Reconstruction, index: int, points: Array
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask of
+    a person, and near to it.
+
+    Outside the mask the colour is that of the nearest pixel in it.
+    """
+    import cv2
+
+    picture = _mask_pictures(result)[index]
+    if picture is None:
+        none = np.zeros(len(points), bool)
+        return np.zeros((len(points), 3)), none, none
     pixels = points @ result.intrinsics.matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
+        spots = (pixels[:, :2] / pixels[:, 2:]).astype(np.float32)
+    x, y = (spots - np.array(picture.corner, np.float32)).T
     place = (
         np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9),
         np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9),
@@ -110,10 +146,10 @@ def _sample(
     limit = 32_000  # cv2.remap takes no more rows than this
     parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
 
-    def at(picture: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
+    def at(values: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
         rows = [
             cv2.remap(
-                picture,
+                values,
                 place[0][part][:, None],
                 place[1][part][:, None],
                 cv2.INTER_LINEAR,
@@ -124,9 +160,9 @@ def _sample(
         ]
         return np.concatenate(rows)
 
-    far = at(outer, 1e6)[:, 0]
-    colors = at(image, 0.0)
-    return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * height
+    far = at(picture.distance, 1e6)[:, 0]
+    colors = at(picture.colors, 0.0)
+    return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * picture.height
 
 
 def encode_image(image: NDArray[np.uint8 | np.uint16], form: Literal["JPEG", "PNG"]) -> bytes:
