@@ -53,7 +53,8 @@ class Chromium:
 
     def __init__(self, binary, *flags):
         self._folder = tempfile.mkdtemp(prefix="chromium-")
-        (out, self._send), (self._receive, into) = os.pipe(), os.pipe()
+        (out, self._send) = os.pipe()
+        (self._receive, into) = os.pipe()
         command = [binary, *_FLAGS, *flags, f"--user-data-dir={self._folder}", "about:blank"]
         self._process = subprocess.Popen(
             [sys.executable, "-c", _START, str(out), str(into), *command],

@@ -270,6 +270,7 @@ def observed_joints(
     face = seen_of("nose", *(f"{side}_{name}_surface" for side in SIDES for name in ("eye", "ear")))
     shoulders, hips = (observed[:, _LIMBS[name]].any(axis=1) for name in ("shoulder", "hip"))
     observed[:, _FACE] = face.any(axis=1, keepdims=True)
-    observed[:, _PELVIS], observed[:, _CHEST] = hips, shoulders
+    observed[:, _PELVIS] = hips
+    observed[:, _CHEST] = shoulders
     observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
     return observed

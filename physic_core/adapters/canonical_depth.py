@@ -77,7 +77,8 @@ def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
     """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have
     no intrinsics.
     """
-    camera, (height, width) = hints.intrinsics, image.shape[:2]
+    camera = hints.intrinsics
+    height, width = image.shape[:2]
     if camera is None or (camera.width, camera.height) == (width, height):
         return camera
     return camera.resized(width, height)

@@ -171,7 +171,8 @@ class Checkout:
             if self._own is None:
                 self._own = _top_names(root)  # once: folders of data can be large
             own = self._own
-            self._is_active, others = True, _pop_modules(own)
+            self._is_active = True
+            others = _pop_modules(own)
             sys.modules.update(self._modules)
             for package in own.values():
                 if package is not None and package.name not in sys.modules:

@@ -423,7 +423,8 @@ def _work(
         with open_to_append(log) as file:
             os.dup2(file.fileno(), 1)
             os.dup2(file.fileno(), 2)
-        sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
+        sys.stdout = os.fdopen(1, "w", buffering=1)
+        sys.stderr = os.fdopen(2, "w", buffering=1)
     faulthandler.enable()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:

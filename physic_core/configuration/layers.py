@@ -222,10 +222,8 @@ def _same_backend(name: Any, before: Any) -> bool:
     """
     if name is None or name == before:
         return True
-    (owner, _, bare), (owner_before, _, bare_before) = (
-        str(name).rpartition(":"),
-        str(before).rpartition(":"),
-    )
+    owner, _, bare = str(name).rpartition(":")
+    owner_before, _, bare_before = str(before).rpartition(":")
     return bare == bare_before and not (owner and owner_before)
 
 

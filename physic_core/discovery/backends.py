@@ -179,7 +179,7 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
 
 
 def _called(offers: tuple[Offer, ...], name: str) -> tuple[Offer, ...]:
-    """Return the backends of the name "name" or "distribution:name"."""
+    """Return the backends named "name" or "distribution:name"."""
     owner, _, bare = name.rpartition(":")
     return tuple(
         offer

@@ -318,7 +318,7 @@ def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
 
 
 def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float:
-    """Return the tempered log likelihood of pixels by a plane (3,), less that without a plane,
+    """Return the tempered log likelihood ratio of a plane (3,) over no plane, by the pixels,
     nats.
     """
     rays = view.rays[pixels.rows, pixels.columns].double()

@@ -115,7 +115,8 @@ def surroundings(
         ends = _shoulders_and_ankles(keypoints, i)
         if ends is None:
             continue
-        start, way = ends[0], ends[1] - ends[0]
+        start = ends[0]
+        way = ends[1] - ends[0]
         length = float(np.linalg.norm(way))
         if length < _SMALLEST * mask.shape[0]:
             continue

@@ -46,7 +46,8 @@ class AtomicWrite:
     """
 
     def __init__(self, folder: Path, parts: Mapping[str, Path] = MappingProxyType({})) -> None:
-        self._folder, self._token = folder, secrets.token_hex(4)
+        self._folder = folder
+        self._token = secrets.token_hex(4)
         self._parts = dict(parts)
 
     def __call__(self, name: str) -> Path:

@@ -63,7 +63,8 @@ class RayCaster:
         points = np.asarray(vertices, np.float64)
         triangles = np.asarray(faces, np.int64)
         corners = points[triangles]
-        self.low, self.high = points.min(0, initial=np.inf), points.max(0, initial=-np.inf)
+        self.low = points.min(0, initial=np.inf)
+        self.high = points.max(0, initial=-np.inf)
         self._corner = corners[:, 0]
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the
@@ -225,7 +226,8 @@ class _TriangleTree:
             order = np.lexsort((self._face[triangle], along, ray))
             ray, nearest = np.unique(ray[order], return_index=True)
             chosen = order[nearest]
-            face[start + ray], distance[start + ray] = self._face[triangle[chosen]], along[chosen]
+            face[start + ray] = self._face[triangle[chosen]]
+            distance[start + ray] = along[chosen]
             uv[start + ray] = np.stack([u[chosen], v[chosen]], 1)
         return face, distance, uv
 

@@ -121,7 +121,8 @@ def check_median(
     """Check that the median of an array lies within limits."""
     import numpy as np
 
-    (low, high), median = limits, float(np.median(value))
+    low, high = limits
+    median = float(np.median(value))
     if not low <= median <= high:
         yield (
             f"the median of {name} must lie between {low:g} and {high:g}{unit and ' ' + unit}, "

@@ -196,8 +196,10 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLay
         fine, deep = _cast_rays(
             shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below
         )
-        coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
-        color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
+        coarse[edge] = fine.mean(1)
+        depth[edge] = deep.min(1)
+        color[y0:y1, x0:x1] = coarse
+        distance[y0:y1, x0:x1] = depth
     return RenderedLayer(color[..., :-1], color[..., -1], distance)
 
 
@@ -242,7 +244,8 @@ def render_points(
     color = np.zeros((height, width, 3), np.float32)
     depth = np.full((height, width), np.inf, np.float32)
     shown = order[rank[drawn].astype(np.int64) - 1]
-    color[drawn], depth[drawn] = colors[shown], distance[shown]
+    color[drawn] = colors[shown]
+    depth[drawn] = distance[shown]
     return RenderedLayer(color, drawn.astype(np.float32), depth)
 
 
@@ -259,7 +262,8 @@ def _cast_rays(
     weights = hits.corners[hit]
     base = np.einsum("nkc,nk->nc", colors[corners], weights)
     color = np.zeros((columns.size, colors.shape[1] + 1), np.float32)
-    color[hit, :-1], color[hit, -1] = base, 1.0
+    color[hit, :-1] = base
+    color[hit, -1] = 1.0
     distance = np.full(columns.size, np.inf, np.float32)
     ahead = viewer.axes[2]
     distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (

@@ -61,7 +61,8 @@ class Rig:
         poses = np.tile(np.eye(4), (len(self.parents), 1, 1))
         for joint, parent in enumerate(self.parents):
             own = np.eye(4)
-            own[:3, :3], own[:3, 3] = self.rotations[joint], self.offsets[joint]
+            own[:3, :3] = self.rotations[joint]
+            own[:3, 3] = self.offsets[joint]
             poses[joint] = own if parent < 0 else poses[parent] @ own
         return poses
 

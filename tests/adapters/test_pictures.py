@@ -39,7 +39,8 @@ def torch_resized(image, height, width, mode):
 class TestPlanes:
     def test_channels_come_first_in_the_order_of_the_image(self):
         image = np.zeros((2, 3, 3), np.uint8)
-        image[..., 0], image[1, 2, 2] = 255, 51
+        image[..., 0] = 255
+        image[1, 2, 2] = 51
         values = normalized_nchw(image)
         assert (values.shape, values.dtype) == ((1, 3, 2, 3), np.float32)
         np.testing.assert_array_equal(values[0, 0], 1)

@@ -87,7 +87,8 @@ def test_an_edited_file_of_a_result_is_kept(
     another reason.
     """
     monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
-    out, (item,) = tmp_path / "out", list_photos([str(photos)]).photos
+    out = tmp_path / "out"
+    (item,) = list_photos([str(photos)]).photos
     jobs = [
         BatchJob(
             load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "pictures"

@@ -167,7 +167,8 @@ def smpl_file_arrays(body):
     weights = np.zeros((len(body.template), 24))
     weights[:, :22] = body.weights[:, :22]
     weights[:, 15] += body.weights[:, 22:25].sum(1)
-    weights[:, 22], weights[:, 23] = body.weights[:, 25:40].sum(1), body.weights[:, 40:].sum(1)
+    weights[:, 22] = body.weights[:, 25:40].sum(1)
+    weights[:, 23] = body.weights[:, 40:].sum(1)
     hands = [JOINT_INDEX["left_middle1"], JOINT_INDEX["right_middle1"]]
     return {
         "v_template": body.template,

@@ -46,7 +46,8 @@ def slow_pose(model, rotations, betas, transl):
     joints = np.zeros((55, 3))
     for joint, parent in enumerate(PARENTS):
         if parent < 0:
-            world[joint], joints[joint] = rotations[joint], rest[joint]
+            world[joint] = rotations[joint]
+            joints[joint] = rest[joint]
         else:
             world[joint] = world[parent] @ rotations[joint]
             joints[joint] = joints[parent] + world[parent] @ bind[parent] @ (

@@ -58,7 +58,8 @@ def with_points(state, points, normals):
 
 def larger_scene(state, factor):
     """Return the state with its scene and the depth of its photo times a factor."""
-    scene, floor = state.scene, state.scene.floor
+    scene = state.scene
+    floor = state.scene.floor
     larger = with_scene(state, points=factor * scene.points, floor_offset=factor * floor.offset)
     return replace(larger, photo_depth=factor * state.photo_depth)
 

@@ -22,7 +22,8 @@ def sheet(depth, normal):
 
 
 def two_people(depth, first, second):
-    (a, along_a), (b, along_b) = sheet(0.0, first), sheet(depth, second)
+    a, along_a = sheet(0.0, first)
+    b, along_b = sheet(depth, second)
     outer = torch.ones(len(a), dtype=torch.bool)
     return people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer, RADIUS_M)
 
@@ -50,7 +51,8 @@ def test_people_whose_vertices_are_not_finite_touch_no_other_person():
 
 def own(rest_gap, part):
     """Distances of two sheets of one body, 3 cm apart, and ``rest_gap`` in the rest pose."""
-    (a, along_a), (b, along_b) = sheet(0.0, BACK), sheet(0.03, FRONT)
+    a, along_a = sheet(0.0, BACK)
+    b, along_b = sheet(0.03, FRONT)
     vertices = torch.cat([a, b])
     rest = torch.cat([a, b + torch.tensor([0.0, 0.0, rest_gap])])
     parts = torch.tensor([0] * 400 + [part] * 400)

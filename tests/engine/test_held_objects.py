@@ -74,7 +74,9 @@ def people(*objects):
         patch[y : y + 6, x : x + 6] = True
     points = np.zeros((1, 17, 2), np.float32)
     confidence = np.zeros((1, 17), np.float32)
-    points[0, 9], points[0, 7], confidence[0, [7, 9]] = (60, 50), (50, 40), 0.9
+    points[0, 9] = (60, 50)
+    points[0, 7] = (50, 40)
+    confidence[0, [7, 9]] = 0.9
     boxes = np.array([[40, 10, 60, 90]], np.float32)
     found = People(masks, boxes, np.ones(1, np.float32), objects=patches)
     return found, Keypoints(points, confidence, "coco17")

@@ -48,7 +48,8 @@ def weights(skeleton, confidence, points=None):
 def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_nothing():
     names = SKELETONS["coco_wholebody133"].names
     confidence = [0.9] * len(names)
-    confidence[3], confidence[40] = 0.49, 0.5
+    confidence[3] = 0.49
+    confidence[40] = 0.5
     got = weights("coco_wholebody133", confidence)
     assert got[:23] == pytest.approx([9.0] * 3 + [0.0] + [9.0] * 19)
     assert got[40] == pytest.approx(0.5)

@@ -190,7 +190,8 @@ def floor_depth(state):
 def people_of(state):
     """Keypoints and masks of a problem, and the depth (H, W) of the photo."""
     photo = torch.where(state.photo_depth.isnan(), floor_depth(state), state.photo_depth)
-    points, confidence = state.keypoints.numpy(), state.keypoint_confidence.numpy()
+    points = state.keypoints.numpy()
+    confidence = state.keypoint_confidence.numpy()
     return Keypoints(points, confidence, state.skeleton), state.masks, photo
 
 

@@ -27,7 +27,8 @@ def sphere(centre, radius=0.3, fineness=3):
 
 
 def two_spheres(front, back):
-    (v1, f1), (v2, f2) = sphere(front), sphere(back)
+    v1, f1 = sphere(front)
+    v2, f2 = sphere(back)
     part = torch.cat(
         [torch.zeros(len(v1), dtype=torch.int64), torch.ones(len(v2), dtype=torch.int64)]
     )

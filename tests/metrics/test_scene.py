@@ -59,7 +59,9 @@ def test_one_bad_pixel_moves_the_mean_and_not_the_median():
 def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
     truth = room()
     predicted = room()
-    predicted[0, 0], predicted[0, 1], predicted[0, 2, 2] = np.nan, np.inf, -1
+    predicted[0, 0] = np.nan
+    predicted[0, 1] = np.inf
+    predicted[0, 2, 2] = -1
     found = ALL.copy()
     known = ALL.copy()
     predicted[1] += 100

@@ -466,13 +466,8 @@ def test_a_person_lists_what_failed_and_what_is_unknown():
 def test_a_check_reads_as_label_value_and_bound(name, value, text):
     check = CHECKS[name].compare((value, "advice or reason"))
     assert str(check) == text
-    assert check.message == (
-        text
-        if check.ok
-        else "advice or reason"
-        if check.failed
-        else "not measured: advice or reason"
-    )
+    said = "advice or reason" if check.failed else "not measured: advice or reason"
+    assert check.message == (text if check.ok else said)
 
 
 class Body:

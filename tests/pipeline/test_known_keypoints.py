@@ -46,7 +46,8 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path, world):
         world,
         written(tmp_path, "person, joint, x, y\n0, left_wrist, 40, 30.5\n0, left_ear, 0, 0\n"),
     )
-    (one,), (other,) = found.people, before.people
+    (one,) = found.people
+    (other,) = before.people
     assert one.keypoints[LEFT_WRIST].tolist() == [40, 30.5]
     assert one.keypoint_confidence[LEFT_WRIST] == 1
     assert any("given keypoints: 2" in note for note in found.notes)
@@ -79,7 +80,8 @@ def two_people():
     points = np.random.default_rng(0).uniform((10, 10), (60, 110), (17, 2))
     points = np.stack([points, np.random.default_rng(1).uniform((5, 5), (150, 115), (17, 2))])
     masks = np.zeros((2, 120, 160), bool)
-    masks[0, :, :70], masks[1, :, 70:] = True, True
+    masks[0, :, :70] = True
+    masks[1, :, 70:] = True
     boxes = np.array([[0, 0, 70, 120], [0, 0, 160, 120]], float)
     return Keypoints(points, np.full((2, 17), 0.9), "coco17"), People(masks, boxes, np.ones(2))
 
@@ -105,10 +107,8 @@ def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_p
 
 
 def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path):
-    file, (keypoints, people) = (
-        written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n"),
-        two_people(),
-    )
+    file = written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n")
+    keypoints, people = two_people()
     settings = PhotoSettings(keypoints=str(file), max_side=160)
     given = prepare_photo(
         read_photo(np.zeros((240, 320, 3), np.uint8)), settings, None, None
@@ -133,7 +133,8 @@ def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is
     before.points[0, [LEFT_WRIST, NAMES.index("right_wrist")]] = (50, 60), (100, 110)
     points = np.array(before.points)
     changed = np.zeros((2, 17), bool)
-    points[0, LEFT_WRIST], changed[0, LEFT_WRIST] = at, True
+    points[0, LEFT_WRIST] = at
+    changed[0, LEFT_WRIST] = True
     after = replace(before, points=points)
     expected = np.zeros((2, 17))
     expected[0, LEFT_WRIST] = off
@@ -147,10 +148,8 @@ def test_an_unsure_detector_contradicts_only_a_joint_far_outside_of_the_mask():
     unsure = replace(before, confidence=np.full((2, 17), 0.2))
     points = np.array(before.points)
     changed = np.zeros((2, 17), bool)
-    points[0, [LEFT_ELBOW, LEFT_WRIST]], changed[0, [LEFT_ELBOW, LEFT_WRIST]] = (
-        [(80, 60), (140, 60)],
-        True,
-    )
+    points[0, [LEFT_ELBOW, LEFT_WRIST]] = [(80, 60), (140, 60)]
+    changed[0, [LEFT_ELBOW, LEFT_WRIST]] = True
     off = contradicted_keypoints(unsure, replace(unsure, points=points), changed, people)[0]
     assert off[[LEFT_ELBOW, LEFT_WRIST]] == pytest.approx([0, 71], abs=1)
 

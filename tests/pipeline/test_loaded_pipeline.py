@@ -256,9 +256,8 @@ def test_a_summary_is_the_grade_and_flat_numbers(result):
     ("values", "worst"), [((0.5, 0.1), 0.1), ((0.5, 0.9), 0.5), ((None, 0.9), 0.9), ((None,), None)]
 )
 def test_a_check_of_several_people_counts_with_its_worst_value(result, values, worst):
-    states = ["unknown" if v is None else "ok" if v >= 0.4 else "failed" for v in values]
+    states = {0.1: "failed", 0.5: "ok", 0.9: "ok", None: "unknown"}
     checks = tuple(
-        CheckResult("visible", state, v, 0.4, "at least", "share", "", person=0)
-        for state, v in zip(states, values, strict=True)
+        CheckResult("visible", states[v], v, 0.4, "at least", "share", "", person=0) for v in values
     )
     assert replace(result, checks=checks).summary()["check_visible"] == worst

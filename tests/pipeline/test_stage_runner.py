@@ -38,7 +38,9 @@ class Counting(interfaces.MetricDepth):
 
     def __init__(self, name="a", fails_in="", error=None):
         super().__init__()
-        self.name, self.fails_in, self.error = name, fails_in, error or RuntimeError("no")
+        self.name = name
+        self.fails_in = fails_in
+        self.error = error or RuntimeError("no")
         self.answer = DepthMap(np.ones(SHAPE, np.float32), notes=(f"from {name}",))
 
     def load(self, device="cpu"):
@@ -234,7 +236,8 @@ def test_a_cached_result_must_pass_the_check(
     monkeypatch,
 ):
     ask(run(), Counting())
-    stages, (file,) = run(), (tmp_path / "answers").iterdir()
+    stages = run()
+    (file,) = (tmp_path / "answers").iterdir()
     monkeypatch.setattr(
         interfaces.MetricDepth, "check", lambda *_: [] if "infer a" in events[2:] else ["x"]
     )

@@ -56,12 +56,10 @@ def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
     head = person.joints[15].astype(np.float64)
     column, row = np.round(pink.intrinsics.matrix[:2] @ head / head[2]).astype(int)
     hair = ~person.mask
-    hair[row - 1 :], hair[: row - 13], hair[:, : column - 10], hair[:, column + 11 :] = (
-        False,
-        False,
-        False,
-        False,
-    )
+    hair[row - 1 :] = False
+    hair[: row - 13] = False
+    hair[:, : column - 10] = False
+    hair[:, column + 11 :] = False
     image[hair] = blue
     curly = replace(pink, image=image, people=(replace(person, mask=person.mask | hair),))
     mesh = person.mesh()

@@ -107,7 +107,8 @@ def test_flying_shards_are_left_out():
 
 def test_invalid_and_far_pixels_are_left_out():
     depth = np.full((10, 20), 3.0)
-    depth[4, 4], depth[7, 14] = np.nan, 50.0
+    depth[4, 4] = np.nan
+    depth[7, 14] = 50.0
     surface = mesh_scene(flat_scene(depth), 10.0)
     assert len(surface.vertices) == 198
     # Six triangles meet at a pixel.

@@ -229,7 +229,8 @@ def test_from_aside_people_stand_before_what_is_farther(reconstruction):
     pink = (230, 20, 200)
     valid = scene.valid.copy()
     colors = scene.colors.copy()
-    valid[: len(valid) // 3], colors[: len(valid) // 3] = False, pink
+    valid[: len(valid) // 3] = False
+    colors[: len(valid) // 3] = pink
     picture = view_from_aside(
         in_colors_of_numbers(
             replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))

@@ -74,7 +74,7 @@ def has_torso_joints(known: _Bools) -> _Bools:
 
 
 def finite_rows(joints: NDArray[np.floating[Any]]) -> _Bools:
-    """Return which vectors (..., 3) are finite -> (...) bool."""
+    """Return whether each vector (..., 3) is finite: (...) bool."""
     known: _Bools = np.asarray(np.isfinite(joints).all(-1), bool)
     return known
 
@@ -129,8 +129,10 @@ def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
             (top - base, rest_top - rest_base),
         ]
     )
-    world[:, _PELVIS], world[:, _SPINE3] = low, high
-    world[:, _SPINE1], world[:, _SPINE2] = slerp(low, high, 1 / 3), slerp(low, high, 2 / 3)
+    world[:, _PELVIS] = low
+    world[:, _SPINE3] = high
+    world[:, _SPINE1] = slerp(low, high, 1 / 3)
+    world[:, _SPINE2] = slerp(low, high, 2 / 3)
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
         # The distance of the shoulders depends on shape, so only their elevation and protraction
         # are used.

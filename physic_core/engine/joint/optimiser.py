@@ -292,7 +292,7 @@ class LbfgsOptimiser(Optimiser):
     """
 
     def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
-        """Return a function that takes steps.
+        """Return the function that takes the next step.
 
         The history is kept across updates: the next energy is nearly equal.
         """

@@ -148,7 +148,8 @@ def ring(contact, faces):
 
 def rotation(axis, degrees):
     """(3, 3) about x, y or z."""
-    a, (i, j) = np.radians(degrees), {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    a = np.radians(degrees)
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     R = np.eye(3)
     R[[i, i, j, j], [i, j, i, j]] = np.cos(a), -np.sin(a), np.sin(a), np.cos(a)
     return R
@@ -157,7 +158,8 @@ def rotation(axis, degrees):
 def rigid(R, t):
     """(4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = R, t
+    matrix[:3, :3] = R
+    matrix[:3, 3] = t
     return matrix
 
 

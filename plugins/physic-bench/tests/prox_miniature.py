@@ -79,7 +79,8 @@ def write_prox(root, files, mesh_frame="vicon"):
         parameters = _on_floor(files, parameters)
         body = files.bodies.smplx_body(parameters, "male")
         key = f"{recording}/{name}"
-        made.vertices[key], made.joints[key] = body.vertices, body.joints
+        made.vertices[key] = body.vertices
+        made.joints[key] = body.joints
         made.height[key] = moved_by(TO_SCENE, body.vertices)[:, 2]
         to_file = {
             "camera": np.eye(4),
@@ -117,6 +118,7 @@ def _write_picture(path):
 def _write_keypoints(path, joints):
     pixels = joints[:22] @ K.T
     points = np.zeros((25, 3))
-    points[:22, :2], points[:22, 2] = pixels[:, :2] / pixels[:, 2:], 0.9
+    points[:22, :2] = pixels[:, :2] / pixels[:, 2:]
+    points[:22, 2] = 0.9
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"people": [{"pose_keypoints_2d": points.ravel().tolist()}]}))

@@ -80,10 +80,8 @@ def is_at_edge(gray: NDArray[np.uint8], covered: BoolArray, hand: FloatArray, si
     height, width = gray.shape
     if not np.isfinite(hand).all():
         return False
-    (x0, y0), (x1, y1) = (
-        np.round(hand - _PATCH * size).astype(int),
-        np.round(hand + _PATCH * size).astype(int),
-    )
+    x0, y0 = np.round(hand - _PATCH * size).astype(int)
+    x1, y1 = np.round(hand + _PATCH * size).astype(int)
     x0 = max(0, x0)
     y0 = max(0, y0)
     x1 = min(width, x1)

@@ -426,7 +426,8 @@ def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend, skeleton):
     columns = [names.index(name) for name in SKELETONS["coco23"].names]
     points = np.full((1, len(names), 2), -99.0)
     confidence = np.ones((1, len(names)))
-    points[:, columns], confidence[:, columns] = coco.points, coco.confidence
+    points[:, columns] = coco.points
+    confidence[:, columns] = coco.confidence
     larger = Keypoints(points, confidence, skeleton)
     first, second = (
         backend.infer(IMAGE, seen.people, CAMERA, given, Hints()) for given in (coco, larger)

@@ -93,7 +93,8 @@ def test_decode_puts_boxes_and_keypoints_at_their_anchor():
     anchors = anchor_centers(224, DETECTOR_LAYERS)
     raw = np.zeros((len(anchors), 12))
     logits = np.full(len(anchors), -100.0)
-    raw[2, :6], logits[2] = [4.0, -2.0, 40.0, 20.0, 10.0, 30.0], 0.0
+    raw[2, :6] = [4.0, -2.0, 40.0, 20.0, 10.0, 30.0]
+    logits[2] = 0.0
     (found,) = decode_detections(raw, logits, anchors, 224, threshold=0.4)
     np.testing.assert_allclose(found.box, [12 + 4 - 20, 4 - 2 - 10, 12 + 4 + 20, 4 - 2 + 10])
     np.testing.assert_allclose(found.keypoints[0], [22, 34])
@@ -104,7 +105,8 @@ def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest():
     anchors = np.full((3, 2), 0.5)
     raw = np.zeros((3, 6))
     raw[:, 2:4] = 50
-    raw[1, 0], raw[2, 0] = 10.0, 90.0
+    raw[1, 0] = 10.0
+    raw[2, 0] = 90.0
     logits = np.log(np.array([0.8, 0.6, 0.7]) / (1 - np.array([0.8, 0.6, 0.7])))
     first, second = decode_detections(raw, logits, anchors, 100, threshold=0.5)
     np.testing.assert_allclose(first.box[0], 25 + 10 * 0.6 / 1.4)
@@ -339,7 +341,8 @@ def test_a_mirror_image_swaps_sides(segmenter, people, image):
     assert len(other) == 2
     swap = np.arange(33)
     for a, b in MIRROR_PAIRS:
-        swap[a], swap[b] = b, a
+        swap[a] = b
+        swap[b] = a
     back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
     assert apart.mean() < 4

@@ -63,7 +63,8 @@ def test_a_box_lies_at_its_cell_in_the_photo():
 def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas():
     network = Network(60, 120)
     image = np.zeros((208, 416, 3), np.uint8)
-    image[..., 0], image[..., 2] = 200, 30
+    image[..., 0] = 200
+    image[..., 2] = 30
     detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)
     (canvas,) = network.inputs
     assert canvas.shape == (3, 416, 416)

@@ -125,7 +125,8 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
     for number, mesh in parts:
         rows = np.zeros(len(mesh.vertices), _VERTEX)
         for axis, name in enumerate("xyz"):
-            rows[name], rows[f"n{name}"] = mesh.vertices[:, axis], mesh.normals[:, axis]
+            rows[name] = mesh.vertices[:, axis]
+            rows[f"n{name}"] = mesh.normals[:, axis]
         rows["red"], rows["green"], rows["blue"] = mesh.colors.T
         rows["contact"] = mesh.contact
         rows["object"] = number
@@ -137,7 +138,8 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
             rows["quality"] = probability
         vertices.append(rows)
         triangles = np.zeros(len(mesh.faces), _FACE)
-        triangles["count"], triangles["vertex_indices"] = 3, mesh.faces + start
+        triangles["count"] = 3
+        triangles["vertex_indices"] = mesh.faces + start
         faces.append(triangles)
         start += len(rows)
     points = np.concatenate(vertices) if vertices else np.zeros(0, _VERTEX)

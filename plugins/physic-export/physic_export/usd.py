@@ -47,7 +47,8 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     skeleton.CreateJointsAttr(joints)
     skeleton.CreateBindTransformsAttr(_matrices(np.linalg.inv(rig.inverse_bind)))
     rest = np.tile(np.eye(4), (len(rig.names), 1, 1))
-    rest[:, :3, :3], rest[:, :3, 3] = standing.rotations, standing.offsets
+    rest[:, :3, :3] = standing.rotations
+    rest[:, :3, 3] = standing.offsets
     skeleton.CreateRestTransformsAttr(_matrices(rest))
     animation = UsdSkel.Animation.Define(stage, f"{path}/animation")
     animation.CreateJointsAttr(joints)

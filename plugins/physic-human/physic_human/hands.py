@@ -220,7 +220,8 @@ def hands_from_mano(
         place = (int(person[i]), int(bool(right[i])))
         if confidence[i] <= sure[place]:
             continue
-        out[place], sure[place] = rotvecs[i], min(float(confidence[i]), 1.0)
+        out[place] = rotvecs[i]
+        sure[place] = min(float(confidence[i]), 1.0)
         if wrist_rotvecs is not None:
             turned[place] = wrist_rotvecs[i]
     return Hands(out, sure) if wrist_rotvecs is None else Hands(out, sure, turned)

@@ -101,7 +101,8 @@ def pose_smpl_bodies(
             .reshape(-1, SMPL_JOINTS, 3, 3)
         )
         given = (turns, betas[sound].astype(np.float64), transl[sound].astype(np.float64))
-        vertices[sound], joints[sound] = body.vertices(*given), body.smpl_joints(*given)
+        vertices[sound] = body.vertices(*given)
+        joints[sound] = body.smpl_joints(*given)
     mesh = Mesh("smpl", vertices, rest.faces, rest.vertices.astype(np.float32))
     return bodies_from_smpl(rotvecs, betas, transl, joints=joints, mesh=mesh)
 

@@ -35,7 +35,8 @@ def blank(skeleton, count, people=1):
 def test_the_21_points_of_a_hand_give_its_box():
     given = blank("coco_wholebody133", 133)
     given.points[0, 91:112] = np.random.default_rng(0).uniform([50, 80], [90, 140], (21, 2))
-    given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
+    given.points[0, 91] = [50, 80]
+    given.points[0, 92] = [90, 140]
     given.confidence[0, 91:112] = 0.8
     found = hand_boxes(given)
     # half open: counted from edges of pixels

@@ -336,7 +336,8 @@ class TestVersion3:
 
     def test_sky_is_where_the_score_is_high(self, contract_graph, relative):
         sky = np.zeros((1, 1, 252, 252))
-        sky[..., :100, :], sky[..., 100:110, :] = 0.9, 0.29
+        sky[..., :100, :] = 0.9
+        sky[..., 100:110, :] = 0.29
         path = contract_graph(**ONE_PHOTO, further={"sky": sky})
         answer = relative(path).infer(ramp(252, 252), Hints())
         assert not answer.valid[:100].any()

@@ -90,7 +90,8 @@ class TestContract:
         image = ramp(252, 252, 0)
         # Blue in ImageNet's normalisation: 0.29 and 0.31.
         low, high = ((s * IMAGENET_STD[2] + IMAGENET_MEAN[2]) * 255 for s in (0.25, 0.35))
-        image[:120, :, 2], image[120:, :, 2] = round(high), round(low)
+        image[:120, :, 2] = round(high)
+        image[120:, :, 2] = round(low)
         depth = loaded(DepthAnything3, contract_graph()).infer(image, hints(210.0, 252, 252)).depth
         assert np.isnan(depth[:118]).all()
         assert np.isfinite(depth[122:]).all()

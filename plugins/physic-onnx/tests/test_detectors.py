@@ -102,7 +102,8 @@ def test_other_strides_have_their_own_cells(answering):
 
 def test_a_head_that_is_decoded_inside_is_not_decoded_twice(answering):
     rows = raw()
-    rows[0, :, :2], rows[0, :, 2:4] = 31.0, 10.0
+    rows[0, :, :2] = 31.0
+    rows[0, :, 2:4] = 10.0
     rows[0, 5] = row(20, 30, 10, 20)
     found = answering("images", (1, 3, SIDE, SIDE), output=rows).infer(GREY, 0.5, 0.65)
     assert found.boxes.tolist() == [[15, 20, 25, 40]]
@@ -175,7 +176,8 @@ def test_rtmo_gives_joints_too(answering):
 
 def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
     logits = np.full((1, 300, 80), -9.0)
-    logits[0, 7, 0], logits[0, 8, 56] = 2.0, 9.0
+    logits[0, 7, 0] = 2.0
+    logits[0, 8, 56] = 9.0
     boxes = np.full((1, 300, 4), 0.5)
     boxes[0, 7] = 0.5, 0.25, 0.2, 0.5
     detector = answering("pixel_values", ("batch", 3, SIDE, SIDE), logits=logits, pred_boxes=boxes)

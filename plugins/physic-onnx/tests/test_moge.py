@@ -73,7 +73,9 @@ class TestContract:
 
     def test_image_is_fed_as_rgb_from_0_to_1_without_mean_and_deviation(self, contract_graph):
         image = np.zeros((20, 30, 3), np.uint8)
-        image[..., 0], image[..., 1], image[3, 7, 2] = 255, 51, 102
+        image[..., 0] = 255
+        image[..., 1] = 51
+        image[3, 7, 2] = 102
         points = self.raw(contract_graph(), image).points
         np.testing.assert_allclose(points[..., 0], 1, atol=1e-6)
         np.testing.assert_allclose(points[..., 1], 0.2, atol=1e-6)

@@ -91,7 +91,8 @@ def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering):
     at_y = rng.integers(0, 512, 17)
     x = np.zeros((1, 17, 384), np.float32)
     y = np.zeros((1, 17, 512), np.float32)
-    x[0, np.arange(17), at_x], y[0, np.arange(17), at_y] = 0.9, 0.7
+    x[0, np.arange(17), at_x] = 0.9
+    y[0, np.arange(17), at_y] = 0.7
     backend = answering(x, y)
     found = backend.infer(blobs(PLACES), people(BOX, (10.0, 10.0, 200.0, 60.0)))
     for row, box in enumerate([BOX, (10.0, 10.0, 200.0, 60.0)]):

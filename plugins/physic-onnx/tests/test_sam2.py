@@ -209,7 +209,8 @@ def test_if_most_people_are_cut_off_no_feet_are_used():
 
 def test_feet_are_ankles_where_they_are_known():
     points = np.zeros((1, 17, 2))
-    points[0, [13, 14]], points[0, [15, 16]] = (40, 100), (40, 140)
+    points[0, [13, 14]] = (40, 100)
+    points[0, [15, 16]] = (40, 140)
     sure = np.zeros((1, 17))
     sure[0, 15] = 0.9
     people = standing([(20, 20, 60, 200)], keypoints=Keypoints(points, sure, "coco17"))

@@ -42,14 +42,16 @@ def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path):
     hole[1:3, 2:4] = True
     np.save(tmp_path / "d.npy", values)
     found = depth(tmp_path / "d.npy", hole)
-    values[0, :4], values[hole] = np.nan, np.nan
+    values[0, :4] = np.nan
+    values[hole] = np.nan
     np.testing.assert_array_equal(found.depth, values.astype(np.float32))
     assert (found.depth.dtype, found.scale_sigma, found.notes) == (np.float32, 0.01, ())
 
 
 def test_a_16_bit_png_in_millimetres(tmp_path):
     stored = (DEPTH * 1000).astype(np.uint16)
-    stored[0, 0], stored[1, 1] = 0, 65535
+    stored[0, 0] = 0
+    stored[1, 1] = 65535
     cv2.imwrite(str(tmp_path / "d.png"), stored)
     found = depth(tmp_path / "d.png", scale=0.001, invalid=65535).depth
     expected = DEPTH.copy()
@@ -164,7 +166,8 @@ def test_a_file_of_points_gives_points_and_validity(tmp_path):
     valid = np.ones((4, 6), bool)
     valid[0, 0] = False
     broken = POINTS.copy()
-    broken[1, 1, 0], broken[2, 2, 2] = np.nan, -1
+    broken[1, 1, 0] = np.nan
+    broken[2, 2, 2] = -1
     np.savez(tmp_path / "p.npz", points=broken, valid=valid)
     hole = np.zeros((4, 6), bool)
     hole[3, 2:4] = True

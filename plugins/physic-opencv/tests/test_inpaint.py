@@ -37,7 +37,8 @@ def test_what_was_under_the_mask_never_leaks_out_even_from_a_reduced_image(metho
     options = DiffusionOptions(max_hole_px=40)
     black = image.copy()
     white = image.copy()
-    black[mask], white[mask] = 0, 255
+    black[mask] = 0
+    white[mask] = 255
     filled = method(options).infer(black, mask)
     np.testing.assert_array_equal(filled[mask], method(options).infer(white, mask)[mask])
     error = np.abs(filled[mask].astype(int) - image[mask]).mean()

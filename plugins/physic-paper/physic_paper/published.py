@@ -78,7 +78,8 @@ class PublishedOptimisation(JointMethod):
         """Return all finite points of the scene, and no plane of the floor."""
         around = state.surroundings
         finite = torch.isfinite(around.points).all(-1) & torch.isfinite(around.normals).all(-1)
-        points, normals = around.points[finite], around.normals[finite]
+        points = around.points[finite]
+        normals = around.normals[finite]
         around = replace(around, points=points, normals=normals, depth=None)
         if self.samples_floor:
             return with_floor_samples(around)

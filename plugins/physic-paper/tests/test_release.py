@@ -214,7 +214,8 @@ def test_nearest_points_are_those_of_the_published_grid(published):
 def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(
     published,
 ):
-    state, (rotations, betas, transl) = published.state(), published.given("init")
+    state = published.state()
+    rotations, betas, transl = published.given("init")
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
     method, transl = RELEASE.placement, transl.double()

@@ -547,7 +547,8 @@ def _projection(
     focal = np.exp(log_focal) * np.array([K[0, 0], K[1, 1]])
     from_centre = focal * local[:, :2] / z[:, None]
     slope = np.zeros((len(local), 2, 3))
-    slope[:, 0, 0], slope[:, 1, 1] = focal[0] / z, focal[1] / z
+    slope[:, 0, 0] = focal[0] / z
+    slope[:, 1, 1] = focal[1] / z
     slope[:, :, 2] = -from_centre / z[:, None]
     return from_centre + K[:2, 2], slope, from_centre
 

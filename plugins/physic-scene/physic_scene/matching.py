@@ -137,7 +137,8 @@ def _answers(
         for _ in range(2):
             place, turn = compare_places(one, two, relative_motion(one, two, pairs), turns)
             apart = (place / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
-            apart[i], apart[:, j] = _UNLIKE, _UNLIKE
+            apart[i] = _UNLIKE
+            apart[:, j] = _UNLIKE
             apart[i, j] = 0
             chosen = zip(*linear_sum_assignment(np.minimum(apart, _SAME_PLACE)), strict=True)
             pairs = tuple((int(a), int(b)) for a, b in chosen if apart[a, b] < _SAME_PLACE)

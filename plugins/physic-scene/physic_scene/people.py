@@ -90,7 +90,8 @@ def _may_be_same(
     photo shows, those of the reference photo and accepted ones count, since the others are not in
     the result.
     """
-    known, (v, row) = solved.rows, person
+    known = solved.rows
+    v, row = person
     one, two = (solved.photos[view].people for view in (v, other))
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
     in_result = (

@@ -345,7 +345,8 @@ def _keypoints(
     for i, person in enumerate(everybody):
         row = row_of.get(person.shown.get(view, -1))
         if row is not None:
-            points[i], confidence[i] = own.points[row], own.confidence[row]
+            points[i] = own.points[row]
+            confidence[i] = own.confidence[row]
     return Keypoints(points, confidence, own.skeleton)
 
 

@@ -217,8 +217,8 @@ def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
 
 
 def _height(view: SolvedView, other: SolvedView) -> float | None:
-    """Return the logarithm of a camera's height over another photo's floor, over that over its own
-    floor.
+    """Return the logarithm of the ratio of a camera's heights, over another photo's floor and its
+    own.
     """
     if view.floor is None or other.floor is None:
         return None

@@ -104,7 +104,8 @@ def poses(worlds):
     found = []
     for world in worlds:
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = world.camera_rotation.T, world.camera_position
+        pose[:3, :3] = world.camera_rotation.T
+        pose[:3, 3] = world.camera_position
         found.append(pose)
     return found
 

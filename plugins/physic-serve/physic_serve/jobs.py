@@ -116,7 +116,8 @@ class Jobs:
                     if not self._worker.alive:
                         self._worker = self._open_worker()
                 except PhysicError as error:
-                    job.state, job.error = "failed", str(error)
+                    job.state = "failed"
+                    job.error = str(error)
                     continue
                 job.state = "running"
             for message in self._worker.reconstruct(task):
@@ -132,4 +133,5 @@ class Jobs:
                 job.state = "done"
                 job.summary = message.content
             else:
-                job.state, job.error = "failed", str(message.content)
+                job.state = "failed"
+                job.error = str(message.content)

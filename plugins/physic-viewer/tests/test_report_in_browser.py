@@ -441,7 +441,8 @@ def test_the_page_saves_the_view_as_a_picture(chromium, path):
 def test_the_view_alone_is_for_other_pages(chromium, path):
     page = chromium.open(f"{path.as_uri()}#view", 900, 600)
     page.wait(READY)
-    (_, _, width, height), hidden = page.box(".stage"), page.box("aside")[3]
+    _, _, width, height = page.box(".stage")
+    hidden = page.box("aside")[3]
     page.close()
     assert (width, height, hidden) == (900, 600, 0)
 
@@ -454,7 +455,8 @@ def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_p
     made = make(320, 240)
     valid = made.scene.valid.copy()
     colors = made.scene.colors.copy()
-    valid[:120], colors[:120] = False, 250
+    valid[:120] = False
+    colors[:120] = 250
     path = tmp_path / "report.html"
     path.write_text(
         report_html(replace(made, scene=replace(made.scene, valid=valid, colors=colors))),

@@ -63,7 +63,7 @@ class DataSet:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which of all frames are evaluated.
+    """Selection of the frames to evaluate.
 
     Attributes:
         file: text file with one frame per line; "#" begins a comment. None is all.

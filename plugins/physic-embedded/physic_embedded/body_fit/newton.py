@@ -22,11 +22,10 @@ _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100
 _KEEP_HESSIAN = 0.3  # a Hessian is reused while each step is at most this share of the previous one
 _ROUNDING = 1e-12  # share of the loss by which rounding may seem to raise it
-_DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
-    10.0,
-    0.1,
-    0.01,
-)  # factors on the damping after a failed and a successful step; smaller damping is 0
+# factors on the damping after a failed and a successful step; smaller damping is 0
+_DAMPING_UP = 10.0
+_DAMPING_DOWN = 0.1
+_MIN_DAMPING = 0.01
 
 Derivatives = Callable[["FitProblem", "Tensor"], tuple["Tensor", "Tensor", "Tensor"]]
 
@@ -47,7 +46,8 @@ def minimize_newton(
         unknowns: where to start.
         evaluate: returns loss, gradient and Hessian.
     """
-    found, (count, width) = unknowns.clone(), unknowns.shape
+    found = unknowns.clone()
+    count, width = unknowns.shape
     loss = found.new_zeros(count)
     gradient = torch.zeros_like(found)
     curvatures = torch.zeros_like(found)
@@ -65,11 +65,9 @@ def minimize_newton(
         loss_there, gradient_there = loss_and_gradient(problem.select(active), there)
         lower = loss_there <= loss[active] + _ROUNDING * loss[active].abs()
         moved = active[lower]
-        found[moved], loss[moved], gradient[moved] = (
-            there[lower],
-            loss_there[lower],
-            gradient_there[lower],
-        )
+        found[moved] = there[lower]
+        loss[moved] = loss_there[lower]
+        gradient[moved] = gradient_there[lower]
         less = torch.where(damping * _DAMPING_DOWN < _MIN_DAMPING, 0.0, damping * _DAMPING_DOWN)
         damping[active] = torch.where(
             lower, less[active], (damping[active] * _DAMPING_UP).clamp(min=1.0)

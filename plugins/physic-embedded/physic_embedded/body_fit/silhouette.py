@@ -101,7 +101,8 @@ def outline_pairs(
         lines = _person_pairs(model, _crop(model, vertices[i], (mask, others), depth, camera, size))
         if lines is None:
             continue
-        normal[i], weight[i] = lines.normal, lines.weight
+        normal[i] = lines.normal
+        weight[i] = lines.weight
         vertex[i] = np.where(weight[i] > 0, coarse[nearest[lines.vertex]], coarse[0])
         # Vertices lie beside the outline, at an offset that stays constant.
         off = lines.point - _project(vertices[i][vertex[i]], camera)

@@ -175,7 +175,8 @@ class _RawPose:
         """Return the output mirrored left to right."""
         swap = np.arange(len(self.points))
         for a, b in MIRROR_PAIRS:
-            swap[a], swap[b] = b, a
+            swap[a] = b
+            swap[b] = a
         return _RawPose(
             points=self.points[swap] * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0],
             visibility=self.visibility[swap],

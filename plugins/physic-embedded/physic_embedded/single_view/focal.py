@@ -102,8 +102,8 @@ def _misses(lines: _Segments, axes: FloatArray, focal: FloatArray) -> tuple[Floa
 
 
 def _ratios(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArray:
-    """Return the odds (..., K, M) of a segment that runs along an axis against one of any
-    direction, weighted.
+    """Return the weighted odds (..., K, M) that a segment runs along an axis rather than
+    anywhere.
     """
     sines, _ = _misses(lines, axes, focal)
     density = np.exp(-((sines / lines.sigma) ** 2) / 2) / (np.sqrt(2 * np.pi) * lines.sigma)
@@ -173,7 +173,8 @@ def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArra
 
     # of a segment and the camera: its normal
     plane = np.empty((*focal.shape, len(lines.middle), 3))
-    plane[..., 0], plane[..., 1] = -lines.direction[:, 1], lines.direction[:, 0]
+    plane[..., 0] = -lines.direction[:, 1]
+    plane[..., 1] = lines.direction[:, 0]
     plane[..., 2] = _cross(lines.middle, lines.direction) / focal[..., None]
     for _ in range(_REFINEMENTS):
         sines, distance = _misses(lines, axes, focal)

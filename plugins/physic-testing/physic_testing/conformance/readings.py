@@ -29,7 +29,8 @@ Make: TypeAlias = "Callable[[Values, Case], Values]"
 MIN_UNITS = 3
 """Units without which nothing is known of a bias."""
 
-MADE, MADE_ONCE = 0.6, 1.5
+MADE = 0.6
+MADE_ONCE = 1.5
 """Shares between which a mistake is made; it is a half of an output that ignores the photo."""
 
 AGREE = 0.8

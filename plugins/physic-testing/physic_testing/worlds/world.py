@@ -54,7 +54,6 @@ class World:
         camera_rotation: (3, 3) room frame to camera frame. Worlds ``NAME_view1``, ``NAME_view2``,
             ... show one moment in one room.
         camera_position: (3,) place of the camera in the room frame.
-        action: action of each of the N people.
         depth: (H, W) float32 along z; inf in the sky.
         empty_depth: (H, W) float32, depth of the scene without people.
         empty_normals: (H, W, 3) float32 unit normals of the scene without people, towards the
@@ -86,7 +85,6 @@ class World:
             ``parts``; -1 for none.
         touched_person: (N, V) int8, other person whom an outer vertex touches; -1 for none.
         touched_item: (N, V) int8, small object within 2 cm, index into ``items``; -1 for none.
-        support: (N, V) bool, vertices that carry the person.
         parts: names of the body parts.
         items: names of the small objects, which are in the photo and not in the empty scene.
         item_masks: (K, H, W) bool, visible pixels of each small object.
@@ -100,7 +98,6 @@ class World:
     intrinsics: Intrinsics
     camera_rotation: FloatArray
     camera_position: FloatArray
-    action: tuple[str, ...]
     depth: FloatArray
     empty_depth: FloatArray
     empty_normals: FloatArray
@@ -126,7 +123,6 @@ class World:
     touched_own_part: NDArray[np.int8]
     touched_person: NDArray[np.int8]
     touched_item: NDArray[np.int8]
-    support: BoolArray
     parts: tuple[str, ...]
     items: tuple[str, ...]
     item_masks: BoolArray
@@ -208,7 +204,7 @@ def _load(name: str, long: int, short: int) -> World:
     facts = {
         name: file[name]
         for name in (
-            *("camera_rotation", "camera_position", "joints_visible", "ages", "contact", "support"),
+            *("camera_rotation", "camera_position", "joints_visible", "ages", "contact"),
             *("touched_surface", "touched_own_part", "touched_person", "touched_item"),
         )
     }
@@ -216,7 +212,6 @@ def _load(name: str, long: int, short: int) -> World:
         name=name,
         **_pictures(file, name, stored, size),
         intrinsics=intrinsics,
-        action=tuple(file["action"].tolist()),
         **_views(file, vertices, model.faces.numpy(), intrinsics),
         floor=Plane(file["floor"][:3], float(file["floor"][3])),
         keypoints=keypoints,
@@ -251,7 +246,8 @@ def _posed(
     ]
     with torch.inference_mode():
         body = model(rotations_from_parameters(parameters, "cpu", torch.float64), *shape)
-        vertices, joints = body.vertices.numpy(), body.joints.numpy()
+        vertices = body.vertices.numpy()
+        joints = body.joints.numpy()
     return vertices + _STEP_M * file["vertex_offset"], joints + _STEP_M * file["joint_offset"]
 
 
@@ -279,7 +275,9 @@ def _views(
     file: Mapping[str, Any], vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics
 ) -> dict[str, Any]:
     """Return depth, normals, masks and surfaces with and without people."""
-    rays, origin, people = pixel_rays(intrinsics), np.zeros(3), len(vertices)
+    rays = pixel_rays(intrinsics)
+    origin = np.zeros(3)
+    people = len(vertices)
     corners = _STEP_M * file["scene_vertices"]
     scene = file["scene_faces"].astype(np.int64)
 
@@ -326,7 +324,8 @@ def _views(
 
 def _box(mask: BoolArray) -> FloatArray:
     """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    columns = np.flatnonzero(mask.any(axis=0))
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
 
 

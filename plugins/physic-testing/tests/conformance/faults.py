@@ -76,7 +76,8 @@ def exchanged(keypoints, *names):
     for first, second in names:
         i = keypoints.joint_set.names.index(first)
         j = keypoints.joint_set.names.index(second)
-        order[i], order[j] = j, i
+        order[i] = j
+        order[j] = i
     return replace(
         keypoints, points=keypoints.points[:, order], confidence=keypoints.confidence[:, order]
     )
@@ -269,7 +270,10 @@ def sides_of_joints(order):
 
 
 def knees_for_ankles(order):
-    order[4], order[5], order[7], order[8] = 7, 8, 4, 5
+    order[4] = 7
+    order[5] = 8
+    order[7] = 4
+    order[8] = 5
     return order
 
 
@@ -278,7 +282,8 @@ def of_pose(*pairs):
     for first, second in pairs:
         i = JOINT_INDEX[first] - 1
         j = JOINT_INDEX[second] - 1
-        order[i], order[j] = j, i
+        order[i] = j
+        order[j] = i
     return lambda pose: pose[:, order]
 
 

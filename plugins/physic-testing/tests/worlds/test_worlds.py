@@ -81,7 +81,8 @@ def test_the_photo_without_people_differs_at_people(world):
 
 @pytest.mark.parametrize("name", ["group", "walk_portrait"])
 def test_another_size_shows_the_same(name):
-    small, large = load_world(name, SIZE), load_world(name, (640, 480))
+    small = load_world(name, SIZE)
+    large = load_world(name, (640, 480))
     np.testing.assert_array_equal(small.vertices, large.vertices)
     for world in (small, large):
         pixels = project(world.vertices, world.intrinsics)
