@@ -50,7 +50,7 @@ from physic_core.metrics import match_by_boxes
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.scores import LIMBS
-from .truth.sets import FILMS_OF_FITS, SETS, Sample, picture_of
+from .truth.sets import FILMS_OF_FITS, Sample, labelled_photos, parkour, picture_of
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -159,7 +159,7 @@ def main() -> int:
 
 def samples_of(data: Path, frames: int) -> list[Sample]:
     """Return the labelled photos and the first N frames of each film of fits."""
-    photos = SETS["contact"](data / "contact")
+    photos = labelled_photos(data / "contact")
     files = {file.stem: file for file in (data / "photos").iterdir()}
     more = json.loads(LABELS_OF_PHOTOS.read_text())
     photos += [
@@ -167,7 +167,7 @@ def samples_of(data: Path, frames: int) -> list[Sample]:
         for name, people in more.items()
     ]
     films: dict[str, list[Sample]] = {}
-    for sample in SETS["parkour"](data / "truth" / "parkour"):
+    for sample in parkour(data / "truth" / "parkour"):
         if sample.group in FILMS_OF_FITS:
             films.setdefault(sample.group, []).append(sample)
     return [*photos, *(frame for own in films.values() for frame in own[:frames])]

@@ -5,7 +5,7 @@ number as JSON.
     [--photos N] [--jobs 2]
 
 DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``,
-``people2d``, ``parkour``, ``contact`` and ``rgbd``, or some of them; missing ones are skipped.
+``people2d``, ``parkour`` and ``rgbd``, or some of them; missing ones are skipped.
 Every photo is reconstructed by ``physic run`` in a process of its own. Its numbers are kept in
 ``--out``, so that an interrupted run continues: use a new folder for another version of the code.
 """
@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from .contact import contact_rows, film_records, part_tables, score_labelled, table_of_parts
+from .contact import film_records, film_rows, part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
 from .sets import SETS, Sample, with_stature
@@ -116,7 +116,7 @@ def main() -> int:
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     records = compared(samples, answers, earlier)
     rows = rows_of(records["people"], records["floors"], records["photos"])
-    rows += contact_rows(records["labelled"], records["films"])
+    rows += film_rows(records["films"])
     parts = part_tables(records["parts"])
     table = "\n\n".join([text_table(rows), table_of_parts(parts)])
     counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
@@ -181,7 +181,6 @@ def compared(
     people: list[Any] = []
     floors: list[Any] = []
     parts: list[Any] = []
-    labelled: list[Any] = []
     triangulated: dict[str, Any] = {}
     moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
     for sample, answer in zip(samples, answers, strict=True):
@@ -194,10 +193,6 @@ def compared(
         elif sample.set == "parkour":
             person, touching = score_parkour(sample, answer)
             people.append(person)
-            parts += touching
-        elif sample.set == "contact":
-            own, touching = score_labelled(sample, answer)
-            labelled += own
             parts += touching
         elif "camera" in sample.truth:
             moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
@@ -212,12 +207,11 @@ def compared(
         floors += ground
         triangulated[name] = [np.round(j, 5).tolist() for j in joints]
     photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
-    films = film_records(samples, answers)
-    contact = {"parts": parts, "labelled": labelled, "films": films}
     return {
         "people": people,
         "floors": floors,
-        **contact,
+        "parts": parts,
+        "films": film_records(samples, answers),
         "photos": photos,
         "triangulated": triangulated,
     }

@@ -1,4 +1,4 @@
-"""Which body parts touch the world: probabilities against labels by eye and measured forces."""
+"""Which body parts touch the world: probabilities against measured forces, and labels by eye."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import ValueWithInterval, markdown_table, match_by_boxes
+from physic_core.metrics import ValueWithInterval, markdown_table
 from physic_core.types.skeletons import SIDES
 
 from .measures import SCORES, probability_scores
@@ -41,9 +41,6 @@ OF_RESULTS = {f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, othe
 MIN_IOU = 0.4
 """Overlap of the boxes of a labelled and a found person from which they are one."""
 
-MAX_BELOW_MASK = 0.02
-"""Share of the stature by which a body may reach below the mask of its person."""
-
 FILMS = {"films of fits": FILMS_OF_FITS, "films that take no part in any fit": FILMS_APART}
 
 
@@ -62,56 +59,6 @@ def part_record(
         "probability": float(probability),
         "touches": bool(touches),
     }
-
-
-def score_labelled(
-    sample: Sample, answer: Answer
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The labelled people of a photo and their judged parts.
-
-    Nothing touches of a person who is not found.
-    """
-    found = [
-        person
-        for person in answer["people"]
-        if np.isfinite(np.array(person["joints"], np.float64)).all()
-    ]
-    truth = sample.truth["people"]
-    matched = match_by_boxes(
-        [p["box"] for p in found], [one["box"] for one in truth], MIN_IOU
-    ).predicted_of
-    people = []
-    parts = []
-    for i, one in enumerate(truth):
-        person = found[matched[i]] if i in matched else None
-        likely = {
-            part: (person["parts"].get(OF_RESULTS.get(part, part), math.nan) if person else 0.0)
-            for part in one["parts"]
-        }
-        mine = [
-            part_record(sample, str(i), part, likely[part], TOUCHES[label])
-            for part, label in one["parts"].items()
-            if label is not None and math.isfinite(likely[part])
-        ]
-        parts += mine
-        feet = [part["probability"] >= 0.5 for part in mine if part["kind"] == "feet"]
-        label = one["parts"]["seat"]
-        people.append(
-            {
-                "set": sample.set,
-                "photo": sample.name,
-                "group": sample.group,
-                "person": str(i),
-                "found": person is not None,
-                "grade": person.get("grade") if person else None,
-                "sits": one["posture"] == "sit",
-                "seat": likely.get("seat", math.nan) >= 0.5,
-                "seat_label": None if label is None else TOUCHES[label],
-                "feet_in_air": feet if one["in_air"] else [],
-                "below_mask": person.get("below_mask") if person else None,
-            }
-        )
-    return people, parts
 
 
 def film_records(samples: Sequence[Sample], answers: Sequence[Answer]) -> list[dict[str, Any]]:
@@ -141,43 +88,9 @@ def film_records(samples: Sequence[Sample], answers: Sequence[Answer]) -> list[d
     ]
 
 
-def contact_rows(people: Sequence[Record], films: Sequence[Record]) -> list[Row]:
-    """Rows about people who sit or jump, and about the floor under people who hang."""
-    sits = [{**r, "no_seat": not r["seat"]} for r in people if r["sits"]]
-    without = [{**r, "good": r["grade"] == "good"} for r in sits if r["no_seat"]]
-    no_seat = [r for r in people if r["seat_label"] is False]
-    feet = [{**r, "touches": touches} for r in people for touches in r["feet_in_air"]]
-    ends = [
-        {**r, "deep": r["below_mask"] > MAX_BELOW_MASK}
-        for r in people
-        if r["below_mask"] is not None
-    ]
-    good = [r for r in ends if r["grade"] == "good"]
-    rows = [
-        Row("people found, contact", figure(people, pooled("found")), "all", percent=True),
-        Row("people who sit and have a seat", figure(sits, pooled("seat")), "", percent=True),
-        Row(
-            "  graded good of those without", figure(without, pooled("good")), "none", percent=True
-        ),
-        Row(
-            "people without a seat who get one",
-            figure(no_seat, pooled("seat")),
-            "<= 4 of 79",
-            percent=True,
-        ),
-        Row(
-            "feet of people in the air said to touch",
-            figure(feet, pooled("touches")),
-            "<= 2 of 10",
-            percent=True,
-        ),
-        Row(
-            "people graded good who reach below their mask",
-            figure(good, pooled("deep")),
-            "<= 1 of 13",
-            percent=True,
-        ),
-    ]
+def film_rows(films: Sequence[Record]) -> list[Row]:
+    """Rows about the floor under people who hang or jump."""
+    rows = []
     for words, names in FILMS.items():
         mine = [r for r in films if r["group"] in names]
         name = f"camera height where no foot touches / where one does, {words}"
@@ -189,14 +102,12 @@ def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]
     """Figures of each score: group of photos -> kind of part -> score, and "touching", the number
     that touch.
     """
-    groups = {"contact": [r for r in parts if r["set"] == "contact"]}
-    films = [r for r in parts if r["set"] == "parkour"]
-    groups |= {
-        f"parkour, {words}": [r for r in films if r["group"] in names]
+    groups = {
+        f"parkour, {words}": [r for r in parts if r["group"] in names]
         for words, names in FILMS.items()
     }
     known = {film for names in FILMS.values() for film in names}
-    groups["parkour, other films"] = [r for r in films if r["group"] not in known]
+    groups["parkour, other films"] = [r for r in parts if r["group"] not in known]
     tables: dict[str, dict[str, dict[str, Any]]] = {}
     for group, records in groups.items():
         for kind in KINDS.values():

@@ -20,7 +20,7 @@ from .measures import depth_errors
 from .sets import Sample, picture_of
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Person, Reconstruction
+    from physic_core.types import Reconstruction
 
 NO_RESULT = (3, 5)
 """Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on
@@ -147,7 +147,6 @@ def measured_fields(
                 "grade": person.grade,
                 "distance_sigma": result.distance_sigmas[len(people)],
                 "stature_sigma": person.stature_sigma,
-                "below_mask": below_mask(person, result.intrinsics.matrix),
             }
         )
     floor = result.scene.floor
@@ -168,21 +167,6 @@ def measured_fields(
     if "depth_file" in sample.truth:
         answer |= _depth(result, sample)
     return answer
-
-
-def below_mask(person: Person, K: FloatArray) -> float | None:
-    """How far the body reaches below the mask, as a share of the stature at its distance; None
-    where it is not known.
-
-    That is where no body was fitted, and where the mask ends at the photo's border.
-    """
-    rows = np.flatnonzero(person.mask.any(1))
-    if person.stature is None or not len(rows) or rows[-1] >= len(person.mask) - 3:
-        return None
-    lowest = float((person.vertices @ K[1] / person.vertices[:, 2]).max())
-    return (lowest - float(rows[-1])) / (
-        person.stature * float(K[1, 1]) / float(person.joints[0, 2])
-    )
 
 
 def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:

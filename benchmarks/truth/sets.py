@@ -209,7 +209,7 @@ def rgbd(folder: Path) -> list[Sample]:
     return found
 
 
-def contact(folder: Path) -> list[Sample]:
+def labelled_photos(folder: Path) -> list[Sample]:
     """Photos whose people were labelled by eye: their boxes, postures, and what each body part
     touches.
     """
@@ -227,7 +227,6 @@ SETS: dict[str, Callable[[Path], list[Sample]]] = {
     "roundtable": multiview("roundtable", (0.0, 0.0, 1.0)),
     "people2d": people2d,
     "parkour": parkour,
-    "contact": contact,
     "rgbd": rgbd,
 }
 

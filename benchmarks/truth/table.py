@@ -194,7 +194,7 @@ def rows_of(
         rows.append(
             row(words, known(list(once.values()), "spread_m"), pooled("spread_m"), goal, digits=2)
         )
-    measured = [photo for photo in of(photos) if photo["set"] not in ("rgbd", "contact")]
+    measured = [photo for photo in of(photos) if photo["set"] != "rgbd"]
     judged = [{**photo, "wrong": is_wrong(photo, people, floors)} for photo in measured]
     bodies = [
         {**r, "wrong": is_wrong_person(r)} for r in known(of(people, found=True), "pa_mpjpe_mm")

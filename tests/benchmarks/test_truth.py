@@ -8,7 +8,6 @@ import json
 import math
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -321,97 +320,6 @@ def test_limbs_of_parkour_films_have_contact_labels(joints):
     assert rows_by_name(records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
     nobody = command.compared([sample], [answer_with()])
     assert [r["probability"] for r in nobody["parts"]] == [0.0] * 3
-
-
-def labels(box, posture, in_air=False, **parts):
-    names = [
-        f"{side}_{name}"
-        for name in ("foot", "hand", "knee", "forearm")
-        for side in ("left", "right")
-    ]
-    nothing = dict.fromkeys([*names, "seat", "back"], "none")
-    return {
-        "box": box,
-        "posture": posture,
-        "in_air": in_air,
-        "parts": nothing | parts,
-        "disputed": {},
-    }
-
-
-def test_labelled_parts_are_scored_against_the_world(joints, tmp_path):
-    person = person_of(joints) | {
-        "parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}
-    }
-    person["below_mask"] = 0.03
-    other = person_of(moved(joints, 1, 0, 0)) | {
-        "parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}
-    }
-    far = [2000, 2000, 2100, 2200]
-    people = [
-        labels(
-            person["box"],
-            "sit",
-            left_foot="floor",
-            right_foot=None,
-            seat="support",
-            left_hand="object",
-        ),
-        labels(other["box"], "jump", in_air=True),
-        labels(far, ["sit", "squat"], left_foot="own", right_foot="wall"),
-    ]
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "a.jpg").touch()
-    (tmp_path / "labels.json").write_text(json.dumps({"a": people}))
-    (sample,) = sets.SETS["contact"](tmp_path)
-    assert sample.source == tmp_path / "photos" / "a.jpg"
-    records = command.compared([sample], [answer_with(other, person)])
-    feet = [
-        (r["person"], r["part"], r["probability"], r["touches"])
-        for r in records["parts"]
-        if r["kind"] == "feet"
-    ]
-    assert feet == [
-        ("0", "left_foot", 0.7, True),
-        ("1", "left_foot", 0.8, False),
-        ("1", "right_foot", 0.2, False),
-        ("2", "left_foot", 0.0, False),  # nobody is found there
-        ("2", "right_foot", 0.0, True),
-    ]
-    left_hands = [
-        (r["probability"], r["touches"]) for r in records["parts"] if r["part"] == "left_hand"
-    ]
-    assert left_hands == [(0.9, False), (0.0, False)]
-    rows = {row.name.strip(): row.figure for row in touch.contact_rows(records["labelled"], [])}
-    assert rows["people found, contact"].value == pytest.approx(2 / 3)
-    assert (
-        rows["people who sit and have a seat"].value,
-        rows["graded good of those without"].value,
-    ) == (0, 1)
-    assert rows["people without a seat who get one"].value == pytest.approx(1 / 2)
-    in_air = rows["feet of people in the air said to touch"]
-    assert (in_air.value, in_air.count) == (0.5, 2)
-    deep = rows["people graded good who reach below their mask"]
-    assert (deep.value, deep.count) == (1, 1)
-    tables = touch.part_tables(records["parts"])
-    assert tables["contact"]["feet"]["auc"]["value"] == pytest.approx(2.5 / 6)
-    assert "| contact: feet | 5 | 2 | 0.417 |" in touch.table_of_parts(tables)
-
-
-def test_a_body_that_ends_below_the_mask_is_measured_in_statures():
-    """A person of 2 m at 4 m spans 500 px of a focal length of 1000 px; the body ends 10 rows below
-    the mask.
-    """
-    mask = np.zeros((800, 400), bool)
-    mask[100:600] = True
-    vertices = np.array([[0.0, -1, 4], [0.0, 209 / 250, 4]])
-    person = SimpleNamespace(
-        mask=mask, stature=2.0, vertices=vertices, joints=np.array([[0.0, 0, 4]])
-    )
-    camera = np.array([[1000.0, 0, 200], [0, 1000, 400], [0, 0, 1]])
-    assert run.below_mask(person, camera) == pytest.approx(10 / 500)
-    mask[600:] = True
-    assert run.below_mask(person, camera) is None
 
 
 def test_films_of_fits_and_films_apart_are_tables_of_their_own():
