@@ -105,6 +105,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.body.bones import parameters_from_rotations
         from physic_core.types import Bodies
         from physic_embedded.body_fit.fit import fit_outlines
+        from physic_embedded.body_fit.hidden_legs import with_hidden_legs
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
         from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
         from physic_embedded.body_fit.newton import covariance
@@ -123,7 +124,13 @@ class EmbeddedBodies(BodyEstimator):
             return Bodies(
                 parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
             )
-        observations = observe_people(keypoints, people, intrinsics)
+        observations = with_hidden_legs(
+            observe_people(keypoints, people, intrinsics),
+            people,
+            keypoints.joint_set,
+            intrinsics,
+            hints,
+        )
         with torch.enable_grad(), limited_threads():
             fit = (
                 _fit_with_world_landmarks

@@ -17,9 +17,10 @@ from physic_core.types import (
     Keypoints,
     People,
     Plane,
-    SurfaceLabels,
+    Pointmap,
     skeleton_named,
 )
+from physic_core.types.skeletons import SIDES
 from physic_embedded.body_estimator import EmbeddedBodies
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
@@ -383,9 +384,12 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend):
     assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
 
 
-def sitter_without_legs():
-    """Somebody who sits, and whose legs the network makes up."""
-    seen = truth([SITS], [(-0.2, 0.75, 1.8)])
+def fit_behind_table(backend, pose, shoulders_m, leg_confidence=0.02):
+    """Angles of the thighs from the vertical, degrees, of somebody whose legs are hidden.
+
+    The shoulders are at a height over the floor, and the point map is in units of two metres.
+    """
+    seen = truth([pose], [(-0.2, 0.75, 1.8)])
     names = list(SKELETONS["blazepose33"].names)
     legs = [
         names.index(f"{s}_{j}")
@@ -393,29 +397,40 @@ def sitter_without_legs():
         for j in ("knee", "ankle", "heel", "foot_tip")
     ]
     confidence = seen.keypoints.confidence.copy()
-    confidence[0, legs] = 0.02
-    return replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))
+    confidence[0, legs] = leg_confidence
+    place = seen.joints[0, [JOINT_INDEX[f"{s}_shoulder"] for s in ("left", "right")]].mean(0)
+    points = np.full((*IMAGE.shape[:2], 3), place[2] / 2)
+    hints = Hints(
+        floor=Plane(FLOOR.normal, float(shoulders_m + place[1]) / 2),
+        original=Pointmap(points, np.ones(IMAGE.shape[:2], bool), "scale"),
+    )
+    people = replace(seen.people, masks=np.ones((1, *IMAGE.shape[:2]), bool))
+    keypoints = replace(seen.keypoints, confidence=confidence)
+    joints, _ = posed(backend.infer(IMAGE, people, CAMERA, keypoints, hints))
+    thighs = np.stack(
+        [joints[0, JOINT_INDEX[f"{s}_knee"]] - joints[0, JOINT_INDEX[f"{s}_hip"]] for s in SIDES]
+    )
+    return np.degrees(np.arccos(thighs[:, 1] / np.linalg.norm(thighs, axis=1)))
 
 
-def test_legs_of_which_nothing_is_seen_hang_straight_down(backend):
-    """What the network makes up below the picture says nothing: here that somebody is_sitting."""
-    joints, _ = posed(fit(backend, sitter_without_legs()))
-    for side in ("left", "right"):
-        leg = joints[0, JOINT_INDEX[f"{side}_ankle"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
-        assert np.degrees(np.arccos(leg[1] / np.linalg.norm(leg))) < 15
+@pytest.mark.parametrize("pose", [STANDS, SITS], ids=["as if standing", "as if sitting"])
+def test_hidden_legs_hang_below_shoulders_at_the_height_of_people_who_stand(backend, pose):
+    assert fit_behind_table(backend, pose, 1.2).max() < 15
 
 
-def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend):
-    masks = np.zeros((1, *IMAGE.shape[:2]), bool)
-    masks[0, 300:, 300:500] = True
-    sofa = SurfaceLabels(np.zeros(IMAGE.shape[:2], np.uint8), ("seat",))
-    seen = sitter_without_legs()
-    people = replace(seen.people, masks=masks, surfaces=sofa)
-    joints, _ = posed(fit(backend, replace(seen, people=people)))
-    for side in ("left", "right"):
-        thigh = joints[0, JOINT_INDEX[f"{side}_knee"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
-        assert np.degrees(np.arccos(thigh[1] / np.linalg.norm(thigh))) > 45
-        assert thigh[2] < -0.2  # towards the camera, as the person faces it
+@pytest.mark.parametrize("pose", [STANDS, SITS], ids=["as if standing", "as if sitting"])
+def test_hidden_legs_are_seated_below_shoulders_at_the_height_of_people_who_sit(backend, pose):
+    assert fit_behind_table(backend, pose, 0.5).min() > 45
+
+
+def test_legs_of_people_who_sit_stay_as_they_are_if_they_are_seen_a_little(backend):
+    legs_drawn_up = pose(
+        left_hip=(-120, 5, 5),
+        right_hip=(-120, 0, -8),
+        left_knee=(120, 0, 0),
+        right_knee=(120, 0, 0),
+    )
+    assert fit_behind_table(backend, legs_drawn_up, 0.5, leg_confidence=0.2).min() > 105
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])

@@ -1,4 +1,4 @@
-"""Heads outside of the image are doubted; heads inside keep their confidence."""
+"""Heads outside of the image, and hips at the end of what is seen, are doubted; others are not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
-from physic_embedded.segmentation.cut_heads import doubt_cut_heads
+from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 
 HEIGHT = 400
 WIDTH = 600
@@ -52,3 +52,17 @@ def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters):
 )
 def test_heads_without_both_signs_keep_their_confidence(head_y, masks):
     assert (doubt_cut_heads(person(head_y), masks).confidence == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("legs", "below_px", "doubted"),
+    [(0.1, 40, True), (0.9, 40, False), (0.1, 100, False)],
+    ids=["seen to the hips", "a leg is seen", "seen below the hips"],
+)
+def test_only_hips_at_the_end_of_what_is_seen_are_doubted(legs, below_px, doubted):
+    seen = person(head_y=5)
+    seen.confidence[0, 25:29] = legs
+    masks = mask(120)
+    masks[0, 180 + below_px :] = False
+    hips = doubt_hidden_hips(seen, masks).confidence[0, 23:25]
+    assert (hips < 0.5).tolist() == [doubted, doubted]

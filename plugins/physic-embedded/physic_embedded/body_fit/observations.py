@@ -32,18 +32,8 @@ _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the netw
 _UNSEEN = 0.3
 _UNSEEN_WEIGHT = 0.1
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
-_LEAST_WORLD_WEIGHT = 0.15
-_GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is a guess
-_LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
-# metres before and under the hip, of legs that are not seen
-_HANGING = {"knee": (0.0, 0.4), "ankle": (0.0, 0.8)}
-_SEATED = {"knee": (0.4, 0.05), "ankle": (0.4, 0.45)}  # the same for people on a seat
-_SEATS = ("seat", "bed")
-# of the labels beside the lower body; people hide most of the seat below them
-_MIN_SEAT_SHARE = 0.03
-# widths and heights of the mask in which a seat is looked for
-_BESIDE_SHARE = 0.5
-_ABOVE_HIPS_SHARE = 0.15
+LEAST_WORLD_WEIGHT = 0.15
+"""Least weight of a 3D landmark."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +79,6 @@ def observe_people(
 ) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
-    Legs that are not visible are set to hang straight down, or as people sit if a seat is seen
-    beside the hips.
-
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.
         people: their boxes give the size where there are no 3D landmarks.
@@ -129,26 +116,9 @@ def observe_people(
             world = _without_lost(world, lost, points, middle, confidence)
         world = world - world[:, hips].mean(1, keepdims=True)
         size = SIZE_STATURE_M * _pixels_per_metre(points, world, confidence)
-    world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
+    world_weight = np.maximum(confidence, LEAST_WORLD_WEIGHT)
     if world is not None:
         world_weight[lost] = 0
-    made_up = ~inside | (confidence < _GUESSED)
-    bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
-    unseen = made_up[:, bends].all(1)
-    legs = [
-        joint
-        for side in ("left", "right")
-        for name in _LEG
-        if (joint := row.get(f"{side}_{name}")) is not None
-    ]
-    for joint in legs:
-        weight[unseen, joint] = world_weight[unseen, joint] = 0
-    if world is not None:
-        for i in map(int, np.flatnonzero(unseen)):
-            seated = _beside_seat(people, i, float(middle[i, 1]))
-            for joint, place in _guessed_legs(world[i], row, turn[i], seated).items():
-                world[i, joint] = place
-                world_weight[i, joint] = _LEAST_WORLD_WEIGHT
     return BodyObservations(
         points,
         weight,
@@ -181,42 +151,6 @@ def _without_lost(
         depth = world[i, np.where(lost[i], np.inf, gaps).argmin(), 2]
         world[i, j] = [*((points[i, j] - middle[i]) / scale[i]), depth]
     return world
-
-
-def _guessed_legs(
-    world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool
-) -> dict[int, FloatArray]:
-    """Return places (3,) of knees and ankles of one person with 3D landmarks (J, 3), by row of the
-    landmark.
-    """
-    down = turn[1]  # the camera's y axis in the axes of the view
-    ahead = np.cross(down, world[row["left_hip"]] - world[row["right_hip"]])
-    ahead /= np.linalg.norm(ahead) + 1e-9
-    return {
-        row[f"{side}_{name}"]: world[row[f"{side}_hip"]] + before * ahead + under * down
-        for side in ("left", "right")
-        for name, (before, under) in (_SEATED if seated else _HANGING).items()
-    }
-
-
-def _beside_seat(people: People, person: int, hips_y: float) -> bool:
-    """Return whether the labels of surfaces show a seat beside the lower body of a person whose
-    hips are at ``hips_y`` px.
-    """
-    mask = people.masks[person]
-    if people.surfaces is None or not mask.any():
-        return False
-    rows = mask.any(1).nonzero()[0]
-    columns = mask.any(0).nonzero()[0]
-    beside = _BESIDE_SHARE * len(columns)
-    top = max(0, round(hips_y - _ABOVE_HIPS_SHARE * len(rows)))
-    place = (
-        slice(top, rows[-1] + 1),
-        slice(max(0, round(columns[0] - beside)), round(columns[-1] + beside) + 1),
-    )
-    background = ~np.logical_or.reduce(people.masks)[place]
-    seats = people.surfaces.mask(*_SEATS)[place]
-    return bool(background.any() and seats[background].mean() > _MIN_SEAT_SHARE)
 
 
 def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray) -> FloatArray:

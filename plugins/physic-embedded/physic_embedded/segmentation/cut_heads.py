@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 _HEAD = slice(0, 11)
 _SHOULDERS = slice(11, 13)
 _HIPS = slice(23, 25)
+_LEGS = slice(25, 29)  # knees and ankles
+
+_SEEN_LEG = 0.3  # confidence of a knee or an ankle that is seen
+_LEAST_BELOW = 0.4  # lengths of the trunk that are seen below hips whose place is known
+_DOUBTFUL = 0.2
 
 
 def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
@@ -32,6 +37,34 @@ def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     confidence = keypoints.confidence.copy()
     confidence[cut, _HEAD] = confidence[cut, _SHOULDERS] = 0
     return replace(keypoints, confidence=confidence)
+
+
+def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
+    """Lower the confidence of hips of people who are seen only down to the hips.
+
+    BlazePose puts the hips of people whom something hides below the waist to the lower end of what
+    is seen, with full confidence. The trunk then looks short, and bends forward. Arguments as in
+    :func:`doubt_cut_heads`.
+    """
+    confidence = keypoints.confidence.copy()
+    hidden = confidence[:, _LEGS].max(1, initial=0) < _SEEN_LEG
+    for i in np.flatnonzero(hidden):
+        if _below_hips(keypoints.points[i], masks[i]) < _LEAST_BELOW:
+            confidence[i, _HIPS] = confidence[i, _HIPS].clip(max=_DOUBTFUL)
+    return replace(keypoints, confidence=confidence)
+
+
+def _below_hips(points: FloatArray, mask: BoolArray) -> float:
+    """Return how far the mask (H, W) of one person reaches below the hips, joints (33, 2) px, in
+    lengths of the trunk.
+    """
+    hips = points[_HIPS].astype(float).mean(axis=0)
+    trunk = hips - points[_SHOULDERS].astype(float).mean(axis=0)
+    rows, columns = np.nonzero(mask)
+    if not len(rows) or not trunk.any():
+        return 0.0
+    below = (np.stack([columns, rows], axis=1) - hips) @ trunk / (trunk @ trunk)
+    return float(below.max())
 
 
 def _is_cut(points: FloatArray, mask: BoolArray) -> bool:
