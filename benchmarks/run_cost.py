@@ -1,13 +1,14 @@
 """What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the
 median of some runs.
 
-    python -m benchmarks run_cost [--rounds 3] [--against COMMIT]
+    python -m benchmarks run_cost [--rounds 3] [--against COMMIT [PHOTO ...]]
 
 It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README
 that states them. Run it on an idle machine, with everything committed.
 
 With ``--against`` it writes nothing. It runs another commit in turn with this tree, in the same
 environment, and prints the medians of both, their ratios, and the largest difference of the bodies.
+Photos take the place of the two examples.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,10 +97,10 @@ def checkout(commit: str) -> Iterator[Path]:
             git("worktree", "remove", "--force", str(tree))
 
 
-def compare(commit: str, rounds: int) -> None:
+def compare(commit: str, rounds: int, photos: Sequence[str]) -> None:
     """Run another commit and this tree in turn, and print a row for each figure of each photo."""
     with checkout(commit) as tree:
-        for photo in PHOTOS:
+        for photo in photos:
             before: list[Run] = []
             after: list[Run] = []
             for _ in range(rounds):
@@ -135,11 +136,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument(
-        "--against", metavar="COMMIT", help="run this commit in turn, and write nothing"
+        "--against",
+        nargs="+",
+        metavar=("COMMIT", "PHOTO"),
+        help="run this commit in turn, on these photos or the two examples, and write nothing",
     )
     given = parser.parse_args()
     if given.against is not None:
-        compare(given.against, given.rounds)
+        commit, *photos = given.against
+        compare(commit, given.rounds, [str(Path(one).resolve()) for one in photos] or PHOTOS)
         return
     if git("status", "--porcelain", "--untracked-files=no", "--", *CODE):
         raise SystemExit("the code differs from its commit, which the figures name: commit first")
