@@ -7,6 +7,7 @@ so that it ends at a reach.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -31,10 +32,17 @@ MEDIAN_EDGES = 3.0
 its centre, and few long ones would make the search long everywhere.
 """
 
+MAX_TRIANGLES = 2_000_000
+"""About how many triangles a scene may be split into: those of a plane of a kilometre, split to the
+longest edge above, do not fit into memory.
+"""
+
 _CHUNK = 500
 """Points whose triangles are in memory at a time."""
 
 _TIE = 1e-9
+
+_HALVED = 8  # triangles that halving leaves of the square of the longest edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +77,10 @@ class SceneIndex:
             )
         corners = np.asarray(surface.vertices, np.float64)[surface.faces]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1)
+        sides = corners[:, 1:] - corners[:, :1]
+        total = float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=-1).sum()) / 2
         longest = float(np.clip(MEDIAN_EDGES * np.median(edges), MIN_EDGE_M, MAX_EDGE_M))
+        longest = max(longest, math.sqrt(_HALVED * total / MAX_TRIANGLES))
         vertices, faces = subdivide_to_size(surface.vertices, surface.faces, longest, max_iter=30)
         corners = np.asarray(vertices, np.float64)[faces]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
