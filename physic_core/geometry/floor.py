@@ -307,6 +307,11 @@ class PlaneFit:
     reanchored: float = 1.0
     pitch_sigma: float = PITCH_SIGMA
 
+    @property
+    def beneath(self) -> bool:
+        """Whether people lie on the plane, and the camera looks down on them."""
+        return self.source == "people who lie"
+
 
 @dataclass(frozen=True)
 class FloorSearch:

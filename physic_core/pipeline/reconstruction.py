@@ -216,7 +216,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     people = result.people
     notes = []
     plane = estimates.floor.plane
-    lie = plane is not None and plane.source == "people who lie"
+    lie = plane is not None and plane.beneath
     if lie:
         notes.append(
             "people seem to lie, and the camera to look down on them: the floor is what they lie on"

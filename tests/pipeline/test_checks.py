@@ -16,6 +16,7 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.measures import clearance, depth_ratio
 from physic_core.engine.stance import Stance
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
     CHECKS,
@@ -102,6 +103,10 @@ def keypoints_at(joints, camera, off_px=0.0, moved=0):
     return SimpleNamespace(points=points, confidence=np.ones((1, 17)), skeleton="coco17")
 
 
+def plane(source):
+    return PlaneFit(torch.tensor([0.0, -1.0, 0.0]), 1.5, torch.zeros(1), 0.5, 0.0, source)
+
+
 def case(**changes):
     """Estimates and result of one person where all is well, but for the changes."""
     known = {
@@ -112,6 +117,7 @@ def case(**changes):
         "scale": 1.0,
         "camera": CAMERA,
         "lean": 0.0,
+        "source": "soles",
     }
     known |= {
         "joints": None,
@@ -123,7 +129,7 @@ def case(**changes):
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "heads": 1}
     known |= {"stands": (0.9, 0.9), "score": 0.9}
     known |= {"likely": {"left_foot": 0.95, "right_foot": 0.95}} | changes
-    assert len(known) == 20, sorted(known)
+    assert len(known) == 21, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [4, 7]] = known["legs"]
     joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
@@ -137,6 +143,7 @@ def case(**changes):
         stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
         depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),
+        floor=SimpleNamespace(plane=None if known["floor"] != "found" else plane(known["source"])),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
         people=SimpleNamespace(
             boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
@@ -361,6 +368,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not():
             ("lean",),
             "no body was estimated, or none of it can be measured",
         ),
+        ({"lean": 80.0, "source": "people who lie"}, ("lean",), "this person lies"),
         (
             {"sigma": None},
             ("scale_sigma",),

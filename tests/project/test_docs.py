@@ -10,11 +10,13 @@ import pytest
 from physic_core import cli
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import resolve
+from physic_core.pipeline.checks import CHECKS
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 ROOT = Path(__file__).parents[2]
 TOPS = ("benchmarks", "contrib", "docs", "examples", "physic_core", "plugins", "tools")
+CHECKS_PAGE = ROOT / "docs" / "checks.md"
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
     [
@@ -131,6 +133,16 @@ def test_no_table_is_cut_by_a_blank_line(page):
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     starts = re.findall(r"(?:^|\n\n)(\|.*)\n(.*)", text)
     assert [row for row, below in starts if not re.fullmatch(r"\|[-:| ]+\|", below)] == []
+
+
+def test_the_page_of_checks_has_each_check_with_its_label_and_limit():
+    rows = re.findall(r"^\| (.+?) \| `(\w+)` \| .*? \| (\S.*?) \|", CHECKS_PAGE.read_text(), re.M)
+    listed = {name: (label.partition(",")[0], limit) for label, name, limit in rows}
+    assert listed.keys() == CHECKS.keys()
+    for name, spec in CHECKS.items():
+        label, limit = listed[name]
+        assert spec.label.startswith(label)
+        assert f"{spec.threshold:g}" in limit or limit == "yes"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

@@ -216,6 +216,9 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
     if abs(part) > _LIES_DEG:
+        plane = estimates.floor.plane
+        if plane is not None and plane.beneath:
+            return None, "this person lies"
         return abs(part), (
             "this person lies, or the floor is wrong: see in preview.png how far the camera looks "
             "down"
