@@ -329,6 +329,33 @@ def picture_tensor(
 
 
 def to_numpy(value: Any) -> FloatArray:
-    """Convert a tensor of any device and float type, or an array, to float32 numpy."""
+    """Convert a tensor of any device and float type, or an array, to float32 numpy.
+
+    Raises:
+        BackendError: it has several numbers, and none of them is finite.
+    """
     plain = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
-    return np.asarray(plain, np.float32)
+    found = np.asarray(plain, np.float32)
+    check_answer(found, "the network")
+    return found
+
+
+def check_answer(values: NDArray[Any], source: str) -> None:
+    """Check that an answer of several numbers has a finite one.
+
+    Comparisons with NaN are False: without this check, a network that has failed looks like one
+    that has found nothing. A single number may be unknown.
+
+    Args:
+        values: of any shape and type.
+        source: what gave them.
+
+    Raises:
+        BackendError: no number is finite.
+    """
+    if values.dtype.kind == "f" and values.size > 1 and not np.isfinite(values).any():
+        raise BackendError(
+            f"{source} returned an array of shape {values.shape} without one finite number: in "
+            "half precision networks can overflow, and some GPUs (GTX 16xx) cannot compute: use "
+            "its float32 file, precision 'float32', or the CPU"
+        )

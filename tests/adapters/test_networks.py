@@ -16,6 +16,7 @@ from physic_core.adapters.networks import (
     TorchOptions,
     picture_tensor,
     run_in_batches,
+    to_numpy,
 )
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
@@ -154,6 +155,18 @@ def test_batches_are_joined_in_order(full):
 def test_a_network_that_does_not_keep_its_batch_is_an_error():
     with pytest.raises(BackendError, match="batch"):
         run_in_batches(lambda part: [part["x"][:1]], {"x": np.zeros((3, 2))}, 3)
+
+
+def test_answers_of_nan_are_a_failed_network():
+    """Of scores that are NaN, none is above a threshold: people would be missing in silence."""
+    with pytest.raises(BackendError, match="without one finite number"):
+        to_numpy(torch.full((1, 900), torch.nan, dtype=torch.float16))
+    partly = to_numpy(torch.tensor([torch.nan, 1.0]))
+    np.testing.assert_array_equal(partly, np.float32([np.nan, 1]))
+
+
+def test_a_single_number_may_be_unknown():
+    assert np.isnan(to_numpy(torch.tensor([torch.nan]))).all()
 
 
 def test_pictures_are_normalised_as_on_numpy():

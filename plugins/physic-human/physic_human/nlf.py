@@ -216,12 +216,6 @@ class Nlf(TorchBackend, BodyEstimator):
                     f"'{self.options.body}' are {shape}: the file may be of another version than "
                     f"those known here"
                 )
-        if not np.isfinite(found["joints3d"]).any():
-            raise BackendError(
-                "NLF returned no numbers at all: its crop network computes in float16, which some "
-                "GPUs (GTX 16xx) "
-                "cannot; load it on the CPU"
-            )
         return found
 
     def _as_smplx(self, found: dict[str, FloatArray]) -> Bodies:

@@ -97,7 +97,7 @@ def squeeze_map(
         may_be_flat: whether a constant map is valid.
 
     Raises:
-        BackendError: it holds no map or several, no finite number, or a constant map.
+        BackendError: it holds no map or several, or a constant map.
     """
 
     shape = values.shape
@@ -109,15 +109,9 @@ def squeeze_map(
         )
     found = np.asarray(values, np.float32)
     finite = found[np.isfinite(found)]
-    if not finite.size:
-        raise BackendError(
-            f"{file} returned {what} without one finite number: in half precision networks can "
-            f"overflow; "
-            "use its float32 file"
-        )
     if (
         not may_be_flat
-        and found.size > 1
+        and finite.size > 1
         and np.ptp(finite) <= _LEAST_SPREAD * np.abs(finite).max()
     ):
         raise BackendError(

@@ -85,13 +85,15 @@ class Detector:
                 that merge boxes themselves.
 
         Raises:
-            BackendError: the output does not match the signature.
+            BackendError: the output does not match the signature, or has no finite score.
         """
+        from physic_core.adapters.networks import check_answer
         from physic_core.adapters.people import Detections, clip_boxes, nms
 
         boxes, scores, joints = _DECODERS[self.signature](
             self._match, self.network, image, self._size
         )
+        check_answer(scores, self.network.name)
         height, width = image.shape[:2]
         boxes, stay = clip_boxes(boxes, height, width)
         stay &= scores >= score

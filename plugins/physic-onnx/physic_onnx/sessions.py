@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.networks import check_answer
 from physic_core.adapters.onnx_sessions import open_session
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
@@ -96,7 +97,8 @@ class Network:
             One array for each output, in order; float16 becomes float32.
 
         Raises:
-            BackendError: an input does not fit, or onnxruntime fails.
+            BackendError: an input does not fit, onnxruntime fails, or no number of an output is
+                finite.
         """
         given = {name: self._cast(name, value) for name, value in feed.items()}
         try:
@@ -108,6 +110,8 @@ class Network:
             raise BackendError(
                 f"onnxruntime failed to run {self.name} on {self.provider} with {shapes}: {cause}"
             ) from cause
+        for name, value in zip(outputs, found, strict=True):
+            check_answer(value, f"{self.name} (output {name!r})")
         return [value.astype(np.float32) if value.dtype == np.float16 else value for value in found]
 
     def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:

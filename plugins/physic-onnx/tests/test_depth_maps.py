@@ -61,7 +61,6 @@ class TestMaps:
         ("values", "words"),
         [
             (np.zeros((2, 3, 4)), r"depth of shape \(2, 3, 4\): one map"),
-            (np.full((2, 3), np.nan), "without one finite number"),
             (np.full((2, 3), 0.9741), r"depth = 0\.9741 for every pixel"),
         ],
     )

@@ -87,6 +87,17 @@ class TestRunning:
         with pytest.raises(BackendError, match=r"image float32 \(1, 2, 2\)"):
             network.run({**ONE, "image": np.ones((1, 2, 2), np.float32)}, ["sum"])
 
+    @pytest.mark.parametrize("dtype", ["float16", "float32"])
+    def test_an_output_of_nan_is_a_failed_network(self, doubler, dtype):
+        """NaN in a part of an output is left to the backend."""
+        network = open_network(doubler(dtype), OnnxOptions(), "cpu")
+        image = np.full((1, 3, 2, 2), np.nan)
+        with pytest.raises(BackendError, match=r"output 'sum'.*without one finite number"):
+            network.run({**ONE, "image": image}, ["sum"])
+        image[0, 0, 0, 0] = 1
+        (found,) = network.run({**ONE, "image": image}, ["sum"])
+        assert np.isfinite(found).sum() == 1
+
 
 class TestProviders:
     @pytest.mark.parametrize(

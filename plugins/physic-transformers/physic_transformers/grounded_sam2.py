@@ -108,7 +108,11 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     takes_prompt: ClassVar[bool] = True
     specs: ClassVar[tuple[ModelSpec, ...]] = (
         ModelSpec(
-            "detector", "GroundingDinoForObjectDetection", ("grounding-dino",), needs_tokenizer=True
+            "detector",
+            "GroundingDinoForObjectDetection",
+            ("grounding-dino",),
+            needs_tokenizer=True,
+            samples_grids=True,
         ),
         # The published SAM 2 repositories hold the model for videos, of which this is a spec.
         ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video")),

@@ -43,12 +43,15 @@ class ModelSpec:
         class_name: class in transformers.
         model_types: values of ``model_type`` in config.json that the class can read.
         needs_tokenizer: whether the network takes text.
+        samples_grids: whether the class calls torch's ``grid_sample``, which returns NaN by chance
+            in half precision on a CPU (2.13.0): such a network is read in float32 there.
     """
 
     option: str
     class_name: str
     model_types: tuple[str, ...]
     needs_tokenizer: bool = False
+    samples_grids: bool = False
 
 
 class ModelOptions(TorchOptions):
@@ -167,12 +170,13 @@ def open_model(
             f"it: "
             f"pip install --upgrade transformers ({cause})"
         ) from cause
+    precision = "float32" if spec.samples_grids and device == "cpu" else options.precision
     try:
         with _quiet():
             model, loading_info = kind.from_pretrained(
                 str(folder),
                 local_files_only=True,
-                dtype=getattr(torch, options.precision),
+                dtype=getattr(torch, precision),
                 output_loading_info=True,
             )
             tokenizer = None

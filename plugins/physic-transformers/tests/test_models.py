@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import shutil
@@ -166,6 +167,31 @@ def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
     assert len(own) < len(published)
     for name, tensor in own.items():
         np.testing.assert_array_equal(tensor.numpy(), published[prefix + name])
+
+
+@pytest.mark.parametrize("spec", [spec for kind in BACKENDS for spec in kind.specs])
+def test_networks_that_sample_grids_are_named(spec):
+    import transformers
+
+    network = getattr(transformers, spec.class_name)
+    code = Path(inspect.getfile(network)).read_text(encoding="utf-8")
+    assert spec.samples_grids == ("grid_sample" in code)
+
+
+def test_networks_that_sample_grids_compute_in_float32_on_a_cpu(saved):
+    """torch's CPU fills NaN into grid_sample in half precision, by what is in memory."""
+    spec, _ = GroundedSam2.specs
+    options = models.ModelOptions(precision="bfloat16")
+    network = models.open_model(spec, saved("grounding_dino"), options, "cpu")
+    words = np.array([[1, 5, 4, 2]])
+    answer = network.run(
+        pixel_values=np.zeros((1, 3, 64, 96), np.float32),
+        pixel_mask=np.ones((1, 64, 96), np.int64),
+        input_ids=words,
+        token_type_ids=np.zeros_like(words),
+        attention_mask=np.ones_like(words),
+    )
+    assert str(answer.logits.dtype) == "torch.float32"
 
 
 def test_sam_3_runs_from_the_published_layout(saved):
