@@ -39,6 +39,7 @@ _PER_METRE = -7.2  # of the height of the shoulders
 _PER_RADIAN = 2.2  # of the bend at the hips that the network sees
 _MIDDLE_HEIGHT_M = 0.81
 _MIDDLE_BEND = 0.7
+_BENDS = (0.2, 1.4)  # radians; legs that the network bends further are crouched, not on a seat
 _MOST_HEIGHT_M = 0.3  # largest difference from the middle that counts
 _MAX_HEIGHT_M = 1.5  # of shoulders; higher, the floor is another one's
 _STRAIGHT = 0.8  # radians at the hips, below which the network sees nobody sit
@@ -88,7 +89,7 @@ def with_hidden_legs(
             continue
         bend = _bend_at_hips(world[i], row, trunk)
         height = _height_of_shoulders(observations, people, i, row, legs, intrinsics, hints)
-        odds = _CONSTANT + _PER_RADIAN * (bend - _MIDDLE_BEND)
+        odds = _CONSTANT + _PER_RADIAN * (np.clip(bend, *_BENDS) - _MIDDLE_BEND)
         if height < _MAX_HEIGHT_M:
             beyond = np.clip(height - _MIDDLE_HEIGHT_M, -_MOST_HEIGHT_M, _MOST_HEIGHT_M)
             odds += _PER_METRE * beyond
