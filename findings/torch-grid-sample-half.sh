@@ -1,6 +1,7 @@
 #!/bin/sh
 # grid_sample of torch on a CPU, in half precision, from a map whose channels lie side by side in memory, as deformable
-# attention of DETR networks has it. Not guessed: a check of answers for finite numbers met it. Expected: the values of float32, rounded.
+# attention of DETR networks has it. Not guessed before: a check of answers for finite numbers met it. Expected: the
+# values of float32, rounded.
 # Measured with torch 2.13.0: in bfloat16 and float16 some calls return NaN, others the right values, by what was in
 # memory before. A contiguous map, and float32, are always right.
 set -eu
