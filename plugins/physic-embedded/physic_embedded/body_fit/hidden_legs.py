@@ -42,7 +42,7 @@ _MIDDLE_BEND = 0.7
 _BENDS = (0.2, 1.4)  # radians; legs that the network bends further are crouched, not on a seat
 _MOST_HEIGHT_M = 0.3  # largest difference from the middle that counts
 _MAX_HEIGHT_M = 1.5  # of shoulders; higher, the floor is another one's
-_STRAIGHT = 0.8  # radians at the hips, below which the network sees nobody sit
+_STRAIGHT = 0.8  # radians at the hips, below which people do not sit by the network
 _LEAST_UPRIGHT = 0.5  # cosine between trunk and vertical; people who lie keep their legs
 _PATCH = 0.25  # of the trunk's length in the picture, around the shoulders
 
