@@ -154,13 +154,15 @@ def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touch
     )
 
 
-def test_no_seat_is_assumed_for_a_squatter_whom_the_feet_balance(posed):
+def test_no_seat_is_assumed_for_a_squatter_whom_seen_feet_balance(posed):
     model, body = posed(SQUATS)
     soles = evidence(model, "left_sole", "right_sole", sits=True)
     found = support_of(model, body, soles, UP, assume=True)
     assert found.state == SupportState.BALANCED
     assert not found.hidden.any()
     assert support_of(model, body, evidence(model, sits=True), UP, assume=True).hidden.any()
+    soles.seen = ~members(model, "left_sole", "right_sole")
+    assert support_of(model, body, soles, UP, assume=True).hidden.any()
 
 
 def test_a_seat_in_contact_needs_no_hidden_one(posed):

@@ -1,4 +1,6 @@
-"""Doubt the head of a person whom the border of the image cuts off below the head."""
+"""Doubt the head of a person whom the border of the image cuts off below the head, and hips at the
+lower end of what is seen.
+"""
 
 from __future__ import annotations
 
