@@ -164,7 +164,7 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
     found: dict[str, dict[str, Any]] = {}
     runs: dict[str, int] = {}
     wanted = None if columns is None else {*columns, "id"}
-    for _, row in _lines(folder):
+    for _, _, row in _lines(folder):
         if row["run"] >= runs.get(row["id"], 0):
             runs[row["id"]] = row["run"]
             found[row["id"]] = (
@@ -174,22 +174,34 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the last row of each id, without holding all rows in memory."""
-    last: dict[str, tuple[int, tuple[str, int]]] = {}
-    for place, row in _lines(folder):
+    """Yield the last row of each id, the most trusted first and those without trust last, without
+    holding all rows in memory.
+    """
+    last: dict[str, tuple[int, float, Path, int]] = {}
+    for path, start, row in _lines(folder):
         if row["run"] >= last.get(row["id"], (0,))[0]:
-            last[row["id"]] = row["run"], place
-    places = {place for _, place in last.values()}
-    yield from (row for place, row in _lines(folder) if place in places)
+            trust = row.get("trust")
+            mistrust = -trust if isinstance(trust, float) else 1.0
+            last[row["id"]] = (row["run"], mistrust, path, start)
+    for _, _, path, start in sorted(last.values(), key=lambda place: place[1:]):
+        with path.open("rb") as file:
+            file.seek(start)
+            found = _row(file.readline())
+        if found is not None:
+            yield found
 
 
-def _lines(folder: Path) -> Iterator[tuple[tuple[str, int], dict[str, Any]]]:
-    """Yield file and number of each line, and its row; a damaged or truncated line is skipped."""
+def _lines(folder: Path) -> Iterator[tuple[Path, int, dict[str, Any]]]:
+    """Yield file and first byte of each line, and its row; a damaged or truncated line is
+    skipped.
+    """
     for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
         with path.open("rb") as file:
-            for number, line in enumerate(file):
+            start = 0
+            for line in file:
                 if (row := _row(line)) is not None:
-                    yield (path.name, number), row
+                    yield path, start, row
+                start += len(line)
 
 
 def _is_journal(path: Path) -> bool:
@@ -234,7 +246,8 @@ def write_tables(out: Path) -> list[Path]:
     """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
     return their paths.
 
-    Numbers of results are empty for failed photos. People are in the order of the photos' rows.
+    Photos with the highest trust come first. Numbers of results are empty for failed photos. People
+    are in the order of the photos' rows.
     Texts are those of :func:`physic_core.files.text.write_csv`.
 
     Raises:

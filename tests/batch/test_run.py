@@ -182,6 +182,20 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
     assert [last["value"] for last in last_rows(tmp_path) if last["id"] == "both"] == [1]
 
 
+def test_tables_begin_with_the_photo_of_the_highest_trust(tmp_path):
+    trusts = {"doubtful": 0.6, "failed": None, "good": 0.9, "bad": 0.1}
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        for name, trust in trusts.items():
+            journal.append(row(name, trust=trust))
+    with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
+        assert [found["id"] for found in csv.DictReader(file)] == [
+            "good",
+            "doubtful",
+            "bad",
+            "failed",
+        ]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
 def test_two_batches_cannot_write_one_journal(tmp_path):
     path = tmp_path / "journal.jsonl"
