@@ -146,7 +146,7 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
     floor = state.scene.floor
     for i, person in enumerate(people):
         height = person.sole_height_m
-        if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
+        if floor is None or height is None or abs(height) <= CHECKS["support"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.
         if standing_legs(state.joints[i].float().cpu().numpy()).all():

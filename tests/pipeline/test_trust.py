@@ -90,7 +90,7 @@ def test_a_contradiction_caps_the_probability_and_is_named_first(name):
 
 
 def test_two_contradictions_make_a_person_bad():
-    trust = person_trust(results(limb_keypoints=0.2, sole_height=0.5), 0)
+    trust = person_trust(results(limb_keypoints=0.2, support=0.5), 0)
     assert Grade.of(trust.probability) is Grade.BAD
 
 

@@ -141,24 +141,41 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     return result.people[person].measures.body_in_mask_share
 
 
-# Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4.
+# Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4. Soles on floors
+# that are right 0-0.08, and 0.25 on a treadmill.
 @_check(
-    "Distance to the nearest surface",
+    "Off the surface that carries the person",
     at_most=0.1,
     unit="m",
     contradicts=True,
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the gap between the body and the nearest surface, metres; unknown if a support is
-    assumed.
+    """Return the larger of the gap between the body and the nearest surface, unless a support is
+    assumed, and the distance of the lower sole below the floor, or above it if the person stands,
+    metres.
     """
-    if result.people[person].measures.assumed_support:
-        return None, _ASSUMED_SUPPORT
-    gap = result.people[person].measures.clearance_m
-    if gap is None:
-        return None
-    return gap, f"the nearest surface that could support this person is {gap:.2f} m away"
+    measures = result.people[person].measures
+    height = None if result.scene.floor is None else measures.sole_height_m
+    found = []
+    if measures.clearance_m is not None and not measures.assumed_support:
+        gap = measures.clearance_m
+        found.append(
+            (gap, f"the nearest surface that could support this person is {gap:.2f} m away")
+        )
+    stands = _stands_on_seen_legs(estimates, result, person)
+    if height is not None and (height < 0 or stands):
+        side = "above" if height > 0 else "below"
+        found.append(
+            (
+                abs(height),
+                f"the lower sole is {abs(height):.2f} m {side} the floor: the floor or the "
+                f"person's distance is wrong",
+            )
+        )
+    if found:
+        return max(found)
+    return (None, _ASSUMED_SUPPORT) if measures.assumed_support else None
 
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.
@@ -176,31 +193,6 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     if not likely:
         return None
     return math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
-
-
-# On floors that are right 0-0.08, and 0.25 on a treadmill; with wrong floors 0.6-1.7 above or
-# below.
-@_check("Lower sole off the floor", at_most=0.1, unit="m", contradicts=True, unmeasured=_NO_BODY)
-def sole_height(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the distance of the lower sole below the floor, or above it if the person stands,
-    metres.
-    """
-    height = result.people[person].measures.sole_height_m
-    if result.scene.floor is None:
-        return None, NO_FLOOR
-    if height is None:
-        return None
-    if height > 0:
-        # Only the feet of people who stand and whose legs are visible must be on the floor.
-        if unknown := _unknown_support(estimates, result, person):
-            return None, unknown
-        if not estimates.stance.stands_on_both_feet[person]:
-            return None, "this person does not stand on both feet"
-    side = "above" if height > 0 else "below"
-    return abs(height), (
-        f"the lower sole is {abs(height):.2f} m {side} the floor: the floor or the person's "
-        f"distance is wrong"
-    )
 
 
 # Of people whom readers find right 5 in the median, of others 15. Sideways tilt is visible in the
@@ -373,15 +365,16 @@ def limb_keypoint_error(
     )
 
 
-def _unknown_support(estimates: Estimates, result: Reconstruction, person: int) -> str | None:
-    """Return why it is unknown what carries a person, or None if it is known."""
+def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: int) -> bool:
+    """Return whether a person stands on both feet, with a knee or an ankle of each leg visible, and
+    without an assumed support.
+    """
     if result.people[person].measures.assumed_support:
-        return _ASSUMED_SUPPORT
-    if result.scene.floor is None:
-        return NO_FLOOR
+        return False
     observed = estimates.bodies.observed
-    if observed is None:
-        return None
-    others = (view.observed[person].cpu().numpy() for view in estimates.views)
-    visible = np.any([observed[person], *others], axis=0)
-    return None if (visible[_KNEES] | visible[_ANKLES]).all() else "a leg is not visible"
+    if observed is not None:
+        others = (view.observed[person].cpu().numpy() for view in estimates.views)
+        visible = np.any([observed[person], *others], axis=0)
+        if not (visible[_KNEES] | visible[_ANKLES]).all():
+            return False
+    return bool(estimates.stance.stands_on_both_feet[person])
