@@ -21,6 +21,7 @@ import argparse
 import hashlib
 import math
 import os
+import pickle
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,7 +29,6 @@ from typing import TYPE_CHECKING
 
 from benchmarks.contact_on_photos import samples_of
 from benchmarks.truth.sets import Sample, picture_of
-from physic_bench.kept import kept
 from physic_core.metrics import aligned_table, markdown_table
 
 from .changes import Change, change, table
@@ -151,24 +151,28 @@ def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipe
     from physic_core.errors import PhysicError
     from physic_core.types import CameraTrust
 
+    path = folder / f"{variant.name}.pickle"
+    if path.is_file():
+        found: Answer = pickle.loads(path.read_bytes())
+        return found
     height, width = picture.shape[:2]
-
-    def make() -> Answer:
-        camera = None
-        if variant.known:
-            focal = kept_answer(picture, PHOTO, folder, pipeline).focal
-            camera = variant.camera(
-                Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN)
-            )
-        try:
-            return answer_of(
-                pipeline(variant.picture(picture), intrinsics=camera), variant, width, height
-            )
-        except PhysicError as error:
-            print(f"{folder.name}, {variant.name}: {error}", file=sys.stderr)
-            return no_answer(variant, width, height)
-
-    found: Answer = kept(folder / f"{variant.name}.pickle", make)
+    camera = None
+    if variant.known:
+        focal = kept_answer(picture, PHOTO, folder, pipeline).focal
+        camera = variant.camera(
+            Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN)
+        )
+    try:
+        found = answer_of(
+            pipeline(variant.picture(picture), intrinsics=camera), variant, width, height
+        )
+    except PhysicError as error:
+        print(f"{folder.name}, {variant.name}: {error}", file=sys.stderr)
+        found = no_answer(variant, width, height)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_bytes(pickle.dumps(found))
+    part.replace(path)
     return found
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.joints import bone_lengths, root
+from benchmarks.truth.joints import bone_lengths, root
 from physic_core.adapters.people import box_iou
 from physic_core.metrics import assign, mpjpe_mm, pa_mpjpe_mm
 

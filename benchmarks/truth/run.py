@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.processes import run_measured
-from physic_bench.joints import LIMB_JOINTS
+from physic_bench.scoring import LIMB_JOINTS
 
 from .measures import depth_errors
 from .sets import Sample, picture_of

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.joints import BODY_ROWS, is_upright, limb_joints, root
-from physic_bench.triangulation import match_views, visible_joints
+from benchmarks.truth.joints import BODY_ROWS, is_upright, limb_joints, root
+from benchmarks.truth.triangulation import match_views, visible_joints
 
 from .contact import part_record
 from .measures import box_of, floor_errors, match_people, points_error, pose_errors, spread_m
@@ -123,7 +123,10 @@ def score_moment(
                 pelvises[i].append(camera.in_world(root(joints_of(person))))
     floors = [
         _floor(
-            sample, answer, camera.R @ sample.truth["up"], float(camera.centre @ sample.truth["up"])
+            sample,
+            answer,
+            camera.R @ sample.truth["up"],
+            float(camera.in_world(np.zeros(3)) @ sample.truth["up"]),
         )
         for sample, answer, camera in zip(samples, answers, cameras, strict=True)
     ]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.cameras import Camera, calibrated, undistorted
+from physic_bench.cameras import Camera
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,10 +95,39 @@ def picture_of(sample: Sample) -> Picture:
         picture = picture[y0:y1, x0:x1]
     if sample.size is not None:
         picture = cv2.resize(picture, sample.size, interpolation=cv2.INTER_CUBIC)
-    if sample.distortion is not None:
-        picture = undistorted(picture, sample.K, np.array(sample.distortion))
+    if sample.distortion is not None and any(sample.distortion):
+        picture = cv2.undistort(picture, sample.K, np.array(sample.distortion))
     found: Picture = np.ascontiguousarray(picture)
     return found
+
+
+def calibrated(record: Mapping[str, Any]) -> tuple[Camera, tuple[int, int, int, int]]:
+    """The camera of an entry of a ``cameras.json``, and the part (x0, y0, x1, y1) of the picture
+    that shows something.
+
+    A picture of another size than the calibrated one is that picture scaled by one factor and
+    padded in the middle.
+    """
+    K = np.array(record.get("K", record.get("K_calibrated")), np.float64)
+    width = int(record["width"])
+    height = int(record["height"])
+    full = (
+        int(record.get("width_calibrated", width)),
+        int(record.get("height_calibrated", height)),
+    )
+    factor = min(width / full[0], height / full[1])
+    shown = [factor * side for side in full]
+    left = round((width - shown[0]) / 2)
+    top = round((height - shown[1]) / 2)
+    # Of a warp that carries centre to centre, as the makers of the padded pictures used it.
+    K[:2] *= factor
+    K[:2, 2] += (width - shown[0]) / 2 - left, (height - shown[1]) / 2 - top
+    width = width - 2 * left
+    height = height - 2 * top
+    camera = Camera(
+        K, width, height, np.array(record["R"], np.float64), np.array(record["t_m"], np.float64)
+    )
+    return camera, (left, top, left + width, top + height)
 
 
 def mpi_inf_3dhp(folder: Path) -> list[Sample]:

@@ -36,7 +36,7 @@ class PluginItem:
     """A command, an executor, an engine preset or a page of a plugin.
 
     Attributes:
-        name: of the item; of a command, the words after ``physic``, such as "bench" or "plugins
+        name: of the item; of a command, the words after ``physic``, such as "scene" or "plugins
             check".
         target: "package.module:name" of a function or object, imported when it is used.
         summary: one line for ``--help``.

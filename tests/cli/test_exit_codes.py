@@ -122,7 +122,7 @@ ENTRIES = "\n".join(
         (("plugins", "compare", "inpainter", "mock", "--world", "moon"), 2),
         (("plugins", "new", "No Name", "--interface", "inpainter"), 2),
         (("weights", "list"), 0),
-        (("bench", "accuracy", "--rows", "no-such-row"), 2),
+        (("evaluate", "no-such-set"), 2),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )

@@ -51,7 +51,7 @@ def test_commands_that_look_around_import_nothing_heavy():
         "compare --help",
         "config show",
         "config --help",
-        "bench accuracy --help",
+        "evaluate --help",
     )
     require_light([command.split() for command in commands], HEAVY)
 

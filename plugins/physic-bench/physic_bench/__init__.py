@@ -1,6 +1,4 @@
-"""Benches: the engine on synthetic worlds, and results of several methods on data sets with ground
-truth.
-"""
+"""Results of several methods on data sets with ground truth, and on synthetic worlds."""
 
 from __future__ import annotations
 
@@ -11,11 +9,8 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the commands "bench" and "evaluate"."""
+    """Return the command "evaluate"."""
     return [
-        PluginItem(
-            "bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."
-        ),
         PluginItem(
             "evaluate",
             "physic_bench.evaluate_command:evaluate",

@@ -67,8 +67,6 @@ class BenchPerson:
         topology: name of the mesh ("smplx", "smpl"); "" without vertices.
         contact: (V,) bool.
         contact_topology: name of the mesh of ``contact``.
-        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen; of a
-            result.
         grade: of a result, "" without.
     """
 
@@ -80,7 +78,6 @@ class BenchPerson:
     topology: str = ""
     contact: Array | None = None
     contact_topology: str = ""
-    keypoints: Array | None = None
     grade: str = ""
 
 

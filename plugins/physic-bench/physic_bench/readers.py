@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
-from physic_bench.joints import LIMB_JOINTS
 from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
 from physic_core.body.joints import JOINT_NAMES
 
@@ -22,12 +21,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MIN_CONFIDENCE = 0.3
-"""Keypoints from which on triangulation uses them."""
-
 
 def read_physic(folder: Path, frame: Frame) -> Prediction | None:
-    """Read the frame's result of this tool; None if there is none.
+    """Read the frame's result of this tool, in px of the frame's picture; None if there is none.
+    People without a body are not in it.
 
     Raises:
         PhysicError: it is damaged.
@@ -38,41 +35,17 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     for name in _names(frame):
         for place in (photo_folder(name), name, f"{name}-physic"):
             if (folder / place / "reconstruction.json").is_file():
-                return prediction_of(load_reconstruction(str(folder / place)), frame)
+                result = load_reconstruction(str(folder / place))
+                floor = result.scene.floor
+                return Prediction(
+                    tuple(_person(p, result) for p in result.people if np.isfinite(p.joints).all()),
+                    result.intrinsics.resized(frame.camera.width, frame.camera.height).matrix,
+                    None if floor is None else np.array([*floor.normal, floor.offset], np.float64),
+                )
     return None
 
 
-def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
-    """Return what is measured of a result, in px of the frame's picture; people without a body are
-    not in it.
-    """
-    width = frame.camera.width
-    height = frame.camera.height
-    people = [
-        person for p in result.people if (person := _person(p, result, (width, height))) is not None
-    ]
-    floor = result.scene.floor
-    return Prediction(
-        tuple(people),
-        result.intrinsics.resized(width, height).matrix,
-        None if floor is None else np.array([*floor.normal, floor.offset], np.float64),
-    )
-
-
-def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> BenchPerson | None:
-    from physic_core.types import skeleton_named
-
-    if not (np.isfinite(person.vertices).all() and np.isfinite(person.joints).all()):
-        return None
-    factor = np.array(size) / [result.intrinsics.width, result.intrinsics.height]
-    skeleton = (
-        result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
-    )
-    names = list(skeleton.names)
-    keypoints = np.full((len(LIMB_JOINTS), 2), np.nan)
-    for row, name in enumerate(LIMB_JOINTS):
-        if name in names and person.keypoint_confidence[names.index(name)] >= MIN_CONFIDENCE:
-            keypoints[row] = (person.keypoints[names.index(name)] + 0.5) * factor - 0.5
+def _person(person: Person, result: Reconstruction) -> BenchPerson:
     contact = person.contact
     if person.contact_partner is not None:  # no data set annotates contact with the own body
         own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
@@ -85,7 +58,6 @@ def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> Be
         topology=topology,
         contact=contact,
         contact_topology=topology,
-        keypoints=keypoints,
         grade=str(person.grade or ""),
     )
 
@@ -94,8 +66,8 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
     """Read FRAME.npz; None if there is none.
 
     It has, of P people, ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with
-    ``joint_names`` (J), or both. Optional: ``K`` (3, 3), ``contact`` (P, V), ``floor`` (4,),
-    ``keypoints`` (P, 12, 2). P may be 0.
+    ``joint_names`` (J), or both. Optional: ``K`` (3, 3), ``contact`` (P, V), ``floor`` (4,). P may
+    be 0.
 
     Raises:
         DamagedFrameError: it is damaged.
@@ -110,9 +82,7 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
             raise DamagedFrameError(
                 f"there are no vertices and no joints: it has {', '.join(sorted(arrays))}"
             )
-        per_person = [
-            name for name in ("vertices", "joints", "contact", "keypoints") if name in arrays
-        ]
+        per_person = [name for name in ("vertices", "joints", "contact") if name in arrays]
         if len({len(arrays[name]) for name in per_person}) > 1:
             raise DamagedFrameError(f"the first axes of {', '.join(per_person)} must be the people")
         people = tuple(_plain_person(arrays, row) for row in range(len(arrays[main])))
@@ -140,10 +110,6 @@ def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
     if "contact" in arrays:
         contact = numbers(arrays["contact"][row], (-1,), "contact") >= 0.5
         person = replace(person, contact=contact, contact_topology=_topology(arrays, len(contact)))
-    if "keypoints" in arrays:
-        person = replace(
-            person, keypoints=np.asarray(arrays["keypoints"][row], np.float64).reshape(12, 2)
-        )
     return person
 
 

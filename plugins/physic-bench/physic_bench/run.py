@@ -4,7 +4,6 @@ figures depend on.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -165,10 +164,6 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
         InputError: a method has no result of any frame, its results do not fall on the annotated
             people, or no frame has a truth that can be read.
     """
-    if found.completed is not None:
-        found = found.completed(
-            {frame.id: methods[0].result(frame)[0] for frame in found.frames}, methods[0].name
-        )
     records: dict[str, list[Record]] = {method.name: [] for method in methods}
     overlaps: dict[str, list[float]] = {method.name: [] for method in methods}
     left_out = dict(found.left_out)
@@ -183,9 +178,6 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
             prediction, reason = method.result(frame)
             group = frame.sequence if several else frame.group or frame.id
             for record in score_frame(frame, truth, prediction, files, reason):
-                hips = record.pop("hips_m", None)
-                if hips is not None and frame.group:
-                    record["hips_world_m"] = frame.camera.in_world(np.asarray(hips)).tolist()
                 records[method.name].append(record | {"group": group})
             if prediction is not None:
                 overlaps[method.name] += _overlaps(frame, truth, prediction)
@@ -196,7 +188,6 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
     notes = list(found.notes)
     for method in methods:
         _require_results(method, records[method.name], overlaps[method.name])
-        _add_spread(records[method.name])
         notes += _notes(method.name, records[method.name])
     if left_out:
         notes.append(f"{len(left_out)} frames skipped; results.json has the reasons")
@@ -251,20 +242,6 @@ def _require_results(method: Method, records: Sequence[Record], overlaps: Sequen
             f"camera frame (x right, y "
             "down, z forward)"
         )
-
-
-def _add_spread(records: Sequence[Record]) -> None:
-    """Add to one record of each person of a moment how far apart the views put their hips."""
-    places: dict[tuple[str, str], list[Record]] = {}
-    for record in records:
-        if "hips_world_m" in record:
-            places.setdefault((record["moment"], record["person"]), []).append(record)
-    for own in places.values():
-        if len(own) > 1:
-            points = np.array([record["hips_world_m"] for record in own])
-            own[0]["spread_mm"] = 1000 * math.sqrt(
-                float(np.square(points - points.mean(0)).sum(-1).mean())
-            )
 
 
 def _notes(name: str, records: Sequence[Record]) -> list[str]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from physic_bench.cameras import box_of_points, project
 from physic_bench.figures import Column, contact_columns, mean_column
-from physic_bench.joints import LIMB_JOINTS
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.metrics import (
@@ -27,6 +26,7 @@ from physic_core.metrics import (
     penetration,
     surface_graph,
 )
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,6 +39,16 @@ if TYPE_CHECKING:
     Bools = NDArray[np.bool_]
     Record = dict[str, Any]
     Contacts = Mapping[str, tuple[Bools, str]]
+
+LIMB_JOINTS = tuple(
+    f"{side}_{name}"
+    for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in SIDES
+)
+"""The joints that are compared where a data set has no body model.
+
+Necks, heads and spines are defined otherwise by every data set.
+"""
 
 BODY_NAMES = JOINT_NAMES[:22]
 """Pelvis to wrists: joints that SMPL, SMPL+H and SMPL-X have."""
@@ -95,11 +105,6 @@ COLUMNS: tuple[Column, ...] = (
         3,
         "",
     ),
-    mean_column(
-        "spread_mm",
-        "view spread, mm",
-        "root mean squared distance of one pelvis, seen by several cameras",
-    ),
 )
 """Columns without those of contact, which exist once for each contact truth.
 
@@ -141,7 +146,6 @@ def score_frame(
             "id": f"{frame.id} {person.name}",
             "frame": frame.id,
             "sequence": frame.sequence,
-            "moment": frame.group,
             "person": person.name,
             "has_result": prediction is not None,
             "found": row in matched,
@@ -200,7 +204,6 @@ def pose_errors(
             "pa_mpjpe": float(pa_mpjpe_mm(own, true, known)),
             "rt_error": 1000 * float(np.linalg.norm(hips[0] - hips[1])),
             "depth_ratio": float(hips[0][2] / hips[1][2]),
-            "hips_m": hips[0].tolist(),
             "joints": f"{known.sum()} ({person.joint_source})",
         }
     elif person.joints is not None:

@@ -13,3 +13,9 @@ def files(tmp_path_factory):
     than neutral.
     """
     return write_models(tmp_path_factory.mktemp("models"))
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A folder for the photos of worlds."""
+    return tmp_path / "worlds"

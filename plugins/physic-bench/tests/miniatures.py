@@ -13,17 +13,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 from click.testing import CliRunner
-from PIL import Image
 
 from physic_bench.bodies import BodyFiles
-from physic_bench.joints import LIMB_JOINTS
+from physic_bench.scoring import LIMB_JOINTS
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.cli import main
+from physic_testing.worlds import load_world
 
 ROOT = Path(__file__).parents[3]
-K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
-SIZE = (640, 480)
-TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
-"""Limb joints of the person of every measured photo, m."""
+NAMES = ("jump", "stand", "walk")
+TRUE = {
+    name: load_world(name).joints[0][[JOINT_INDEX[joint] for joint in LIMB_JOINTS]].astype(float)
+    for name in NAMES
+}
+"""Limb joints (12, 3) m of the person of three worlds."""
 STANDING = {"global_orient": [np.pi, 0, 0], "transl": [0.1, 0.35, 3.5]}
 """Upright before an OpenCV camera, facing it."""
 
@@ -82,19 +85,6 @@ def write_models(folder):
     return Files(BodyFiles(folder / "smplx", folder / "smpl"))
 
 
-def write_measured_photos(folder, count=3):
-    """Write photos p0.png ... with one measured person each, and truth.json."""
-    folder.mkdir()
-    joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
-    record = {"width": 640, "height": 480, "K": K.tolist(), "joints": joints}
-    for i in range(count):
-        Image.new("RGB", SIZE).save(folder / f"p{i}.png")
-    (folder / "truth.json").write_text(
-        json.dumps([{"image": f"p{i}.png", **record} for i in range(count)])
-    )
-    return folder
-
-
 def run(*arguments):
     """Run ``physic evaluate`` with these arguments."""
     return CliRunner().invoke(main, ["evaluate", *arguments])
@@ -105,6 +95,29 @@ def write_plain(folder, name, **arrays):
     path = folder / f"{name}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, **arrays)
+
+
+def write_results(root, frames=NAMES, *, name="theirs", move=lambda points: points, **more):
+    """Write results of three worlds beside the folder of their photos, and return their
+    argument.
+    """
+    for frame in frames:
+        joints = move(TRUE[frame])[None]
+        names = np.array(LIMB_JOINTS)
+        write_plain(root.parent / name, frame, joints=joints, joint_names=names, **more)
+    return f"{name}=plain:{root.parent / name}"
+
+
+def evaluated(root, *theirs, fails=False):
+    """Evaluate results of three worlds, and return the figures of the last, or the error."""
+    (root.parent / "three.txt").write_text("\n".join(NAMES))
+    more = [part for one in theirs for part in ("--results", one)]
+    arguments = ("worlds", str(root), "-o", str(root.parent / "out"), *more)
+    done = run(*arguments, "--frames", str(root.parent / "three.txt"))
+    assert (done.exit_code != 0) == fails, done.output
+    if fails:
+        return done.output.partition("Error: ")[2].strip()
+    return figures(root.parent / "out", theirs[-1].partition("=")[0])
 
 
 def figures(out, method):

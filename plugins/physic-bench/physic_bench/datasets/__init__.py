@@ -13,8 +13,7 @@ __all__ = ["DATA_SETS", "data_set"]
 DATA_SETS = {
     "prox": "PROX quantitative: bodies by motion capture in a scanned room",
     "rich": "RICH: bodies, contact and scans before several cameras",
-    "calibrated": "your own photos with known cameras: truth.json, or cameras.json for several "
-    "views",
+    "worlds": "synthetic worlds of physic-testing, for the preset mock",
 }
 """Name -> summary."""
 

@@ -13,7 +13,7 @@ from physic_core.files.atomic import read_regular, unreadable
 if TYPE_CHECKING:
     import click
 
-    from physic_bench.contract import Frame, Prediction
+    from physic_bench.contract import Frame
 
 _Item = TypeVar("_Item")
 _MAX_LIST_BYTES = 100_000_000
@@ -27,15 +27,11 @@ class FrameSet:
         frames: in order.
         notes: decisions that the results depend on, a sentence each; printed.
         left_out: frame id -> why it is not evaluated.
-        completed: returns the frames with truth that only results give, such as triangulated
-            joints, from frame id -> result of the first method, and its name; None if all truth is
-            known.
     """
 
     frames: tuple[Frame, ...]
     notes: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
-    completed: Callable[[Mapping[str, Prediction | None], str], FrameSet] | None = None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .cameras import Camera
+    from physic_bench.cameras import Camera
 
     Array = NDArray[np.float64]
 

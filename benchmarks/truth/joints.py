@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_bench.scoring import LIMB_JOINTS
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.posture import legs_in_line
 from physic_core.types.skeletons import SIDES
@@ -17,16 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
-LIMB_JOINTS = tuple(
-    f"{side}_{name}"
-    for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    for side in SIDES
-)
-"""The twelve joints that are compared.
-
-Necks, heads and spines are defined otherwise by every data set.
-"""
 
 BODY_ROWS = [JOINT_INDEX[name] for name in LIMB_JOINTS]
 """Their rows in the 55 joints of every body model here."""
@@ -49,15 +40,10 @@ are not.
 """
 
 
-def full_names(named: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
-    """Return points by names in which "l_" and "r_" at the beginning are "left_" and "right_"."""
-    sides = {"l_": "left_", "r_": "right_"}
-    return {sides.get(name[:2], name[:2]) + name[2:]: point for name, point in named.items()}
-
-
 def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
     """(12, size) of named points, NaN where one is missing; "l_knee" is "left_knee"."""
-    points = full_names(named)
+    sides = {"l_": "left_", "r_": "right_"}
+    points = {sides.get(name[:2], name[:2]) + name[2:]: point for name, point in named.items()}
     missing = [float("nan")] * size
     return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
 

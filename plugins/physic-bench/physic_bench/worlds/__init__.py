@@ -1,1 +1,0 @@
-"""The engine on synthetic worlds: rows of the ablation table, and their results."""

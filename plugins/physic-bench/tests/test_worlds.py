@@ -1,0 +1,147 @@
+"""``physic evaluate worlds``: errors put in by hand come out as those numbers, and pictures go
+through the batch.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from physic_bench.bodies import BodyFiles
+from physic_bench.datasets.worlds import frames
+from physic_bench.run import Method, evaluate_methods
+from physic_bench.scoring import LIMB_JOINTS
+from physic_core import load_reconstruction
+from physic_core.batch.photos import photo_folder
+from physic_core.body.joints import JOINT_INDEX
+from physic_testing.worlds import load_world
+
+from .miniatures import NAMES, TRUE, evaluated, figures, run, write_results
+
+HIPS = [LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
+
+
+def moved(points, x, y, z):
+    return points + np.array([x, y, z])
+
+
+def test_a_shift_of_5_cm_has_an_error_of_5_cm(root):
+    found = evaluated(root, write_results(root, move=lambda p: moved(p, 0.03, 0, 0.04)))
+    depths = [TRUE[name][HIPS, 2].mean() for name in NAMES]
+    assert found == {
+        "found": 1.0,
+        "me_mpjpe": pytest.approx(50),
+        "ca_mpjpe": pytest.approx(0, abs=1e-4),
+        "pa_mpjpe": pytest.approx(0, abs=1e-4),
+        "rt_error": pytest.approx(50),
+        "depth_ratio": pytest.approx(np.mean([(z + 0.04) / z for z in depths])),
+    }
+
+
+def test_exchanged_sides_are_the_distance_between_them(root):
+    def swapped(points):
+        return points.reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
+
+    found = evaluated(root, write_results(root, move=swapped))
+    apart = np.mean(
+        [1000 * np.linalg.norm(swapped(TRUE[n]) - TRUE[n], axis=1).mean() for n in NAMES]
+    )
+    assert (found["me_mpjpe"], found["ca_mpjpe"]) == (pytest.approx(apart), pytest.approx(apart))
+    assert found["rt_error"] == pytest.approx(0, abs=1e-4)
+
+
+def test_floor_and_height_of_the_camera(root):
+    theirs = write_results(root)
+    for name in NAMES:
+        floor = load_world(name).floor
+        across = np.cross(floor.normal, [1, 0, 0])
+        across /= np.linalg.norm(across)
+        tilted = np.cos(np.radians(2)) * floor.normal + np.sin(np.radians(2)) * across
+        write_results(root, (name,), floor=np.array([*tilted, 1.1 * floor.offset]))
+    found = evaluated(root, theirs)
+    assert found["floor_angle_deg"] == pytest.approx(2, abs=1e-3)
+    assert found["camera_height_ratio"] == pytest.approx(1.1)
+
+
+def test_methods_are_compared_in_pairs_and_written_as_tables(root):
+    one = write_results(root, name="one", move=lambda p: moved(p, 0.02, 0, 0))
+    two = write_results(root, name="two", move=lambda p: moved(p, 0.05, 0, 0))
+    (root.parent / "two" / f"{NAMES[2]}.npz").unlink()
+    evaluated(root, one, two)
+    out = root.parent / "out"
+    document = json.loads((out / "results.json").read_text())
+    assert document["differences"]["two"]["me_mpjpe"]["value"] == pytest.approx(30)
+    assert document["differences"]["two"]["me_mpjpe"]["count"] == 2
+    assert figures(out, "two")["found"] == pytest.approx(2 / 3)
+    missing = [r for r in document["records"]["two"] if not r["found"]]
+    assert [(r["frame"], r["reason"]) for r in missing] == [(NAMES[2], "no result")]
+    text = (out / "table.txt").read_text()
+    assert f"two: 1 of 3 frames without a result: {NAMES[2]} (no result)\n" in text
+    assert "Difference from one" in text
+    assert "| MPJPE, mm |" in (out / "table.md").read_text()
+
+
+@pytest.mark.parametrize(
+    "move", [lambda p: p * [1, -1, -1], lambda p: moved(p, 9, 0, 0)], ids=["y up", "other picture"]
+)
+def test_results_in_another_frame_of_reference_are_refused(root, move):
+    text = evaluated(root, write_results(root, move=move), fails=True)
+    assert "do not project onto the annotated people" in text
+
+
+def test_the_truth_is_perfect_and_touches_its_scene(tmp_path):
+    """Two people who hug, in an order of its own."""
+    world = load_world("hug")
+    order = [1, 0]
+    arrays = {name: getattr(world, name)[order] for name in ("vertices", "joints", "contact")}
+    found = frames(tmp_path, lambda names: ["hug"], BodyFiles())
+    (frame,) = found.frames
+    names = np.array(frame.truth().people[0].joint_names)
+    np.savez(tmp_path / "hug.npz", joint_names=names, K=world.intrinsics.matrix, **arrays)
+    scores = evaluate_methods(found, [Method("true", "plain", tmp_path)], BodyFiles())
+    for record in scores.records["true"]:
+        assert record["found"]
+        assert record["me_mpjpe"] == record["me_pve"] == 0
+        assert record["focal_ratio"] == 1
+        assert record["contact"]["annotated"]["hits"] > 0
+        assert record["contact"]["annotated"]["false_alarms"] == 0
+        assert record["floating_mm"] < 20
+        assert record["penetration_mm"] < 20
+
+
+@pytest.mark.slow
+def test_a_killed_call_reconstructs_what_is_missing_alone(root):
+    out = root.parent / "out"
+    (root.parent / "quick.toml").write_text('extends = "mock"\n')
+    (root.parent / "frames.txt").write_text("stand\nwalk\n")
+    arguments = (
+        "worlds", str(root), "-o", str(out), "--config", str(root.parent / "quick.toml"),
+        "--frames", str(root.parent / "frames.txt"), "--set", "engine.joint.optimiser.steps=2",
+    )  # fmt: skip
+    assert "--preset cannot be combined with --config" in run(*arguments, "--preset", "mock").output
+    done = run(*arguments)
+    assert done.exit_code == 0, done.output
+    assert "2 pictures: 2 to reconstruct, 0 done before" in done.output
+    first = figures(out, "physic quick")
+    folders = [out / "reconstructions" / photo_folder(name) for name in ("stand", "walk")]
+    body = range(JOINT_INDEX["right_wrist"] + 1)
+    apart = []
+    for folder, name in zip(folders, ("stand", "walk"), strict=True):
+        (person,) = load_reconstruction(str(folder)).people
+        apart.append(np.linalg.norm(person.joints[body] - load_world(name).joints[0][body], axis=1))
+    assert first["me_mpjpe"] == pytest.approx(1000 * np.mean(apart), abs=0.1)
+
+    # A call that is killed in the second picture leaves the row of the first, and no tables.
+    journal = out / "reconstructions" / "journal.jsonl"
+    rows = journal.read_text().splitlines()
+    kept = [line for line in rows if json.loads(line)["id"] == "stand"]
+    journal.write_text("\n".join(kept) + "\n")
+    shutil.rmtree(folders[1])
+    before = (folders[0] / "reconstruction.json").stat().st_mtime_ns
+    again = run(*arguments)
+    assert "2 pictures: 1 to reconstruct, 1 done before" in again.output
+    assert (folders[0] / "reconstruction.json").stat().st_mtime_ns == before
+    assert figures(out, "physic quick") == first
