@@ -8,7 +8,7 @@ import torch
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
-from physic_human.camerahmr import CameraHmr, CameraHmrOptions, translation_from_crop
+from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_testing.body_files import smpl_arrays
 
 from .seen import (
@@ -17,25 +17,6 @@ from .seen import (
     normalised_back,
     place_of,
 )
-
-OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
-
-
-def test_it_is_the_published_formula_where_the_principal_point_is_the_middle():
-    s = 0.8
-    tx = 0.1
-    ty = -0.3
-    side = 150.0
-    centre = np.array([402.0, 77.0])
-    found = translation_from_crop(
-        np.array([[s, tx, ty]]), centre[None], np.array([side]), OFF_CENTRE
-    )[0]
-    published = [
-        tx + 2 * (centre[0] - 319.5) / (s * side),
-        ty + 2 * (centre[1] - 239.5) / (s * side),
-    ]
-    np.testing.assert_allclose(found, [*published, 2 * 900 / (side * s)])
-
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
@@ -207,13 +188,6 @@ def _rgb(image):
             0
         ]
     )
-
-
-def test_people_come_in_batches(made):
-    backend = made(batch=1)
-    bodies = ask(backend)
-    assert [len(seen["img"]) for seen in network_of(backend).seen] == [1, 1]
-    assert len(bodies.parameters) == 2
 
 
 def test_a_field_of_view_that_is_none_is_refused(made):

@@ -57,15 +57,6 @@ def test_all_confidences_of_a_hand_count_in_its_mean():
     )
 
 
-def test_left_is_the_persons_left():
-    given = blank("coco_wholebody133", 133, people=2)
-    given.points[1, 112:133] = np.linspace([0, 0], [30, 40], 21)
-    given.confidence[1, 112:133] = 0.9
-    found = hand_boxes(given)
-    assert found.person.tolist() == [1]
-    assert found.right.tolist() == [True]
-
-
 def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
     for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
         given = blank(skeleton, count)
@@ -136,23 +127,6 @@ def test_a_file_that_would_run_code_is_refused(tmp_path):
         chumpy_free_copy(path, "mano"),
     ):
         pass
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    path = tmp_path / "MANO_RIGHT.pkl"
-    with pytest.raises(BodyModelError) as caught, chumpy_free_copy(path, "mano"):
-        pass
-    assert f"no body model file {path}" in str(caught.value)
-
-
-def test_a_file_that_cannot_be_read_is_named(mano, monkeypatch):
-    def refuse(path, *arguments):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "open", refuse)
-    with pytest.raises(BodyModelError) as caught, chumpy_free_copy(mano, "mano"):
-        pass
-    assert f"{mano} cannot be read (Permission denied)" in str(caught.value)
 
 
 RNG = np.random.default_rng(0)
@@ -319,18 +293,6 @@ def test_large_hands_are_blurred_before_downsampling(wilor):
     # pixel.
     assert seen.std() < 6
     assert abs(seen.mean() - 127.5) < 2
-
-
-def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor):
-    wilor.options = wilor.options.model_copy(update={"batch": 1})
-    image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
-    before = image.copy()
-    hands = wilor.infer(
-        image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]})
-    )
-    np.testing.assert_array_equal(image, before)
-    assert [len(seen) for seen in network_of(wilor).seen] == [1, 1]
-    np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
 def test_another_wilor_is_recognised_by_its_output(make_wilor):

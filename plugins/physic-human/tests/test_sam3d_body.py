@@ -184,16 +184,14 @@ def test_the_translation_is_added_to_surface_and_joints(sam):
     assert not bodies.parameters.body_pose.any()
 
 
-@pytest.mark.parametrize(
-    "decoder", ["", "    USE_INTRIN_CENTER: false\n", "    USE_INTRIN_CENTER: true\n"]
-)
-@pytest.mark.parametrize("centre", [(31.5, 23.5), (12.0, 40.25)])
-def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, centre, make_sam):
+@pytest.mark.parametrize("decoder", ["", "    USE_INTRIN_CENTER: true\n"])
+def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, make_sam):
     """Unless its config says otherwise, the network takes the middle of the photo for the principal
     point.
     """
     sam = make_sam(decoder="    TYPE: sam\n" + decoder)
     sam._network = sam.build("cpu")
+    centre = (12.0, 40.25)
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
     bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, NUM_KEYPOINTS, Hints())
     place = bodies.parameters.transl
@@ -234,29 +232,12 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(make_sam, monkeypatch, tm
     assert "dinov3/hub/backbones.py" in "\n".join(other.missing())
 
 
-@pytest.mark.parametrize(
-    ("state", "absent"),
-    [
-        ({"gain": torch.ones(1)}, "backbone.encoder.cls_token"),
-        (
-            {"gain": torch.ones(1), "backbone.encoder.cls_token": torch.zeros(1, 1, 3)},
-            "backbone.encoder.cls_token",
-        ),
-    ],
-)
-def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
-    state,
-    absent,
-    make_sam,
-    stub,
-):
+@pytest.mark.parametrize("encoder", [{}, {"backbone.encoder.cls_token": torch.zeros(1, 1, 3)}])
+def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder, make_sam, stub):
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
-    sam = make_sam(
-        "dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3))
-    )
-    with pytest.raises(
-        BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."
-    ):
+    held = {"state_dict": {"gain": torch.ones(1), **encoder}}
+    sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
+    with pytest.raises(BackendError, match=r"missing 1 of 5 .* backbone\.encoder\.cls_token"):
         sam._network = sam.build("cpu")
 
 
@@ -340,9 +321,3 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
 def test_it_needs_a_gpu_and_says_so(sam):
     with pytest.raises(DeviceError, match="a GPU only, got 'cpu'"):
         sam.load("cpu")
-
-
-def test_another_number_of_people_is_refused(sam):
-    network_of(sam).process_one_image = lambda *args, **rest: []
-    with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
-        sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())

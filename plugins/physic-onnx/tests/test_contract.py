@@ -58,28 +58,6 @@ class TestOneSignature:
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(network, [WANTED_IMAGE], wanted)
 
-    def test_ports_are_matched_by_position_only_with_equal_rank_and_once(self, file):
-        wanted = [
-            PortSpec("depth", shape=(None, None, None)),
-            PortSpec("mask", shape=(None, None, None)),
-        ]
-        with pytest.raises(BackendError, match="there is no output 'depth'"):
-            match(
-                file(IMAGE, depth(name="a", shape=("b", 1, "h", "w"))),
-                [WANTED_IMAGE],
-                wanted[:1],
-                by_position=True,
-            )
-        with pytest.raises(BackendError, match="there is no output 'depth'"):
-            match(file(IMAGE, depth(name="mask")), [WANTED_IMAGE], wanted, by_position=True)
-
-    def test_optional_inputs_and_outputs_may_be_absent(self, file):
-        inputs = [WANTED_IMAGE, PortSpec("points", optional=True)]
-        found = match(
-            file(IMAGE, depth()), inputs, [PortSpec("depth"), PortSpec("normal", optional=True)]
-        )
-        assert (list(found.inputs), list(found.outputs)) == (["image"], ["depth"])
-
     def test_an_input_without_a_spec_is_refused(self, file):
         network = file({**IMAGE, "camera": ("float32", (3, 3))}, depth())
         with pytest.raises(BackendError, match="nothing is known of its input 'camera'"):
@@ -108,14 +86,6 @@ class TestOneSignature:
             with pytest.raises(BackendError, match="has another form"):
                 match(network, [wanted], [])
 
-    def test_an_output_of_undeclared_shape_fits(self, file):
-        found = match(
-            file(IMAGE, depth(shape=())),
-            [WANTED_IMAGE],
-            [PortSpec("depth", shape=("batch", None, None))],
-        )
-        assert found.outputs["depth"].shape == ()
-
     def test_a_network_runs_by_the_names_of_the_adapter(self, graph, node, tmp_path):
         path = graph(
             tmp_path / "a.onnx",
@@ -129,37 +99,3 @@ class TestOneSignature:
         )
         (answer,) = found.run(network, {"image": -np.ones((1, 3, 2, 2))}, ["positive"])
         np.testing.assert_array_equal(answer, np.zeros((1, 3, 2, 2)))
-
-
-SIGNATURES = {
-    "depth": GraphSignature((WANTED_IMAGE,), (PortSpec("depth", shape=("batch", None, None)),)),
-    "inverse depth": GraphSignature(
-        (PortSpec("pixel_values", dtype="float32", shape=(1, 3, 518, 518)),),
-        (PortSpec("predicted_depth", shape=(1, 518, 518)),),
-    ),
-}
-
-
-class TestSeveralSignatures:
-    def test_the_first_signature_that_fits_is_used(self, file):
-        assert match_signature(file(IMAGE, depth()), SIGNATURES)[0] == "depth"
-        other = file(
-            {"pixel_values": ("float32", ("b", 3, "h", "w"))}, depth(name="predicted_depth")
-        )
-        name, found = match_signature(other, SIGNATURES)
-        assert name == "inverse depth"
-        assert found.inputs["pixel_values"].name == "pixel_values"
-
-    def test_a_network_of_no_known_form_is_refused_with_every_form(self, file):
-        network = file(
-            {"pixel_values": ("float16", (1, 3, 518, 518))}, depth(shape=(1, 1, "h", "w"))
-        )
-        with pytest.raises(BackendError) as refusal:
-            match_signature(network, SIGNATURES)
-        for words in (
-            "expected of depth:",
-            "no input 'image'",
-            "expected of inverse depth:",
-            "float16 (1, 3, 518, 518)",
-        ):
-            assert words in str(refusal.value)

@@ -49,15 +49,6 @@ def test_a_limit_of_patches_reduces_and_never_enlarges(height, width, most):
 
 class TestMaps:
     @pytest.mark.parametrize(
-        "shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)]
-    )
-    def test_spare_axes_are_dropped(self, shape):
-        values = np.arange(6.0).reshape(shape)
-        np.testing.assert_array_equal(
-            squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3)
-        )
-
-    @pytest.mark.parametrize(
         ("values", "words"),
         [
             (np.zeros((2, 3, 4)), r"depth of shape \(2, 3, 4\): one map"),
@@ -67,9 +58,6 @@ class TestMaps:
     def test_a_constant_map_is_refused(self, values, words):
         with pytest.raises(BackendError, match=words):
             squeeze_map(values, "depth", "file")
-
-    def test_a_constant_map_is_accepted_where_allowed(self):
-        assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
 
     def test_depth_that_is_not_known_is_nan(self):
         with np.errstate(invalid="raise"):

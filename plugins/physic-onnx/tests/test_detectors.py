@@ -228,22 +228,6 @@ def test_rt_detr_gets_squashed_rgb_from_0_to_1(graph, node, tmp_path):
     assert found.scores == pytest.approx([1 / (1 + np.exp(-3.0))], abs=1e-3)
 
 
-def test_detr_is_not_taken_for_rt_detr(answering):
-    detector = answering(
-        "pixel_values",
-        ("b", 3, SIDE, SIDE),
-        logits=np.zeros((1, 9, 92)),
-        pred_boxes=np.zeros((1, 9, 4)),
-    )
-    with pytest.raises(BackendError, match="returns 92 classes"):
-        detector.infer(GREY, 0.5, 0.65)
-
-
-def test_a_head_of_another_size_is_refused(answering):
-    with pytest.raises(BackendError, match=r"\(1, 84, 85\), got \(1, 85, 85\)"):
-        answering("images", (1, 3, SIDE, SIDE), output=raw(cells=85)).infer(GREY, 0.5, 0.65)
-
-
 def test_another_file_is_refused_with_its_inputs_and_outputs(answering):
     with pytest.raises(BackendError) as raised:
         answering("picture", (1, 3, SIDE, SIDE), answer=np.zeros((1, 4)))

@@ -111,16 +111,6 @@ def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, ph
     depth.close()
 
 
-def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, photos):
-    coarse, _ = backends(tokens=1200)
-    _, fine = backends(tokens=3600)
-    assert coarse.runner is fine.runner
-    for backend in (coarse, fine):
-        open_in(backend, "file", opened)
-        backend.infer(photos[0], Hints())
-    assert network.runs == 2
-
-
 def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
     members = [backend for _ in range(3) for backend in backends()]
     for backend in members:

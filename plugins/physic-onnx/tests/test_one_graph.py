@@ -43,24 +43,3 @@ class TestFile:
     def test_an_unknown_name_gets_a_known_one_suggested(self):
         with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
             DepthAnything3(weights="depth-anything-v2-larg").graph_file()
-
-    @pytest.mark.parametrize("adapter", ADAPTERS)
-    def test_a_file_of_another_format_is_not_taken_for_another_network(self, tmp_path, adapter):
-        """A network that was converted to OpenVINO."""
-        path = tmp_path / "mine.xml"
-        path.write_text('<?xml version="1.0"?><net name="Sigmoid" version="11"></net>')
-        with pytest.raises(BackendError, match=r"onnxruntime cannot open .*mine\.xml"):
-            adapter(weights=str(path)).load()
-
-    def test_fingerprint_is_of_the_file(self, depth_file):
-        first = DepthAnythingMetric(
-            DepthAnythingMetric.Options(weights=str(depth_file))
-        ).fingerprint()
-        depth_file.write_bytes(depth_file.read_bytes() + b"\n")
-        assert (
-            first
-            != DepthAnythingMetric(
-                DepthAnythingMetric.Options(weights=str(depth_file))
-            ).fingerprint()
-            != ""
-        )

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, load_backend
+from physic_core import load_backend
 from physic_core.adapters.people import Detections
 from physic_core.weights import missing, read_manifest
 from physic_onnx.sam2 import Sam2, Sam2Options
@@ -109,13 +109,6 @@ class TestSam2:
         assert right > 0.8
         assert right > away + 0.05
 
-    def test_the_floor_of_a_world(self, sam2):
-        world = load_world("stand", (320, 240))
-        sam2.network[1].boxes = world.boxes
-        floor = sam2.infer(world.image).floor
-        if floor is not None:  # it may also say that nothing looks like one
-            assert world.floor_mask[floor].mean() > 0.7
-
 
 class TestFromPhotoToFiles:
     """SAM 2 with the people of the embedded segmenter: all weights are of package registries."""
@@ -138,21 +131,6 @@ class TestFromPhotoToFiles:
         assert sam.keypoints.joint_set.name == own.keypoints.joint_set.name
         assert sam.surfaces is not None
         assert not (sam.floor & sam.masks.any(0)).any()
-
-    def test_a_run_writes_its_files(self, tmp_path, physic):
-        settings = [
-            "segmenter.backend=sam2-onnx", "segmenter.options.weights=sam2-hiera-tiny",
-            "segmenter.options.detector=embedded",
-        ]  # fmt: skip
-        sets = [word for setting in settings for word in ("--set", setting)]
-        photo = str(PHOTO.with_name("couple.jpg"))
-        out = str(tmp_path / "out")
-        done = physic("run", photo, "-o", out, "--no-report", *sets)
-        assert done.exit_code == 0, done.output
-        found = Reconstruction.load(out)
-        assert len(found.people) == 2
-        used = {s.provenance.interface: s.provenance.backend for s in found.stages if s.provenance}
-        assert used["segmenter"] == "sam2-onnx"
 
 
 def test_the_embedded_detector_needs_its_plugin(monkeypatch):

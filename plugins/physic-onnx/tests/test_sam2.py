@@ -12,7 +12,7 @@ from physic_core.adapters.people import Detections
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
 from physic_onnx.sam2 import Sam2, Sam2Options
-from physic_onnx.sam2_floor import feet_positions, ground_points
+from physic_onnx.sam2_floor import feet_positions
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
 from physic_onnx.sessions import OnnxOptions
 
@@ -201,12 +201,6 @@ def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
     assert not len(feet_positions(standing([(20, 100, 100, 160)])))
 
 
-def test_if_most_people_are_cut_off_no_feet_are_used():
-    assert not len(
-        feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)]))
-    )
-
-
 def test_feet_are_ankles_where_they_are_known():
     points = np.zeros((1, 17, 2))
     points[0, [13, 14]] = (40, 100)
@@ -215,14 +209,6 @@ def test_feet_are_ankles_where_they_are_known():
     sure[0, 15] = 0.9
     people = standing([(20, 20, 60, 200)], keypoints=Keypoints(points, sure, "coco17"))
     assert feet_positions(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
-
-
-def test_points_of_the_ground_are_outside_people_and_inside_the_photo():
-    people = standing([(20, 20, 60, 190), (70, 20, 110, 190)])
-    points = ground_points(people)
-    assert len(points)
-    x, y = np.rint(points).astype(int).T
-    assert not people.masks.any(0)[y, x].any()
 
 
 @pytest.fixture(scope="module")
@@ -315,48 +301,40 @@ def test_files_of_segmenter_and_detector_are_loaded(constant_graph, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_real_class_answers_boxes_the_same(real):
-    """The picture, the prompt and the network: against the library's class, asked with boxes as its
-    users ask.
+def test_the_real_class_answers_boxes_and_points_the_same(real):
+    """The picture, the prompt and the network: against the library's class, asked as its users
+    ask.
     """
     model, folder = real
     networks = open_sam2(folder, OnnxOptions(threads=1), "cpu")
-    photo = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
-    boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
-    encoded = networks.encode(photo)
-    logits, fits = networks.masks_from_boxes(encoded, boxes)
-    ends = [encoded.to_input_pixels(boxes[:, :2]), encoded.to_input_pixels(boxes[:, 2:] - 1)]
-    corners = np.stack(ends, 1).reshape(1, 2, 4)
-    with torch.no_grad():
-        theirs = model(
-            image_embeddings=[torch.tensor(f) for f in encoded.features],
-            input_boxes=torch.tensor(corners, dtype=torch.float32),
-            multimask_output=True,
-        )
-    assert logits == pytest.approx(theirs.pred_masks[0].numpy(), abs=1e-6)
-    assert fits == pytest.approx(theirs.iou_scores[0].numpy(), abs=1e-6)
-
-
-@pytest.mark.slow
-def test_the_real_class_answers_points_in_a_box_the_same(real):
-    model, folder = real
-    networks = open_sam2(folder, OnnxOptions(threads=1), "cpu")
     encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
+
+    def theirs(boxes, **points):
+        ends = [encoded.to_input_pixels(boxes[:, :2]), encoded.to_input_pixels(boxes[:, 2:] - 1)]
+        corners = torch.tensor(np.stack(ends, 1).reshape(1, -1, 4), dtype=torch.float32)
+        with torch.no_grad():
+            answer = model(
+                image_embeddings=[torch.tensor(f) for f in encoded.features],
+                input_boxes=corners,
+                multimask_output=True,
+                **points,
+            )
+        return answer.pred_masks[0].numpy(), answer.iou_scores[0].numpy()
+
+    boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
+    for ours, own in zip(networks.masks_from_boxes(encoded, boxes), theirs(boxes), strict=True):
+        assert ours == pytest.approx(own, abs=1e-6)
     inside = np.array([[10.0, 20], [30, 40]])
     outside = np.array([[50.0, 5]])
-    logits, fits = networks.masks_from_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
-    points = encoded.to_input_pixels(np.concatenate([inside, outside]))
-    corners = encoded.to_input_pixels(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
-    with torch.no_grad():
-        theirs = model(
-            image_embeddings=[torch.tensor(f) for f in encoded.features],
-            input_points=torch.tensor(points[None, None], dtype=torch.float32),
-            input_labels=torch.tensor([[[1, 1, 0]]]),
-            input_boxes=torch.tensor(corners, dtype=torch.float32),
-            multimask_output=True,
-        )
-    assert logits == pytest.approx(theirs.pred_masks[0, 0].numpy(), abs=1e-6)
-    assert fits == pytest.approx(theirs.iou_scores[0, 0].numpy(), abs=1e-6)
+    box = np.array([0.0, 10, 64, 48])
+    points = encoded.to_input_pixels(np.concatenate([inside, outside]))[None, None]
+    prompt = {
+        "input_points": torch.tensor(points, dtype=torch.float32),
+        "input_labels": torch.tensor([[[1, 1, 0]]]),
+    }
+    found = networks.masks_from_points(encoded, inside, outside, box)
+    for ours, own in zip(found, theirs(box[None], **prompt), strict=True):
+        assert ours == pytest.approx(own[0], abs=1e-6)
 
 
 class Boxes:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import onnx
@@ -77,11 +75,6 @@ class TestRunning:
         with pytest.raises(BackendError, match="takes float32, got uint8"):
             network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
 
-    def test_an_unknown_input_is_refused(self, doubler):
-        network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match="has no input 'picture'"):
-            network.run({"picture": np.ones(3)}, ["sum"])
-
     def test_a_failed_run_names_shape_and_dtype_of_the_input(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         with pytest.raises(BackendError, match=r"image float32 \(1, 2, 2\)"):
@@ -145,11 +138,6 @@ class TestProviders:
         with pytest.raises(DeviceError, match=words):
             select_provider(name, device, ["AzureExecutionProvider", CPU])
 
-    def test_available_providers_come_from_the_installed_onnxruntime(self, doubler, monkeypatch):
-        monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CPU])
-        with pytest.raises(DeviceError, match="provider 'cuda' is CUDA"):
-            open_network(doubler(), OnnxOptions(provider="cuda"), "cpu")
-
     @pytest.mark.parametrize(("provider", "words"), [("cuda", "CUDA"), ("tensorrt", "TensorRT")])
     def test_a_provider_that_does_not_start_is_an_error_and_not_the_cpu(
         self, doubler, monkeypatch, provider, words
@@ -166,36 +154,6 @@ class TestProviders:
         )
         with pytest.raises(DeviceError, match="could not start it"):
             open_network(doubler(), OnnxOptions(provider=provider), "cuda")
-
-    def test_cpu_runs_operators_that_a_provider_does_not_have(self, doubler, monkeypatch):
-        asked = []
-
-        class Session:
-            def __init__(self, path, options, providers):
-                asked.extend(providers)
-
-            def get_providers(self):
-                return [CUDA, CPU]
-
-            def get_inputs(self):
-                return []
-
-            get_outputs = get_inputs
-
-            def get_modelmeta(self):
-                return SimpleNamespace(custom_metadata_map={})
-
-        monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CUDA, CPU])
-        monkeypatch.setattr(onnxruntime, "InferenceSession", Session)
-        assert open_network(doubler(), OnnxOptions(), "cuda").provider == "CUDA"
-        assert [name if isinstance(name, str) else name[0] for name in asked] == [CUDA, CPU]
-
-    def test_the_log_states_provider_and_version(self, doubler, caplog):
-        with caplog.at_level(logging.INFO, logger="physic_core.adapters.onnx_sessions"):
-            open_network(doubler(), OnnxOptions(), "cpu")
-        assert [record.getMessage() for record in caplog.records] == [
-            f"double.onnx runs on CPU, onnxruntime {onnxruntime.__version__}"
-        ]
 
 
 class TestFiles:

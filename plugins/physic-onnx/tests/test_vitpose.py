@@ -120,13 +120,6 @@ def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(
     assert worst < 1.0  # read on the other grid, a foot is 10 px off
 
 
-def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose):
-    seen = blobs(PLACES)
-    boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
-    found = vitpose().infer(seen, people(*boxes))
-    assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < 0.8
-
-
 @pytest.mark.parametrize(("count", "expert"), [(17, 0), (133, 5)])
 def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose, count, expert):
     """The fake network adds the number of its expert to its heat maps."""

@@ -14,17 +14,7 @@ from physic_core.types import Hints
 from physic_transformers import depth_pro, grounded_sam2
 from physic_transformers.models import size_from_edges
 
-SIZES = [
-    (480, 640),
-    (1080, 1920),
-    (640, 300),
-    (97, 131),
-    (24, 32),
-    (799, 1333),
-    (801, 799),
-    (500, 500),
-    (120, 900),
-]
+SIZES = [(480, 640), (1080, 1920), (97, 131), (120, 900)]
 """Height and width."""
 
 
@@ -87,7 +77,7 @@ class TestGroundingDino:
 
 
 class TestDepthPro:
-    @pytest.mark.parametrize(("height", "width"), [(480, 640), (1200, 1920), (97, 131)])
+    @pytest.mark.parametrize(("height", "width"), [(1200, 1920), (97, 131)])
     def test_the_pixels_are_normalised_and_resized_without_antialiasing(self, height, width):
         image = photo(height, width)
         normal = (torch.from_numpy(image.transpose(2, 0, 1)[None]) / 255 - 0.5) / 0.5

@@ -44,11 +44,6 @@ def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved, tmp_path):
     backend.infer(GREY, Hints())
 
 
-def test_a_gated_model_is_reported_as_gated():
-    (problem,) = Sam3().missing()
-    assert "physic weights fetch sam3-hf" in problem
-
-
 def test_a_folder_without_a_model_is_refused(tmp_path):
     with pytest.raises(BackendError, match=r"config\.json"):
         Sam3(Sam3Options(weights=str(tmp_path))).load()
@@ -92,13 +87,6 @@ def test_weights_of_another_size_are_refused(saved, tmp_path):
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
-def test_a_broken_config_is_refused(saved, tmp_path):
-    folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "broken"))
-    (folder / "config.json").write_text("[]")
-    with pytest.raises(BackendError, match=r"config\.json cannot be read"):
-        DepthPro(DepthProOptions(weights=str(folder))).load()
-
-
 def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved):
     folder = str(saved("depth_pro"))
     with pytest.raises(DeviceError, match="'float16' needs a GPU"):
@@ -107,19 +95,6 @@ def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved):
     backend.load()
     assert backend.model()._model.dtype.itemsize == 2
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32
-
-
-def test_threads_are_given_back_after_the_call(saved):
-    import torch
-
-    before = torch.get_num_threads()
-    backend = DepthPro(DepthProOptions(weights=str(saved("depth_pro")), threads=before + 1))
-    backend.load()
-    seen = []
-    backend.model()._model.register_forward_hook(lambda *_: seen.append(torch.get_num_threads()))
-    backend.infer(GREY, Hints())
-    assert seen == [before + 1]
-    assert torch.get_num_threads() == before
 
 
 def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(saved, capfd):
@@ -139,15 +114,6 @@ def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(saved, capfd):
     assert (logging.is_progress_bar_enabled(), logging.get_verbosity()) == (bars, level)
     assert not backend.model("masks")._model.training
     assert torch.is_grad_enabled()
-
-
-def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(saved, tmp_path):
-    folder = saved("depth_pro")
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    prints = [DepthPro(DepthProOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
-    assert prints[0] == prints[1] != ""
-    (copy / "config.json").write_text((copy / "config.json").read_text() + "\n")
-    assert DepthPro(DepthProOptions(weights=str(copy))).fingerprint() != prints[0]
 
 
 @pytest.mark.parametrize(
@@ -192,10 +158,3 @@ def test_networks_that_sample_grids_compute_in_float32_on_a_cpu(saved):
         attention_mask=np.ones_like(words),
     )
     assert str(answer.logits.dtype) == "torch.float32"
-
-
-def test_sam_3_runs_from_the_published_layout(saved):
-    backend = Sam3(Sam3Options(weights=str(saved("sam3_video")), person_score=0))
-    assert backend.missing() == ()
-    backend.load()
-    backend.infer(GREY)

@@ -20,8 +20,6 @@ from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.grounded_sam2 import (
     GroundedSam2,
     GroundedSam2Options,
-    decode_text_boxes,
-    format_prompt,
 )
 from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
@@ -168,30 +166,24 @@ class TestDepthPro:
         assert answer.intrinsics == known
         assert all(size in answer.notes[0] for size in ("50 px", "200 px"))
 
-    def test_the_networks_focal_length_replaces_a_guessed_one(self):
-        guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
-        np.testing.assert_allclose(
-            self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5
-        )
-
-    def test_an_option_prefers_the_networks_own_focal_length(self):
-        known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
-        np.testing.assert_allclose(
-            self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5
-        )
+    @pytest.mark.parametrize(
+        ("trust", "angle", "options", "depth"),
+        [
+            (CameraTrust.GUESSED, 90.0, {}, 1.0),
+            (CameraTrust.KNOWN, 90.0, {"use_known_focal": False}, 1.0),
+            (CameraTrust.KNOWN, None, {}, 4.0),
+        ],
+    )
+    def test_a_guessed_or_unwanted_focal_length_gives_way_to_the_networks(
+        self, trust, angle, options, depth
+    ):
+        hints = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60, "", trust))
+        found = self.asked(0.5, angle, hints, **options).depth
+        np.testing.assert_allclose(found, depth, rtol=1e-5)
 
     def test_depth_is_never_left_unscaled_without_an_angle(self):
         with pytest.raises(BackendError, match="does not tell the focal length"):
             self.asked(0.5, None)
-        np.testing.assert_allclose(
-            self.asked(0.5, None, Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))).depth,
-            4.0,
-            rtol=1e-5,
-        )
-
-    def test_the_camera_of_a_photo_of_another_size_is_resized(self):
-        known = Intrinsics.from_focal(400.0, 200, 120)
-        assert self.asked(0.5, 90.0, Hints(intrinsics=known)).intrinsics == known.resized(100, 60)
 
     @pytest.mark.parametrize(
         ("there", "side", "options", "refused"),
@@ -256,15 +248,6 @@ class TestGroundedSam2:
         for mask, (x0, y0, x1, y1) in zip(logits[0, :, 0], boxes, strict=True):
             mask[y0:y1, x0:x1] = 5.0
         return tensors(pred_masks=logits)
-
-    def test_words_are_lower_case_and_end_with_a_dot(self):
-        assert format_prompt(" A Person") == "a person."
-        assert format_prompt("person.") == "person."
-
-    def test_the_first_token_is_no_word(self):
-        found = decode_text_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
-        assert len(found.scores) == 1
-        assert found.tokens == ((),)
 
     def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self):
         people = self.found((0.9, [0.25, 0.5, 0.3, 0.8]), (0.4, [0.75, 0.5, 0.2, 0.8]))
