@@ -120,12 +120,6 @@ def many_frames():
     return first + more
 
 
-def many_gif_frames():
-    data = bytes(encoded("GIF"))
-    at = data.index(b"\x2c\x00\x00\x00\x00")
-    return data[:at] + data[at:-1] * 100_000 + data[-1:]
-
-
 BOMBS = {
     "webp": (webp, "more than 55 megapixels"),
     "jpeg2000": (jpeg2000, "more than 40 megapixels"),
@@ -141,12 +135,7 @@ BOMBS = {
         ),
         DAMAGED,
     ),
-    "png of a profile": (
-        lambda: png_with(chunk(b"iCCP", b"p\x00\x00" + zlib.compress(bytes(10**7)))),
-        DAMAGED,
-    ),
     "tiff of frames": (many_frames, "only the first of its frames is used"),
-    "gif of frames": (many_gif_frames, "only the first of its frames is used"),
     "bmp": (
         lambda: (
             b"BM"
@@ -154,6 +143,5 @@ BOMBS = {
         ),
         DAMAGED,
     ),
-    "ppm": (lambda: b"P6 %d %d 65535\n" % (SIDE, SIDE) + bytes(9), DAMAGED),
 }
 """Name -> how to make the file, and what its error or notes contain."""

@@ -218,14 +218,6 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before, how, tmp
     assert pages == ({old} if how == "full" else {old, new})
 
 
-def test_a_page_whose_write_was_killed_is_replaced_by_the_next_run(tmp_path):
-    add_page(tmp_path / "old", OLD)
-    for folder in interruptions(add_page, tmp_path / "old", tmp_path, "killed"):
-        save(folder, NEW)
-        assert files(folder) == made(save, tmp_path / "new", NEW)
-        shutil.rmtree(tmp_path / "new")
-
-
 def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_path):
     save(tmp_path / "old", OLD)
     refused = 0

@@ -13,7 +13,6 @@ from physic_core import save_reconstruction
 from physic_core.batch.comparison import changed_lines, compare_results, pair_results
 from physic_core.body import JOINT_NAMES
 from physic_core.configuration.model import load_config
-from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner, Grade
 
 HAND = BodyContact("left_hand", ContactPartner("scene", "table", 3), 0.9, 40)
@@ -113,12 +112,6 @@ def test_a_person_without_a_body_has_no_joints_to_compare(result):
     lost = replace(first, joints=np.full_like(first.joints, np.nan))
     person = compare_results(result, replace(result, people=(lost, *result.people[1:]))).people[0]
     assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
-
-
-def test_pictures_of_different_sizes_are_refused(result):
-    narrow = replace(result, intrinsics=replace(result.intrinsics, width=7))
-    with pytest.raises(InputError, match="7 x"):
-        compare_results(result, narrow)
 
 
 def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from physic_core.batch.run import ExecutorSettings, open_executor
 from physic_core.cli import main
-from physic_core.errors import ConfigError, PluginError
+from physic_core.errors import PluginError
 
 EXECUTOR = """
 from physic_core import PluginItem, hookimpl
@@ -109,9 +109,3 @@ def test_a_name_that_is_not_installed_is_explained(monkeypatch, photos, name, wo
 def test_a_broken_executor_names_its_plugin(plugin, name, words):
     with pytest.raises(PluginError, match=words):
         open_executor(name, ExecutorSettings())
-
-
-def test_a_name_that_two_plugins_offer_is_refused(plugin):
-    plugin.install("physic-other", EXECUTOR)
-    with pytest.raises(ConfigError, match="physic-other and physic-queue"):
-        open_executor("queue", ExecutorSettings())

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_thumbnail
-from physic_core.batch.journal import check_tables, read_journals, write_tables
+from physic_core.batch.journal import read_journals
 from physic_core.batch.photos import list_photos, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
@@ -115,16 +115,6 @@ def test_an_edited_file_of_a_result_is_kept(
     kept = folder / (name if why == "nothing changed" else name.replace(".", ".edited."))
     assert (kept.read_text(), kept.is_symlink()) == ("mine", change is replaced_by_a_link)
     load_reconstruction(folder)
-
-
-def test_a_table_is_known_by_its_first_line(tmp_path):
-    write_tables(tmp_path)
-    check_tables(tmp_path)
-    (tmp_path / "summary.csv").write_text("path,note\n")
-    with pytest.raises(OutputError):
-        check_tables(tmp_path)
-    with pytest.raises(OutputError):
-        write_tables(tmp_path)
 
 
 def test_a_thumbnail_of_the_user_stays(tmp_path):

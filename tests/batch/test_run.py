@@ -18,7 +18,6 @@ from pathlib import Path
 
 import pytest
 
-from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_tables
 from physic_core.batch.photos import list_photos
@@ -347,20 +346,6 @@ def test_a_result_without_its_row_is_done_again(tmp_path, out):
     journal.write_bytes(first)
     assert len(list(out.glob("photos/*/*/reconstruction.json"))) == 2
     assert todo(job, photos) == ["b"]
-
-
-def test_a_photo_with_cut_arrays_is_done_anew(tmp_path, out):
-    photos = make_photos(tmp_path / "photos", "a")
-    job = BatchJob(load_config(preset="mock"), str(out), "numbers")
-    run_all(photos, job)
-    (path,) = out.glob("photos/*/*/reconstruction.npz")
-    (mine := path.parent / "mine.txt").write_text("mine")
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    (item,) = plan_batch(list_photos([str(photos)]).photos, job).todo
-    row = PhotoProcessor(job, lambda path, settings: tiny_result())(item)
-    assert (row["state"], row["message"]) == ("done", "")
-    assert load_reconstruction(out / row["folder"]).photo == tiny_result().photo
-    assert mine.read_text() == "mine"
 
 
 def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path, out):

@@ -1,4 +1,4 @@
-"""Focal lengths from the EXIF blocks of 22 cameras, phones and editors: each is right, or not
+"""Focal lengths from the EXIF blocks of 17 cameras, phones and editors: each is right, or not
 known.
 """
 
@@ -49,17 +49,13 @@ ALPHA_7M3 = {
 # number.
 BLOCKS = [
     ("Apple iPhone 12", IPHONE_12, (4032, 3024), 4032 * 0.0014, True),
-    ("Apple iPhone XS, tele lens", {"software": "12.1", "mm": 6.0, "film": 52}, (4032, 3024), 4.032, True),  # noqa: E501
-    ("Samsung Galaxy S10", {"software": "G973FXXU3ASJD", "mm": 4.3, "film": 26}, (4032, 3024), 5.645, True),  # noqa: E501
     ("Samsung Galaxy S7, "
      "stored turned", {"mm": 4.2, "film": 26, "w": 4032, "h": 3024}, (3024, 4032), 5.645, True),
-    ("DJI Phantom 4 Pro", {"mm": 8.8, "film": 24, "w": 5472, "h": 3648}, (5472, 3648), 13.2, True),
     ("Nikon D750", D750, (6016, 4016), 35.9, True),
     ("Nikon D500, 500 mm", {"mm": 500.0, "film": 750, "w": 5568, "h": 3712}, (5568, 3712), 23.5, False),  # noqa: E501
     ("Sony ILCE-7M3", {"software": "ILCE-7M3 v3.10", **ALPHA_7M3}, (6000, 4000), 35.6, True),
     ("Panasonic DMC-GX80", {"software": "Ver.1.0", "mm": 20.0, "film": 40}, (4592, 3448), 17.3, True),  # noqa: E501
     ("Canon EOS 5D Mark II", {"mm": 50.0, **EOS_5D2}, (5616, 3744), 35.8, True),
-    ("Canon EOS 40D", EOS_40D, (3888, 2592), 22.2, True),
     ("EOS-1D X, reduced by Photoshop, tags rewritten",
      {**EOS_1DX, "software": "Adobe Photoshop Elements 9.0", "w": 800, "h": 533}, (800, 533), 36.0, False),  # noqa: E501
     ("EOS-1D X, the same without a "
@@ -75,9 +71,6 @@ BLOCKS = [
     ("iPhone 12, cropped by Snapseed", {**IPHONE_12, "software": "Snapseed 2.0"}, (2400, 3024), 3.36, False),  # noqa: E501
     ("Samsung Galaxy S10, 16:9", {"mm": 4.3, "film": 26, "w": 4032, "h": 2268}, (4032, 2268), 5.645, False),  # noqa: E501
     ("iPhone 12, cropped, no size in the tags", {"mm": 4.2, "film": 26}, (2400, 3024), 3.36, False),
-    ("iPhone 12, cropped by Windows", {**IPHONE_12, "software": "Windows Photo Editor "
-                                                                "10.0.10011.16384", "w": 2000,
-     "h": 1500}, (2000, 1500), 2.8, False),
     ("Canon EOS 40D, one resolution of "
      "the plane wrong", {**EOS_40D, "plane_y": 300.0}, (3888, 2592), 22.2, False),
     ("a phone that zooms ten "

@@ -64,10 +64,6 @@ def test_the_feet_of_coco_wholebody_are_read_from_their_part():
     assert {"left_big_toe", "right_heel"} <= set(given.joint)
 
 
-def test_results_with_133_joints_are_read():
-    assert "left_index1" in read("results_133").joint
-
-
 def test_scores_are_confidences_and_low_ones_are_left_out_with_a_note():
     given = read("couple_low_scores", (1920, 1278))
     assert len(given.joint) == 30
@@ -167,14 +163,6 @@ def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path
         read_keypoints(file, *SLOPE)
 
 
-def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path):
-    file = written(
-        tmp_path, {"images": IMAGES, "annotations": [annotation(1, 1), annotation(2, 0.4)]}
-    )
-    given = read_keypoints(file, *SLOPE, "a.jpg")
-    assert given.confidence == pytest.approx(np.ones(17))
-
-
 @pytest.mark.parametrize("label", [-1, 17])
 def test_a_label_of_no_joint_is_refused(tmp_path, label):
     document = [{"keypoints": [[100.0, 200.0]], "scores": [0.9], "labels": [label]}]
@@ -189,10 +177,3 @@ def test_scores_above_1_count_as_1_with_a_note(tmp_path):
     assert given.confidence is not None
     assert given.confidence.max() == 1
     assert "5.1" in given.notes[-1]
-
-
-def test_a_single_joint_as_a_share_of_the_picture_is_refused(tmp_path):
-    file = tmp_path / "a.csv"
-    file.write_text("person,joint,x,y\n0,nose,0.4,0.5\n")
-    with pytest.raises(InputError, match="shares"):
-        read_keypoints(str(file), *SLOPE)

@@ -301,16 +301,6 @@ def test_every_kind_of_pixels_becomes_rgb_with_a_note_for_each_change(name, tmp_
     assert photo.digest == file_digest(tmp_path / name)
 
 
-def test_16_bit_rgb_is_scaled_to_8_with_a_note(tmp_path):
-    import cv2
-
-    path = tmp_path / "deep.png"
-    assert cv2.imwrite(str(path), corners()[..., ::-1].astype(np.uint16) * 257)
-    photo = read_photo(path)
-    np.testing.assert_array_equal(photo.image, corners())
-    assert ["16 bits" in note for note in photo.notes] == [True]
-
-
 TURNS = {
     1: lambda a: a,
     2: lambda a: a[:, ::-1],
@@ -435,18 +425,6 @@ def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
 
 # --- resizing
 # --------------------------------------------------------------------------------------------------
-
-
-def test_resizing_averages_and_moves_the_camera_along():
-    image = corners(400, 300)
-    photo = limit_size(
-        Photo(image, Intrinsics(300.0, 310.0, 199.5, 149.5, 400, 300), ("note",)), 200
-    )
-    np.testing.assert_array_equal(
-        photo.image, image.reshape(150, 2, 200, 2, 3).mean((1, 3)).round().astype(np.uint8)
-    )
-    assert photo.intrinsics == Intrinsics(150.0, 155.0, 99.5, 74.5, 200, 150)
-    assert photo.notes == ("note",)
 
 
 def test_an_image_of_extreme_aspect_is_refused():

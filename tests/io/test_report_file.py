@@ -14,7 +14,7 @@ import pytest
 
 from physic_core.errors import InputError
 from physic_core.io.report_file import add_report
-from physic_core.io.results import load_reconstruction, read_record, record_of, save_reconstruction
+from physic_core.io.results import load_reconstruction, read_record, save_reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +62,6 @@ def test_a_result_is_saved_with_its_page_or_without_one_that_fails(folder, resul
         save_reconstruction(result, folder, "numbers", page="photo.jpg")
     assert not (folder / "report.html").exists()
     load_reconstruction(folder)
-
-
-def test_the_record_of_a_result_is_that_of_its_folder(folder, result):
-    saved = read_record(folder)
-    assert record_of(result, saved.files) == saved
 
 
 def test_a_page_that_was_edited_is_kept(folder, result):
