@@ -16,10 +16,6 @@ from physic_core.adapters.canonical_depth import (
 from physic_core.types import Hints, Intrinsics
 
 
-def test_a_right_angle_has_half_the_width_as_its_focal_length():
-    assert focal_from_fov(90.0, 640) == pytest.approx(320.0)
-
-
 def test_the_angle_is_in_degrees_and_spans_the_whole_width():
     assert focal_from_fov(60.0, 1000) == pytest.approx(500 / math.tan(math.pi / 6))
 

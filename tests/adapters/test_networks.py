@@ -93,13 +93,6 @@ def test_a_backend_is_preprocess_network_and_postprocess(own, tmp_path):
         backend.infer(PHOTO, Hints())
 
 
-def test_a_path_of_the_user_replaces_the_set(own, tmp_path):
-    (tmp_path / "mine.txt").write_text("3")
-    backend = own(weights=str(tmp_path / "mine.txt"))
-    backend.load()
-    np.testing.assert_allclose(backend(PHOTO).depth, 3 * PHOTO.mean(axis=-1) + 1, rtol=1e-6)
-
-
 def test_torch_backends_refuse_a_device_that_is_not_there():
     class Net(TorchBackend, MetricDepth):
         def build(self, device):

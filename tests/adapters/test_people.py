@@ -21,10 +21,6 @@ from physic_core.types import Keypoints
 from physic_testing import violations
 
 
-def test_a_centred_box_has_its_corners_half_its_size_away():
-    assert xyxy_from_cxcywh(np.array([[10.0, 20.0, 4.0, 6.0]])).tolist() == [[8, 17, 12, 23]]
-
-
 def test_iou_of_known_boxes():
     one = np.array([[0.0, 0, 10, 10]])
     others = np.array(

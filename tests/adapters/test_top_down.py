@@ -109,29 +109,6 @@ def test_the_blur_before_a_reduction_is_that_of_hmr_2():
         assert antialias_sigma(Crop((0.0, 0.0), (step, abs(step)), 8, 8)) == pytest.approx(sigma)
 
 
-def test_the_grid_of_corners_is_vitposes_in_transformers():
-    pytest.importorskip("transformers")
-    from transformers.models.vitpose.image_processing_pil_vitpose import (
-        box_to_center_and_scale,
-        get_warp_matrix,
-        transform_preds,
-    )
-
-    # Their boxes are x y w h in pixel coordinates whose integers are edges; ours are half a pixel
-    # beside.
-    box = [BOX[0] - 0.5, BOX[1] - 0.5, BOX[2] - BOX[0], BOX[3] - BOX[1]]
-    centre, scale = box_to_center_and_scale(box, 192, 256)
-    warp = get_warp_matrix(0, centre * 2.0, np.array([191.0, 255.0]), scale * 200.0)
-    crop = crop_around_box(BOX, 192, 256, grid="corners")
-    photo = np.random.default_rng(3).uniform(0, 300, (7, 2))
-    assert np.allclose(crop.to_crop(photo), photo @ warp[:, :2].T + warp[:, 2], atol=1e-3)
-    cells = np.random.default_rng(4).uniform(0, 47, (7, 2))
-    heat = crop_around_box(BOX, 48, 64, grid="corners")
-    assert np.allclose(
-        heat.to_photo(cells), transform_preds(cells, centre, scale, [64, 48]), atol=1e-3
-    )
-
-
 def gaussians(points, height, width, sigma, high=0.9):
     """(N, J, h, w): a Gaussian at each of the points (N, J, 2)."""
     y, x = np.mgrid[:height, :width]
@@ -148,19 +125,3 @@ def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma):
     assert apart.max() < 0.05 < coarse.max()
     assert (value > 0.8).all()
     assert (value <= 0.9).all()
-
-
-def test_refined_peaks_are_those_of_transformers():
-    pytest.importorskip("transformers")
-    from transformers.models.vitpose.image_processing_pil_vitpose import (
-        get_keypoint_predictions,
-        post_dark_unbiased_data_processing,
-    )
-
-    true = np.random.default_rng(3).uniform([1, 1], [46, 62], (2, 17, 2))
-    maps = gaussians(true, 64, 48, 2.0).astype(np.float32)
-    cells, scores = get_keypoint_predictions(maps)
-    theirs = post_dark_unbiased_data_processing(cells.copy(), maps, kernel=11)
-    ours, value = subpixel_peaks(maps)
-    assert np.allclose(ours, theirs, atol=2e-3)
-    assert np.allclose(value, scores[..., 0])

@@ -25,15 +25,6 @@ def fill(folder):
     (folder / "mine.npz").write_text("not theirs")
 
 
-def test_info_prints_each_folder_and_its_content(folder, physic):
-    fill(folder)
-    first, *others = physic("cache", "info").output.splitlines()
-    assert first == f"{folder}: 4 files, 1.4 MB"
-    assert [one.split()[0] for one in others] == [
-        f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")
-    ]
-
-
 def test_clear_removes_all_entries_and_says_how_many(folder, physic):
     fill(folder)
     assert physic("cache", "clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")

@@ -4,10 +4,8 @@ other is given.
 
 from __future__ import annotations
 
-import io
 import json
 import os
-import zipfile
 
 import numpy as np
 import pytest
@@ -31,27 +29,8 @@ def depth_map():
     return DepthMap(depth, Intrinsics.from_focal(30, 24, 18, "exif"), 0.1, ("a note",))
 
 
-def rewritten(path, change):
-    """Write an archive again with changed members, whose checksums are right."""
-    with zipfile.ZipFile(path) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, change(name, content))
-
-
-def header(content, old, new):
-    assert content.count(old) == 1
-    assert len(old) == len(new)
-    return content.replace(old, new)
-
-
 def truncated(path):
     path.write_bytes(path.read_bytes()[:-30])
-
-
-def empty(path):
-    path.write_bytes(b"")
 
 
 def a_folder(path):
@@ -78,45 +57,12 @@ def of_another_question(path):
     )
 
 
-def fewer_rows_in_a_header(path):
-    rewritten(
-        path, lambda name, data: header(data, b"(18, 24)", b"( 8, 24)") if "depth" in name else data
-    )
-
-
-def a_giant_in_a_header(path):
-    def giant(name, data):
-        return (
-            header(data, b"(18, 24), } " + b" " * 8, b"(99999999999, 99), }")
-            if "depth" in name
-            else data
-        )
-
-    rewritten(path, giant)
-
-
-def a_giant_in_the_archive(path):
-    """A member that claims 4 GB."""
-    content = path.read_bytes()
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        entry = archive.infolist()[0]
-    at = content.index(b"PK\x01\x02")
-    size = at + 24
-    assert int.from_bytes(content[size : size + 4], "little") == entry.file_size
-    path.write_bytes(content[:size] + (0xFFFFFF00).to_bytes(4, "little") + content[size + 4 :])
-
-
 def of_another_class(path):
     with_document(path, lambda document: document | {"kind": "Hands"})
 
 
-def a_list_for_a_document(path):
-    with_document(path, lambda document: [1])
-
-
 DAMAGES = [
-    *(truncated, empty, a_folder, of_another_question, fewer_rows_in_a_header, a_giant_in_a_header),
-    *(a_giant_in_the_archive, of_another_class, a_list_for_a_document),
+    *(truncated, a_folder, of_another_question, of_another_class),
     *([a_pipe] if hasattr(os, "mkfifo") else []),
 ]
 

@@ -93,13 +93,6 @@ def test_no_two_of_many_things_have_one_digest():
     ] == []
 
 
-def test_one_changed_number_changes_it():
-    image = np.zeros((48, 64, 3), np.uint8)
-    before = digest(image)
-    image[47, 63, 2] = 1
-    assert digest(image) != before
-
-
 def test_an_array_that_is_shown_again_is_not_read_again():
     digester = Digester()
     image = np.zeros(9)

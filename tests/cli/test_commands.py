@@ -94,18 +94,6 @@ def test_run_ends_with_the_path_of_the_page(pipeline, physic):
     assert Path("photo-physic/report.html").is_file()
 
 
-def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(
-    pipeline, monkeypatch, physic
-):
-    def interrupted(result, title):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("physic_core.visual.report.report_html", interrupted)
-    assert physic(*run("--report")).exit_code == 130
-    assert names() == ["people.csv", *ARRAYS]
-    Reconstruction.load("photo-physic")
-
-
 def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     default = run("--save", "pictures")
@@ -142,15 +130,6 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
         assert message in refusal(*arguments)
     assert pipeline.calls == []
     assert [p.name for p in Path().iterdir()] == ["taken"]
-
-
-def test_a_run_does_not_ask_the_system_whether_files_may_be_read(pipeline, monkeypatch, physic):
-    Path("photo.jpg").touch()
-    Path("my.toml").write_text('extends = "mock"\n')
-    Path("mine").mkdir()
-    monkeypatch.setattr("os.access", lambda *_, **__: False)
-    done = physic("run", "photo.jpg", "--config", "my.toml", "-o", "mine")
-    assert (done.exit_code, len(pipeline.calls)) == (0, 1), done.output
 
 
 def test_a_missing_gpu_is_reported(pipeline, monkeypatch):

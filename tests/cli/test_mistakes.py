@@ -5,7 +5,6 @@ command.
 from __future__ import annotations
 
 import os
-import socket
 from pathlib import Path
 
 import click
@@ -141,9 +140,3 @@ def test_a_mistake_is_one_message_with_the_code_of_its_kind(code, words, argumen
     done = physic(*arguments)
     assert (done.exit_code, words in done.stderr) == (code, True), done.output
     assert done.stderr.count("Error: ") == 1
-
-
-def test_a_second_server_on_one_port_is_a_wrong_argument(physic):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        done = physic("serve", "--preset", "mock", "--port", str(taken.getsockname()[1]))
-    assert (done.exit_code, "give another --port" in done.stderr) == (USAGE, True), done.output

@@ -19,7 +19,6 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_mock.pixels import MockInpainter
 from physic_testing.worlds import load_world
@@ -44,18 +43,6 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns
     done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
     assert "the principal point (110, 60) lies 19% of" in done.stdout
-
-
-def test_a_photo_that_is_stored_turned_gives_the_result_of_the_upright_one(world):
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(np.ascontiguousarray(np.rot90(world.image))).save("a.png", exif=exif)
-    done = run("a.png")
-    assert done.exit_code == 0, done.output
-    document = json.loads(Path("new/out/reconstruction.json").read_text())
-    assert len(document["people"]) == 1
-    assert document["notes"][0] in done.stdout
-    np.testing.assert_array_equal(Reconstruction.load("new/out").image, world.image)
 
 
 ARRAYS = ["reconstruction.json", "reconstruction.npz"]

@@ -276,11 +276,6 @@ def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override,
     assert word in message
 
 
-@pytest.mark.parametrize("device", ["cpu", "cuda", "cuda:12"])
-def test_a_device_is_called_as_torch_calls_it(device):
-    assert load_config(overrides=[f"run.device={device}"]).run.device == device
-
-
 def test_a_preset_that_does_not_exist_is_named_with_those_that_do(write):
     assert "light-cpu, mock, open, open-body, paper. Did you mean 'embedded'?" in refusal(
         preset="embeded"

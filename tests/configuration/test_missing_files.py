@@ -91,11 +91,6 @@ def heavy(site, tmp_path, monkeypatch):
     return tmp_path / "mine" / "net"
 
 
-def bring(folder):
-    folder.mkdir(parents=True)
-    (folder / "model.onnx").write_bytes(b"net")
-
-
 def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy):
     asked = []
     photo = np.zeros((72, 96, 3), np.uint8)
@@ -113,15 +108,6 @@ def test_config_check_reports_a_valid_config_and_missing_files(heavy, physic):
     assert done.exit_code == 4
     assert done.stdout.startswith("my.toml: no errors\n2 things are missing")
     assert f"{BOTH}: {NET}\n" in done.stdout
-
-
-def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy, physic):
-    done = physic("plugins", "show", "physic-heavy:heavy")
-    assert done.stdout.count("not ready; weights 'net'") == 2
-    bring(heavy)
-    done = physic("plugins", "show", "physic-heavy:heavy")
-    assert done.stdout.count("status    ready") == 2
-    assert done.stdout.count("weights   MIT\n") == 2
 
 
 def saying(answer):

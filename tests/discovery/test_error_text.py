@@ -82,23 +82,6 @@ def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken):
     assert describe_error(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
 
 
-def test_a_file_of_a_package_is_named_with_its_folders(site):
-    package = site.folder / "physic_deep" / "nets"
-    package.mkdir(parents=True)
-    (package.parent / "__init__.py").write_text("import json\ndef load():\n    json.loads('{')\n")
-    (package / "__init__.py").write_text("")
-    (package / "depth.py").write_text("def infer():\n    raise ValueError('no floor')\n")
-    import physic_deep
-    import physic_deep.nets.depth
-
-    assert describe_error(caught(physic_deep.nets.depth.infer), "physic_deep").endswith(
-        "(physic_deep/nets/depth.py:2)"
-    )
-    assert describe_error(caught(physic_deep.load), "physic_deep").endswith(
-        " (physic_deep/__init__.py:3)"
-    )
-
-
 def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken):
     (broken / "physic_typo.py").write_text("x = (\n")
     here = f"test_error_text.py:{caught.__code__.co_firstlineno + 2})"

@@ -12,7 +12,7 @@ import pytest
 
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.local_modules import load_module, split_folder
+from physic_core.discovery.local_modules import load_module
 from physic_core.errors import BackendError, ConfigError
 
 DEPTH = """
@@ -171,18 +171,3 @@ def test_two_files_of_one_name_are_refused(tmp_path):
     with pytest.raises(ImportError, match="another module is called own_depth "):
         load_module(tmp_path / "b", "own_depth")
     assert load_module(tmp_path / "a", "own_depth") is first
-
-
-@pytest.mark.parametrize(
-    ("name", "folder", "rest"),
-    [
-        ("embedded", None, "embedded"),
-        ("physic-embedded:embedded", None, "physic-embedded:embedded"),
-        ("a.b:C", None, "a.b:C"),
-        ("/x/y z/a.b:C.D", Path("/x/y z"), "a.b:C.D"),
-        ("/a:C", Path("/"), "a:C"),
-        ("../a:C", Path(".."), "a:C"),
-    ],
-)
-def test_a_name_splits_into_folder_and_target(name, folder, rest):
-    assert split_folder(name) == (folder, rest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core import engine_preset_names, list_backends
+from physic_core import list_backends
 from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS
 from physic_core.discovery.plugins import broken_plugins, find_items
 from physic_core.weights.library import read_library
@@ -128,14 +128,6 @@ def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(s
         monkeypatch.setenv("PHYSIC_PLUGINS", written)
         assert [offer.name for offer in list_backends()] == ["good"]
         assert causes() == []
-
-
-def test_a_restriction_holds_for_hooks_too(site, monkeypatch):
-    hook = HOOK.replace("physic_commands", "physic_engine_presets")
-    for name in ("soft", "hard"):
-        site.install(f"physic-{name}", f"{hook}    return [PluginItem({name!r}, 'm:c')]\n")
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-soft")
-    assert engine_preset_names() == ("default", "soft")
 
 
 def test_a_restriction_to_what_is_not_there_is_reported(site, monkeypatch):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
-import torch
 
 from physic_core.types import (
     Bodies,
@@ -16,7 +13,7 @@ from physic_core.types import (
     Mesh,
     People,
 )
-from physic_core.types.arrays import PER_PERSON, select_people
+from physic_core.types.arrays import select_people
 
 N = 3
 LAST_TWO = np.array([False, True, True])
@@ -63,16 +60,3 @@ def test_what_people_share_stays_although_it_has_as_many_rows():
     )
     assert len(mesh.vertices) == 2
     assert len(mesh.faces) == len(mesh.rest) == N
-
-
-def test_tensors_are_selected_as_arrays_are():
-    @dataclass(frozen=True)
-    class Problem:
-        camera: torch.Tensor
-        betas: torch.Tensor = field(metadata=PER_PERSON)
-        known: torch.Tensor | None = field(default=None, metadata=PER_PERSON)
-
-    some = select_people(Problem(torch.eye(3), torch.arange(3.0)), torch.tensor([2]))
-    assert some.betas.tolist() == [2.0]
-    assert some.known is None
-    assert len(some.camera) == 3

@@ -157,13 +157,6 @@ def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub, tmp_path):
     assert len(hub.server.asked) == asked
 
 
-def test_weights_of_a_revision_are_fetched(hub, lists, tmp_path):
-    source = hub.add("model.onnx", CONTENT, revision="v1.0")
-    folder = lists.add("net", {"path": "model.onnx", "source": source})
-    fetch(read_manifest(folder)["net"])
-    assert locate(folder, "net").read_bytes() == CONTENT
-
-
 @pytest.mark.parametrize("to", [None, "stick"])
 def test_a_file_that_differs_from_the_manifest_is_removed(hub, tmp_path, to):
     source = hub.add("model.onnx", CONTENT)

@@ -50,12 +50,6 @@ def test_a_set_is_read_with_all_that_it_says(tmp_path):
     assert (found.bytes, found.is_free) == (None, False)
 
 
-def test_keys_left_out_of_a_manifest_are_unknown(tmp_path):
-    (found,) = read_manifest(write(tmp_path, SIMPLE + SOURCE)).values()
-    assert (found.commercial, found.account, found.is_free) == (None, False, False)
-    assert found.homepage == found.advice == ""
-
-
 @pytest.mark.parametrize(
     ("source", "origin"),
     [
@@ -103,16 +97,13 @@ def table(files, head='summary = "A"\nlicense = "MIT"\n'):
         ("net = 3", "dictionary"),
         (table("sumary = 'A'\n" + "[[net.files]]\npath = 'a'\n" + SOURCE), "sumary"),
         (table("[[net.files]]\npath = 'a'\n" + SOURCE, "license = 'MIT'\n"), "summary"),
-        (table("[[net.files]]\npath = 'a'\n" + SOURCE, "summary = 'A'\n"), "license"),
         (table("commercial = 'yes'\n[[net.files]]\npath = 'a'\n" + SOURCE), "commercial"),
         (table("[[net.files]]\npath = '../up'\n" + SOURCE), "path"),
-        (table("[[net.files]]\npath = 'a'\nbytes = 0\n" + SOURCE), "bytes"),
         (table("[[net.files]]\npath = 'a'\nsha256 = 'AB12'\n" + SOURCE), "sha256"),
         (
             table("[[net.files]]\npath = 'a'\nsource = 'ftp://example.org/x'\n"),
             "hf://owner/repository/path",
         ),
-        (table("[[net.files]]\npath = 'a'\nsize = 3\n" + SOURCE), "size"),
         (
             table("[[net.files]]\npath = 'a'\n" + SOURCE + "[[net.files]]\npath = 'a'\n" + SOURCE),
             "twice",
@@ -120,7 +111,6 @@ def table(files, head='summary = "A"\nlicense = "MIT"\n'):
         (table("[[net.files]]\npath = 'a'\nsource = 'http://example.org/x'\n"), "sha256"),
         (table("[[net.files]]\npath = 'a'\n"), "advice"),
         (table("files = []\n"), "no files"),
-        (table("files = ['model.onnx']\n"), "dictionary"),
         ("[net]\nsummary = A\n", "line 2"),
         ("[Net]\nsummary = 'A'\nlicense = 'MIT'\n[[Net.files]]\npath = 'a'\n" + SOURCE, "pattern"),
     ],
