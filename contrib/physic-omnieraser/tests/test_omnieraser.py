@@ -7,7 +7,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.errors import DeviceError
 from physic_omnieraser.omnieraser import OmniEraser, OmniEraserOptions, widen_input
 from physic_testing import check_backend
 
@@ -169,16 +169,6 @@ def test_a_widened_transformer_gives_the_same_output():
     assert torch.allclose(before, after, atol=1e-5)
 
 
-def test_masks_that_cannot_be_used(stand_in_files):
-    backend = loaded(stand_in_files)
-    photo = np.zeros((60, 90, 3), np.uint8)
-    assert (backend.infer(photo, np.zeros((60, 90), bool)) == photo).all()
-    with pytest.raises(BackendError, match="covers the whole image"):
-        backend.infer(photo, np.ones((60, 90), bool))
-    with pytest.raises(BackendError, match="must have the image's size"):
-        backend.infer(photo, np.zeros((90, 60), bool))
-
-
 def test_without_a_gpu_it_says_so(stand_in_files):
     with pytest.raises(DeviceError, match="OmniEraser needs a GPU"):
         loaded(stand_in_files, allow_cpu=False)
@@ -194,8 +184,3 @@ def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
         "weights 'omnieraser'",
     ):
         assert text in lack
-
-
-def test_another_checkout_is_refused(stand_in_files, tmp_path):
-    with pytest.raises(WeightsMissingError, match="is not a checkout of OmniEraser"):
-        loaded(stand_in_files, checkout=str(tmp_path))

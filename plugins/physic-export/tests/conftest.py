@@ -9,6 +9,8 @@ import pytest
 
 from physic_core import Reconstruction, export_reconstruction
 from physic_core.body import load_body
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
 
 sys.path.append(str(Path(__file__).parents[3] / "tests" / "body"))  # other_body.py
 
@@ -24,6 +26,34 @@ def other():
 @pytest.fixture(scope="session")
 def result(saved_pair):
     return Reconstruction.load(str(saved_pair))
+
+
+@pytest.fixture(scope="session")
+def in_frame(result):
+    """A function that gives points of the camera's frame in that of an export."""
+
+    def transform(points, up="z"):
+        return transform_points(export_frame(result.scene.floor, up).from_camera, points)
+
+    return transform
+
+
+@pytest.fixture(scope="session")
+def simulated():
+    """A function that gives MuJoCo's model and data of a file, some seconds after the photo."""
+    mujoco = pytest.importorskip("mujoco")
+
+    def run(file, seconds=0.0):
+        model = mujoco.MjModel.from_xml_path(str(file))
+        data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+        mujoco.mj_forward(model, data)
+        while data.time < seconds:
+            mujoco.mj_step(model, data)
+        return model, data
+
+    return run
 
 
 @pytest.fixture

@@ -14,9 +14,7 @@ from scipy.spatial import cKDTree
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.errors import InputError
-from physic_core.geometry.upright import transform_points
 from physic_core.types import Bodies
-from physic_core.visual.export.request import export_frame
 from physic_export.amass import read_amass
 
 
@@ -35,9 +33,9 @@ def model(file):
 
 @pytest.fixture(scope="module")
 def converted(result, file, model):
-    """The same people as bodies of the file, as a run with [body_model] path gives them."""
+    """The first person as a body of the file, as a run with [body_model] path gives it."""
     people = []
-    for person in result.people:
+    for person in result.people[:1]:
         parameters = convert_with_residuals(
             Bodies(person.parameters, "embedded"), model
         ).bodies.parameters
@@ -59,21 +57,18 @@ def alone(model, parameters):
 
 
 @pytest.mark.parametrize("up", ["z", "camera"])
-def test_our_reader_gives_the_same_bodies(converted, model, tmp_path, up):
+def test_our_reader_gives_the_same_bodies(converted, model, tmp_path, up, in_frame):
     done = converted.export(str(tmp_path / "a.npz"), up=up)
-    frame = export_frame(converted.scene.floor, up)
     for path, person in zip(done.files, converted.people, strict=True):
         vertices, joints = alone(model, read_amass(path))
-        np.testing.assert_allclose(
-            vertices, transform_points(frame.from_camera, person.vertices), atol=1e-5
-        )
+        np.testing.assert_allclose(vertices, in_frame(person.vertices, up), atol=1e-5)
         with np.load(path) as arrays:
             pelvis = arrays["pelvis"] + arrays["trans"][0]
             assert float(arrays["fit_error_m"]) == 0
         np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
 
 
-def test_smplfitter_poses_the_same_body_from_the_file(converted, file, tmp_path):
+def test_smplfitter_poses_the_same_body_from_the_file(converted, file, tmp_path, in_frame):
     from smplfitter.pt import BodyModel as Peer
 
     np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
@@ -85,16 +80,14 @@ def test_smplfitter_poses_the_same_body_from_the_file(converted, file, tmp_path)
         ].float()
     assert torch.equal(poses[0], poses[1])
     theirs = peer(pose_rotvecs=poses[:1], shape_betas=shape, trans=trans[:1])["vertices"][0].numpy()
-    matrix = export_frame(converted.scene.floor, "z").from_camera
-    np.testing.assert_allclose(
-        theirs, transform_points(matrix, converted.people[0].vertices), atol=1e-5
-    )
+    np.testing.assert_allclose(theirs, in_frame(converted.people[0].vertices), atol=1e-5)
 
 
-def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, model, tmp_path):
+def test_embedded_bodies_are_fitted_and_the_error_is_stated(
+    result, file, model, tmp_path, in_frame
+):
     done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
     vertices, joints = alone(model, read_amass(done.files[0]))
-    matrix = export_frame(result.scene.floor, "z").from_camera
     with np.load(done.files[0]) as arrays:
         error = float(arrays["fit_error_m"])
         assert str(arrays["gender"]) == "female"
@@ -106,9 +99,9 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, model,
     assert 0 < error < 0.01
     assert f"within {1000 * error:.0f} mm" in done.notes[0]
     assert "gender female" in done.notes[1]
-    distance, _ = cKDTree(transform_points(matrix, result.people[1].vertices)).query(vertices)
+    distance, _ = cKDTree(in_frame(result.people[1].vertices)).query(vertices)
     assert np.median(distance) < 0.012
-    assert np.abs(joints[0] - transform_points(matrix, result.people[1].joints[0])).max() < 0.06
+    assert np.abs(joints[0] - in_frame(result.people[1].joints[0])).max() < 0.06
 
 
 def test_without_a_file_the_message_says_what_is_needed_and_why(result, tmp_path):
@@ -126,7 +119,7 @@ def test_another_file_than_that_of_the_run_is_refused(converted, other, tmp_path
 
 def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted, tmp_path):
     done = converted.export(str(tmp_path / "a.glb"), scene=False)
-    assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0", "person_1"}
+    assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0"}
     lost = replace(converted, config={})
     with pytest.raises(InputError, match="has SMPL-X bodies"):
         lost.export(str(tmp_path / "b.glb"))

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from physic_core import InputError
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 from physic_export.skeleton import bone_names
 
 
@@ -62,12 +60,11 @@ def joints_of(path, frame):
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_joints_are_where_the_result_has_them(export, result, up):
+def test_joints_are_where_the_result_has_them(export, result, up, in_frame):
     files = export("a.bvh", up=up).files
-    matrix = export_frame(result.scene.floor, up).from_camera
     for path, person in zip(files, result.people, strict=True):
         found = joints_of(path, 1)
-        wanted = transform_points(matrix, person.joints)
+        wanted = in_frame(person.joints, up)
         np.testing.assert_allclose(
             [found[name] for name in bone_names("mixamo")], wanted, atol=1e-4
         )
@@ -103,12 +100,11 @@ BONES = (
 
 
 @pytest.mark.parametrize("frame", [0, 1])
-def test_lafan_has_the_joints_of_the_result_in_centimetres(export, result, frame):
+def test_lafan_has_the_joints_of_the_result_in_centimetres(export, result, frame, in_frame):
     files = export("a.bvh", names="lafan").files
-    matrix = export_frame(result.scene.floor, "y").from_camera
     for path, person in zip(files, result.people, strict=True):
         found = joints_of(path, frame)
-        wanted = 100 * transform_points(matrix, person.joints[:22])
+        wanted = 100 * in_frame(person.joints[:22], "y")
         names = [name.replace("ToeBase", "Toe") for name in bone_names("mixamo")[:22]]
         assert set(found) == set(names)
         np.testing.assert_allclose([found[name] for name in names], wanted, atol=0.01)
@@ -135,12 +131,10 @@ def test_lafan_is_refused_where_y_is_not_up(export):
         export("a.bvh", names="lafan", up="z")
 
 
-def test_a_retargeter_reads_lafan(export, result):
+def test_a_retargeter_reads_lafan(export, result, in_frame):
     loader = pytest.importorskip("general_motion_retargeting.utils.lafan1")
     path = export("a.bvh", names="lafan", person=0).files[0]
     frames, _ = loader.load_bvh_file(str(path), format="lafan1")
-    wanted = transform_points(
-        export_frame(result.scene.floor, "z").from_camera, result.people[0].joints
-    )
+    wanted = in_frame(result.people[0].joints)
     apart = np.linalg.norm(frames[0]["Head"][0] - frames[0]["Hips"][0])
     assert apart == pytest.approx(np.linalg.norm(wanted[15] - wanted[0]), abs=1e-3)

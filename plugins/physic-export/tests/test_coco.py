@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import reconstruct
 from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
-from physic_testing.worlds import load_world
 
 # of pycocotools
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -106,14 +104,3 @@ def test_two_formats_have_the_suffix_json(export):
         ConfigError, match="coco of physic-export or nerfstudio of physic-export: state which"
     ):
         export("a.json")
-
-
-@pytest.mark.usefixtures("few_steps")
-def test_a_run_with_the_written_annotations_gives_the_same_bodies(export, tmp_path):
-    world = load_world("stand_indoors", (160, 120))
-    config = {"extends": "mock", "run": {"cache": False}}
-    first = reconstruct(world.image, config)
-    export("a.json", "coco", of=first)
-    again = reconstruct(world.image, config | {"photo": {"keypoints": str(tmp_path / "a.json")}})
-    assert any("they change nothing" in note for note in again.notes)
-    assert np.array_equal(again.people[0].joints, first.people[0].joints)

@@ -49,12 +49,13 @@ def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(export, result,
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path):
+@pytest.mark.parametrize(("name", "format"), [("a.csv", None), ("a.json", "coco")])
+def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path, name, format):
     world = load_world("stand_indoors", (160, 120))
     config = {"extends": "mock", "run": {"cache": False}}
     first = reconstruct(world.image, config)
     assert first.file_size == (160, 120)
-    export("a.csv", of=first)
-    again = reconstruct(world.image, config | {"photo": {"keypoints": str(tmp_path / "a.csv")}})
+    export(name, format, of=first)
+    again = reconstruct(world.image, config | {"photo": {"keypoints": str(tmp_path / name)}})
     assert any("they change nothing" in note for note in again.notes)
     assert np.array_equal(again.people[0].joints, first.people[0].joints)

@@ -9,15 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 from physic_core.visual.palette import BODY_RGB, contact_colors, contact_legend
-
-
-def wanted_vertices(result, person, up):
-    return transform_points(
-        export_frame(result.scene.floor, up).from_camera, result.people[person].vertices
-    )
 
 
 def test_plyfile_reads_points_colours_normals_and_contact(export, result):
@@ -51,12 +43,11 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result):
     )
 
 
-@pytest.mark.parametrize("name", ["a.ply", "a.obj"])
-@pytest.mark.parametrize("up", ["y", "z"])
-def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result, name, up):
+@pytest.mark.parametrize(("name", "up"), [("a.ply", "y"), ("a.obj", "z")])
+def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result, name, up, in_frame):
     path = export(name, up=up, scene=False, person=0, skin="contact").files[0]
     mesh = trimesh.load(path, process=False, force="mesh", skip_materials=True)
-    wanted = wanted_vertices(result, 0, up)
+    wanted = in_frame(result.people[0].vertices, up)
     assert cKDTree(mesh.vertices).query(wanted)[0].max() < 2e-5
     assert mesh.volume == pytest.approx(
         trimesh.Trimesh(wanted, result.faces, process=False).volume, rel=1e-3

@@ -22,17 +22,19 @@ RADIUS = 0.05
 
 
 @pytest.fixture(scope="module")
-def file(result, tmp_path_factory):
-    return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0]
+def exported(result, tmp_path_factory):
+    return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml"))
 
 
-def opened(file):
-    """MuJoCo, and its model and data of a file in the pose of the photo."""
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return mujoco, model, data
+@pytest.fixture(scope="module")
+def file(exported):
+    return exported.files[0]
+
+
+@pytest.fixture(scope="module")
+def opened(file, simulated):
+    """MuJoCo's model and data of the file in the pose of the photo."""
+    return simulated(file)
 
 
 def rays_of(result):
@@ -71,9 +73,8 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result):
     assert np.quantile(apart, 0.9) < 2 * FLAT_M
 
 
-def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result, export):
+def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result, export, in_frame, simulated):
     """A table of 1 m x 0.6 m, 0.5 m over the floor, stands alone in front of the camera."""
-    mujoco = pytest.importorskip("mujoco")
     scene = result.scene
     floor = result.scene.floor
     rays = rays_of(result)
@@ -83,7 +84,7 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result, export):
     normals = np.broadcast_to(np.float32(floor.normal), points.shape)
     alone = replace(scene, points=points.astype(np.float32), normals=normals, valid=table)
     file = export("a.xml", of=replace(result, scene=alone), person=0, rigid=True).files[0]
-    seat = transform_points(export_frame(floor, "z").from_camera, np.median(points[table], axis=0))
+    seat = in_frame(np.median(points[table], axis=0))
     free = seat + np.array([1.5, 0.0, 0.0])
     bodies = (
         f'<body name="seat" pos="{seat[0]} {seat[1]} {seat[2] + 0.2}"><freejoint/>'
@@ -92,21 +93,19 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result, export):
         f'size="{RADIUS}"/></body>'
     )
     file.write_text(file.read_text().replace("</worldbody>", f"{bodies}</worldbody>"))
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
-    while data.time < 2.0:
-        mujoco.mj_step(model, data)
+    _, data = simulated(file, 2.0)
     np.testing.assert_allclose(data.body("floor").xpos, [free[0], free[1], RADIUS], atol=0.01)
     assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
 
 
-def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result, export):
-    _, model, data = opened(export("a.xml", rigid=True).files[0])
+def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
+    result, export, in_frame, simulated
+):
+    model, data = simulated(export("a.xml", rigid=True).files[0])
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
-    matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         body = data.body(f"person_{index}")
-        np.testing.assert_allclose(body.xpos, transform_points(matrix, person.joints[0]), atol=1e-5)
+        np.testing.assert_allclose(body.xpos, in_frame(person.joints[0]), atol=1e-5)
         assert model.body(f"person_{index}").mocapid[0] == index
         skin = model.geom(f"person_{index}_skin").id
         mesh = model.geom_dataid[skin]
@@ -114,7 +113,7 @@ def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result
         count = model.mesh_vertnum[mesh]
         local = model.mesh_vert[first : first + count]
         posed = local @ data.geom_xmat[skin].reshape(3, 3).T + data.geom_xpos[skin]
-        np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
+        np.testing.assert_allclose(posed, in_frame(person.vertices), atol=2e-4)
         collide = [
             i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")
         ]
@@ -127,11 +126,11 @@ def joint_places(model, data, person):
     return np.stack([data.body(name).xpos for name in names])
 
 
-def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, file):
-    mujoco, model, data = opened(file)
-    matrix = export_frame(result.scene.floor, "z").from_camera
+def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, opened, in_frame):
+    mujoco = pytest.importorskip("mujoco")
+    model, data = opened
     for index, person in enumerate(result.people):
-        wanted = transform_points(matrix, person.joints[:22])
+        wanted = in_frame(person.joints[:22])
         np.testing.assert_allclose(joint_places(model, data, index), wanted, atol=1e-4)
         volume = trimesh.Trimesh(person.vertices, result.faces, process=False).volume
         assert model.body_subtreemass[model.body(f"person_{index}").id] == pytest.approx(
@@ -144,10 +143,10 @@ def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, fil
     assert (angles <= model.jnt_range[hinges, 1]).all()
 
 
-def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file):
-    mujoco, model, data = opened(file)
+def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file, simulated):
+    mujoco = pytest.importorskip("mujoco")
+    model, data = simulated(file)
     assert model.nu == 2 * 51
-    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
     np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
     roots = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
     # a pelvis that nothing moves; gravity bends the rest
@@ -164,8 +163,8 @@ def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file):
     assert np.rad2deg(worst) < 1.0
 
 
-def test_the_scene_is_one_textured_mesh_that_does_not_collide(result, file):
-    _, model, data = opened(file)
+def test_the_scene_is_one_textured_mesh_that_does_not_collide(result, opened):
+    model, data = opened
     scene = model.geom("scene")
     assert (int(scene.contype[0]), int(scene.conaffinity[0]), int(scene.group[0])) == (0, 0, 2)
     assert {int(model.geom(f"scene_{number}").group[0]) for number in range(5)} == {3}
@@ -197,8 +196,8 @@ def corners(model, mesh):
     return model.mesh_face[part], model.mesh_facetexcoord[part]
 
 
-def test_people_do_not_collide_with_themselves(file):
-    _, model, _ = opened(file)
+def test_people_do_not_collide_with_themselves(opened):
+    model, _ = opened
     first, second, floor = (
         model.geom(name) for name in ("person_0_head", "person_1_head", "floor")
     )
@@ -235,8 +234,9 @@ def tile_depths(tile, points):
     return (hull.equations[:, :3] @ points.T + hull.equations[:, 3:]).max(0)
 
 
-def test_arms_are_capsules_and_feet_have_soles_on_one_level(result, file):
-    mujoco, model, data = opened(file)
+def test_arms_are_capsules_and_feet_have_soles_on_one_level(opened):
+    mujoco = pytest.importorskip("mujoco")
+    model, data = opened
     for limb in ("left_shoulder", "right_elbow"):
         assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
     for part in ("left_ankle", "right_foot"):
@@ -245,15 +245,15 @@ def test_arms_are_capsules_and_feet_have_soles_on_one_level(result, file):
         np.testing.assert_allclose(heights, heights[0], atol=1e-4)
 
 
-def test_the_error_of_the_collision_mesh_is_stated(export):
-    (note,) = export("a.xml").notes
+def test_the_error_of_the_collision_mesh_is_stated(exported):
+    (note,) = exported.notes
     assert re.search(
         r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note
     )
 
 
-def test_the_camera_has_the_field_of_view_of_the_photo(result, file):
-    _, model, data = opened(file)
+def test_the_camera_has_the_field_of_view_of_the_photo(result, opened):
+    model, data = opened
     camera = result.intrinsics
     assert model.cam("photo").fovy[0] == pytest.approx(
         2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4

@@ -128,12 +128,12 @@ def test_an_existing_file_is_refused(saved_pair, tmp_path, physic):
 
 
 def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path):
-    (tmp_path / "a.obj").write_text("mine")
+    (tmp_path / "a.bvh").write_text("mine")
     with pytest.raises(OutputError, match="overwrite=True in Python"):
-        export("a.obj")
-    assert (tmp_path / "a.obj").read_text() == "mine"
-    export("a.obj", overwrite=True, scene=False)
-    assert (tmp_path / "a.obj").read_text().startswith("# PhySIC")
+        export("a.bvh", person=0)
+    assert (tmp_path / "a.bvh").read_text() == "mine"
+    export("a.bvh", person=0, overwrite=True)
+    assert (tmp_path / "a.bvh").read_text().startswith("HIERARCHY")
 
 
 @pytest.mark.parametrize("kind", ["photo", "link"])

@@ -14,8 +14,6 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 
 
 @pytest.fixture(scope="module")
@@ -38,50 +36,35 @@ def read(folder, person, angles=True):
     return model, data, pose
 
 
-def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, folder):
-    matrix = export_frame(result.scene.floor, "z").from_camera
+def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, folder, in_frame):
     for index, person in enumerate(result.people):
         model, data, pose = read(folder, index)
         assert model.njnt == 51
         w, x, y, z = pose["base"]["quaternion_wxyz"]
         turn = Rotation.from_quat([x, y, z, w])
         place = np.array(pose["base"]["position_m"])
-        wanted = transform_points(matrix, person.joints[:22])
+        wanted = in_frame(person.joints[:22])
         np.testing.assert_allclose(place, wanted[0], atol=1e-5)
         made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
         np.testing.assert_allclose(made, wanted[1:], atol=1e-4)  # 0.1 mm
         hand = trimesh.load(folder / "meshes" / f"a_{index}_left_wrist_skin.obj")
         frame = data.body("left_wrist").xmat.reshape(3, 3)
         skin = turn.apply(hand.vertices @ frame.T + data.body("left_wrist").xpos) + place
-        assert cKDTree(transform_points(matrix, person.vertices)).query(skin)[0].max() < 2e-4
+        assert cKDTree(in_frame(person.vertices)).query(skin)[0].max() < 2e-4
         limits = model.jnt_range
         assert (limits[:, 0] <= data.qpos).all()
         assert (data.qpos <= limits[:, 1]).all()
 
 
-def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder):
+def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder, in_frame):
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(folder / "a_scene.urdf"))
     assert model.njnt == 0
     assert mujoco.mjtGeom.mjGEOM_BOX in model.geom_type
-    matrix = export_frame(result.scene.floor, "z").from_camera
-    points = transform_points(matrix, result.scene.points[result.scene.valid])
+    points = in_frame(result.scene.points[result.scene.valid])
     surface = trimesh.load(folder / "meshes" / "a_scene_surface.obj")
     assert cKDTree(points).query(surface.vertices)[0].max() < 0.01
     assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
-
-
-def test_a_run_removes_the_meshes_of_an_earlier_result(result, tmp_path, physic):
-    out = tmp_path / "out"
-    result.save(str(out), "numbers")
-    before = {file.name for file in out.iterdir()}
-    done = physic("export", str(out), "--to", "urdf")
-    assert done.exit_code == 0, done.output
-    assert (out / "meshes" / "robot_scene_surface.obj").exists()
-    (out / "meshes" / "notes.txt").write_text("mine")
-    result.save(str(out), "numbers")
-    assert {file.name for file in out.iterdir()} == before | {"meshes"}
-    assert [file.name for file in (out / "meshes").iterdir()] == ["notes.txt"]
 
 
 def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder):

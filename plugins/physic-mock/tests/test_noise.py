@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.people import box_iou
-from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body import load_body
 from physic_core.types import Hints, People
 from physic_mock.backends import (
     MockBodyEstimator,
@@ -17,8 +16,6 @@ from physic_mock.backends import (
     MockKeypointDetector,
     MockSegmenter,
 )
-from physic_mock.body_noise import BONES, draw_bone_errors
-from physic_mock.fill import fill_from_surroundings
 from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import SegmenterOptions
@@ -30,10 +27,6 @@ from physic_testing.worlds import SKELETONS, load_world
 @pytest.fixture(scope="module")
 def world():
     return load_world("stand")
-
-
-def rng(seed=0):
-    return np.random.default_rng(seed)
 
 
 def people_of(world):
@@ -55,23 +48,6 @@ def test_ragged_masks_stay_near_the_truth():
         )
         for mask, truth in zip(found.masks, world.masks, strict=True):
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
-
-
-def lean(hidden, seed):
-    return draw_bone_errors(np.eye(3), hidden, 8.0, 3.0, 0.5, 2.0, 0.5, rng(seed))
-
-
-def test_bones_err_in_depth_more_than_in_the_picture_and_more_where_hidden():
-    nobody = np.zeros(BONES, bool)
-    errors = np.degrees([lean(nobody, seed) for seed in range(1000)])
-    knee = JOINT_INDEX["left_knee"]
-    spine = JOINT_INDEX["spine2"]
-    np.testing.assert_allclose(errors[:, knee].std(axis=0), [8, 8, 3], rtol=0.1)
-    np.testing.assert_allclose(errors[:, spine].std(axis=0), [4, 4, 1.5], rtol=0.1)
-    assert (errors[:, 0] == 0).all()
-    hidden = nobody.copy()
-    hidden[knee] = True
-    np.testing.assert_allclose(np.degrees(lean(hidden, 7))[knee], 2 * errors[7, knee])
 
 
 @pytest.mark.slow
@@ -96,24 +72,6 @@ def test_keypoints_have_the_stated_tails(world):
     assert np.median(hidden) == pytest.approx(1.51 * 0.065, rel=0.15)
     assert (confidence[:, visible] < 0.5).mean() == pytest.approx(0.15, abs=0.02)
     assert (confidence[:, ~visible] > 0.5).mean() == pytest.approx(0.5, abs=0.05)
-
-
-@pytest.mark.slow
-def test_limbs_are_found_at_people_whose_boxes_overlap():
-    world = load_world("group")
-    overlap = box_iou(world.boxes, world.boxes) - np.eye(len(world.boxes))
-    assert overlap.max() > 0
-    wrist, nose = (SKELETONS["blazepose33"].names.index(name) for name in ("left_wrist", "nose"))
-    taken = np.zeros(len(overlap))
-    for seed in range(200):
-        options = KeypointOptions(noise=1, noise_seed=seed)
-        found = MockKeypointDetector(options).infer(world.image, people_of(world)).points
-        for i, others in enumerate(overlap):
-            taken[i] += np.array_equal(found[i, wrist], found[others.argmax(), wrist])
-            assert not np.array_equal(found[i, nose], found[others.argmax(), nose])
-    # A twentieth takes the limb; two people who overlap most with each other share it where either
-    # of them does.
-    assert 0.03 < taken[overlap.max(1) > 0].mean() / 200 < 0.13
 
 
 @pytest.mark.slow
@@ -146,18 +104,6 @@ def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
     )
     assert moved[0, :2] == pytest.approx([0, 0], abs=1e-5)
     assert 0.15 < moved[0, 2] / world.joints[0, 0, 2] < 0.25
-
-
-def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
-    v, u = np.mgrid[:60, :90].astype(np.float64)
-    ramp = np.stack([2 * u + v, np.full_like(u, 7.0)], axis=-1)
-    hole = (u - 40) ** 2 + (v - 30) ** 2 < 15**2
-    filled = fill_from_surroundings(np.where(hole[..., None], -1e6, ramp), hole)
-    assert np.array_equal(filled[~hole], ramp[~hole])
-    assert np.abs(filled - ramp)[..., 1].max() < 1e-9
-    assert np.abs(filled - ramp)[..., 0].max() < 4  # of 75 across the hole
-    everywhere = np.ones_like(hole)
-    assert np.array_equal(fill_from_surroundings(ramp, everywhere), ramp)
 
 
 def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):

@@ -1,8 +1,8 @@
 """Preset "release" against the numbers of the published optimiser: terms, gradients, stages and
 contact map.
 
-The file of numbers is not part of the project; test_release_rules.py holds the same rules without
-it. Constant parts of terms, which have no gradient, are skipped: log Z(1) of the robust loss, and
+The file of numbers is not part of the project: without it these tests are skipped.
+Constant parts of terms, which have no gradient, are skipped: log Z(1) of the robust loss, and
 the two keypoints that no body has.
 """
 
@@ -26,7 +26,6 @@ from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput, build_scene
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
-from physic_paper.grid_search import GridSearch
 from physic_paper.outliers import image_outliers
 from physic_paper.placement import ReleasePlacement
 from physic_paper.released.pointmap import published_normals
@@ -164,14 +163,6 @@ def test_limbs_are_seen_by_the_published_share(published, state):
     assert float((shares - stored).abs().max()) < 0.05
 
 
-def test_keypoints_weigh_as_published(published):
-    columns = JOINT_SETS[SKELETON]
-    sampling = JointEnergy(published.state(), RELEASE.joint).sampling
-    assert torch.equal(
-        sampling.keypoints.weight, published["one/out/pre/keypoint_weight"][:, columns]
-    )
-
-
 def test_each_keypoint_pulls_alike_in_every_joint_set(published):
     """Only body and feet are detected: of 23, 69 and 131 keypoints.
 
@@ -195,20 +186,6 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published):
     )
     sampling = JointEnergy(given, RELEASE.joint).sampling
     assert sampling.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
-
-
-def test_nearest_points_are_those_of_the_published_grid(published):
-    points = torch.cat([published.scene.surface[0], published.floor])
-    scene = GridSearch(points, torch.zeros_like(points), 10.0)
-    query = published["one/in/knn/query"]
-    found = scene.query(query)
-    same = found.index == published["one/out/knn/s1.0/idx"].long()
-    assert (~same).sum() <= 2  # ties
-    for state in ("s1_start", "s3_start", "s3_it10", "s3_end", "probe"):
-        found = scene.query(
-            published[f"one/out/{state}/vertices"], float(published[f"one/out/{state}/param/scale"])
-        )
-        assert torch.equal(found.index, published[f"one/out/{state}/nn_idx"].long())
 
 
 def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(
@@ -260,14 +237,6 @@ def test_stage_three_ends_within_5_mm(published):
     assert result.scene_scale == pytest.approx(
         float(published["one/out/s3_end/param/scale"]), abs=2e-3
     )
-
-
-@pytest.mark.parametrize("whose", WHOSE)
-def test_no_vertex_of_the_contact_map_differs(published, whose):
-    vertices, scale = whose_body(published, whose)
-    state = published.state()
-    contact = contact_map(state, vertices, scale)
-    assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 
 def contact_map(state, vertices, scale):

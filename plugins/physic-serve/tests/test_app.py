@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 
 import pytest
@@ -163,41 +162,3 @@ def test_an_upload_of_too_many_bytes_is_refused(served):
         "content-type": "multipart/form-data; boundary=b",
     }
     assert served.client.post("/jobs", content=b"", headers=large).status_code == 413
-
-
-def test_an_upload_that_the_browser_breaks_off_raises_nothing(served):
-    messages = iter(
-        [
-            {"type": "http.request", "body": b"--b\r\n", "more_body": True},
-            {"type": "http.disconnect"},
-        ]
-    )
-    sent = []
-
-    async def receive():
-        return next(messages)
-
-    async def send(message):
-        sent.append(message)
-
-    headers = {
-        "host": "testserver",
-        "content-length": "1000",
-        "content-type": "multipart/form-data; boundary=b",
-    }
-    scope = {
-        "type": "http",
-        "asgi": {"version": "3.0"},
-        "http_version": "1.1",
-        "method": "POST",
-        "scheme": "http",
-        "path": "/jobs",
-        "raw_path": b"/jobs",
-        "query_string": b"",
-        "root_path": "",
-        "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
-        "server": ("testserver", 80),
-        "client": ("testclient", 50000),
-    }
-    asyncio.run(served.client.app(scope, receive, send))
-    assert sent[0]["status"] == 400

@@ -159,15 +159,6 @@ def test_the_page_tells_assumed_contacts_from_others(standing):
     ]
 
 
-def test_the_page_tells_two_surfaces_of_one_class_apart(standing):
-    feet = tuple(
-        BodyContact("left_foot", ContactPartner("scene", "water", id), 0.8, 9) for id in (1, 2)
-    )
-    person = replace(standing.people[0], contacts=feet)
-    contacts = data_of(report_html(replace(standing, people=(person,))))["people"][0]["contacts"]
-    assert [one["partner"] for one in contacts] == ["water 1", "water 2"]
-
-
 def test_stature_and_distances_are_those_of_the_bodies(standing):
     person, other = data_of(report_html(standing))["people"]
     model = load_body()

@@ -248,18 +248,6 @@ def test_each_view_button_shows_another_picture(page, overview, view):
     click(page, "[data-view=people]")
 
 
-def test_drags_upwards_end_above_the_floor_with_people_in_view(page):
-    x, y, width, height = page.box("#view canvas")
-    for _ in range(3):
-        page.drag((x + width / 2, y + 0.9 * height), (x + width / 2, y + 0.1 * height))
-    seen = page.picture("#view")
-    click(page, "[data-show=people]")
-    without = page.picture("#view")
-    click(page, "[data-show=people]")
-    click(page, "[data-view=people]")
-    assert difference(seen, without) > 0.1
-
-
 LABELLED = """(view => [...document.querySelectorAll(".label.number")].some(label => {
     const r = label.getBoundingClientRect(), x = r.x + r.width / 2, y = r.y + r.height / 2;
     return !label.hidden && x > view.left && x < view.right && y > view.top && y < view.bottom;
