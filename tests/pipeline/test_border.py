@@ -147,13 +147,6 @@ def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo():
     assert find_inside(whole) == inside
 
 
-def test_a_white_frame_of_a_photo_with_white_parts_at_its_edge_is_cut_at_the_photo():
-    photo = textured(240, 320)
-    photo[-4:, ::3] = 255
-    whole, inside = with_border(photo, "a frame of 10 %")
-    assert find_inside(whole) == inside
-
-
 def test_a_large_photo_is_downscaled_by_the_picture_inside():
     whole, _ = with_border(textured(480, 640), "a frame of 10 %")
     prepared = prepare_photo(Photo(whole), PhotoSettings(max_side=320), None, None)

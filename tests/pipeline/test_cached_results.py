@@ -5,7 +5,6 @@ The backends are those of the installed plugins; what happens to them is counted
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
 
@@ -73,7 +72,7 @@ def counts(monkeypatch):
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory):
     path = tmp_path_factory.mktemp("photo") / "stand.png"
-    Image.fromarray(load_world("stand").image).save(path)
+    Image.fromarray(load_world("stand", (160, 120)).image).save(path)
     return path
 
 
@@ -171,11 +170,6 @@ def test_swapping_a_backend_calls_it_and_what_depends_on_it(
     by_set(photo, tmp_path, swap)
     assert counts.asked == Counter(asked)
     assert counts.loaded == Counter(dict.fromkeys(asked, 1))
-    stages = json.loads((tmp_path / "out" / "reconstruction.json").read_text())["stages"]
-    assert (
-        Counter(s["provenance"]["interface"] for s in stages if s["provenance"] and not s["cached"])
-        == asked
-    )
     result = Reconstruction.load(str(tmp_path / "out"))
     assert (
         Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached)

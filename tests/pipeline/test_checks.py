@@ -14,7 +14,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.measures import clearance, depth_ratio
+from physic_core.engine.measures import depth_ratio
 from physic_core.engine.stance import Stance
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.mesh import vertex_normals
@@ -41,7 +41,6 @@ CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GIVEN = replace(CAMERA, trust=CameraTrust.KNOWN)
 FAR_FOCAL = Intrinsics.from_focal(325, 320, 240)
 NEAR_FOCAL = Intrinsics.from_focal(400, 640, 480)
-GUESS = replace(CAMERA, source="0.95 x the long side", trust=CameraTrust.GUESSED)
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
 
 
@@ -274,7 +273,6 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
         ({"lean": 14.0}, ()),
         ({"lean": 16.0}, ("lean",)),
         ({"lean": -16.0}, ("lean",)),
-        ({"joints": with_bent_trunk(45.0)}, ("lean",)),
         ({"joints": with_bent_trunk(-45.0)}, ("lean",)),
         ({"report": {"body_in_mask_share": 0.5, "clearance_m": 0.2}}, ("body_in_mask", "support")),
         ({"joints": np.full((55, 3), np.nan)}, ()),
@@ -455,11 +453,6 @@ def test_a_person_lists_what_failed_and_what_is_unknown():
     [
         (
             "limb_keypoints",
-            0.033,
-            "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)",
-        ),
-        (
-            "limb_keypoints",
             0.0351,
             "Limbs off their keypoints: 3.51 % of the box diagonal (limit 3.5 %)",
         ),
@@ -499,19 +492,6 @@ class Body:
         self.faces = model.faces
         self.outer = model.outer
         self.K = torch.from_numpy(CAMERA.matrix).float()
-
-
-@pytest.mark.parametrize(
-    ("distance", "height", "gap"),
-    [(0.3, 0.2, 0.2), (0.1, 0.2, 0.1), (math.inf, 0.2, 0.2), (0.1, -2.3, 0), (-0.1, 1, 0)],
-)
-def test_the_nearest_surface_is_the_scene_or_the_floor(distance, height, gap):
-    distances = torch.tensor([distance, math.inf])
-    heights = torch.tensor([9.0, height])
-    assert clearance(distances, heights) == pytest.approx(gap)
-    assert clearance(distances, None) == (
-        None if distance == math.inf else pytest.approx(max(distance, 0))
-    )
 
 
 def test_a_depth_map_half_as_far_again_is_found():

@@ -9,7 +9,6 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
-from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.known_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
@@ -129,10 +128,3 @@ def test_a_segmenter_that_takes_prompts_has_to_obey_them(world):
         BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"
     ):
         reconstruct(world.image, "mock", backends={"segmenter": Disobedient}, people=prompt)
-
-
-def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one():
-    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    assert SegmenterRequest(image).arguments == (image,)
-    prompt = PeoplePrompt(points=((1, 1),))
-    assert SegmenterRequest(image, prompt=prompt).arguments == (image, prompt)

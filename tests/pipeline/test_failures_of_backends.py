@@ -5,6 +5,7 @@ name.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -71,6 +72,18 @@ def test_an_invalid_result_of_a_required_backend_stops_a_run(
     assert all(fault in str(error.value) for fault in faults)
 
 
+@pytest.fixture(scope="module")
+def without(few_steps, world):
+    """A function that gives the result without the backend of an interface."""
+
+    @cache
+    def run_without(interface):
+        config = load_config(preset="mock", overrides=[f"{interface}.backend=none"])
+        return reconstruct(world.image, config)
+
+    return run_without
+
+
 HANDS = (
     "hand_estimator",
     backends.MockHandEstimator,
@@ -101,6 +114,7 @@ def test_a_run_goes_on_without_an_optional_backend_that_fails(
     change,
     reason,
     tmp_path,
+    without,
 ):
     interface, base, stage, consequence = optional
     result = run(world, interface, base, change)
@@ -112,9 +126,7 @@ def test_a_run_goes_on_without_an_optional_backend_that_fails(
         for warning in result.warnings
     )
     assert result.people[0].failed_checks[0] == "placed"
-    plain = reconstruct(
-        world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"])
-    )
+    plain = without(interface)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)
     assert [s.name for s in result.stages if s.failed] == [stage]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 PROBE = """
 import sys
 import threading
@@ -40,6 +42,7 @@ print(*sorted(beside))
 )
 
 
+@pytest.mark.slow
 def test_packages_of_scipy_are_imported_in_one_thread(tmp_path):
     for probe, folders in ((PROBE, ["numbers"]), (AGAIN, ["numbers", "pictures"])):
         done = subprocess.run(

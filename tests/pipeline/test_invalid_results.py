@@ -15,11 +15,9 @@ from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import (
-    discard_invalid_hands,
-    discard_invalid_keypoints,
     real_people,
 )
-from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Reconstruction
+from physic_core.types import Keypoints, People, PeoplePrompt, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import load_world
@@ -188,36 +186,6 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)
-
-
-def test_invalid_rows_become_the_values_for_unknown():
-    points = np.ones((3, 4, 2))
-    points[1, 2] = np.nan
-    keypoints, lost = discard_invalid_keypoints(
-        Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0))
-    )
-    assert lost.tolist() == [False, True, False]
-    assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
-    np.testing.assert_array_equal(keypoints.points[1], points[0])
-    assert np.isfinite(keypoints.points).all()
-    assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
-    unseen, lost = discard_invalid_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
-    assert not lost.any()
-    assert unseen.points is points
-    # zeros for the first, of whom nothing was seen
-    world = np.repeat(np.arange(3.0), 12).reshape(3, 4, 3)
-    one_unseen, lost = discard_invalid_keypoints(
-        Keypoints(np.ones((3, 4, 2)), np.array([[0.0] * 4, [0.5] * 4, [0.5] * 4]), "x", world)
-    )
-    assert lost.tolist() == [True, False, False]
-    assert one_unseen.world is not None
-    np.testing.assert_array_equal(one_unseen.world[0], one_unseen.world[1])
-
-    hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
-    hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
-    hands, lost = discard_invalid_hands(hands)
-    assert lost.tolist() == [False, True]
-    assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
 
 
 @pytest.mark.parametrize(("on_own", "real"), [(4, False), (7, True)])

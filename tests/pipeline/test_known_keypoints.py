@@ -191,7 +191,6 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
         ('{"imagePath": "a.jpg", "shapes": []}', "a.json", "labelme"),
         ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),
         ('{"pose_landmarks": [[{"x": 0.4, "y": 0.5, "z": 0}]]}', "a.json", "MediaPipe"),
-        ('{"landmark": [{"x": 0.4, "y": 0.5, "z": 0}]}', "a.json", "MediaPipe"),
         ("person,joint,x,y\n0,nose,.4,.5\n0,left_wrist,.5,.4\n", "a.csv", "shares"),
         ("person,joint,x,y\n0,left_wrist,1,2\n0,left_wrist,1,3\n", "a.csv", "twice"),
         ("{", "a.json", "COCO JSON"),

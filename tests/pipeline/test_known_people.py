@@ -84,7 +84,8 @@ def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
     chosen = child if who == "child" else 1 - child
     given = [0.0, 0.0]
     given[chosen] = float(np.nanmax(world.ages))  # four years
-    config = load_config(preset="mock", overrides=("run.cache=false",))
+    quick = ("run.cache=false", "engine.joint.optimiser.steps=20")
+    config = load_config(preset="mock", overrides=quick)
     result = reconstruct(world.image, config, known=KnownSizes(age=tuple(given)))
     (check,) = (check for check in result.checks if check.name == "given_size")
     assert result.people[check.person].age == given[chosen]

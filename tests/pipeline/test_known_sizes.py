@@ -14,15 +14,10 @@ import torch
 
 from physic_core import KnownLength, KnownSizes, load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
-from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, vertices_at_ray
-from physic_core.engine.sizes.stature import (
-    betas_with_stature,
-    bodies_of_stature,
-)
+from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import known_people
-from physic_core.types import Bodies, People
+from physic_core.types import People
 from physic_testing.worlds import load_world
 
 SIZE = (160, 120)
@@ -58,8 +53,8 @@ def contradictions(result):
     return [w for w in result.warnings if "contradict" in w or "not used" in w]
 
 
-@pytest.mark.parametrize("height", [1.5, 1.95])
-def test_a_person_has_the_given_stature_and_the_scene_follows(stand, free, height):
+def test_a_person_has_the_given_stature_and_the_scene_follows(stand, free):
+    height = 1.95
     held = run(stand, KnownSizes(stature=(height,)))
     assert stature(held)[0] == pytest.approx(height, rel=0.01)
     floor = held.scene.floor
@@ -186,49 +181,6 @@ def test_too_many_statures_are_an_error():
         match=r"^2 statures were given, but 1 person was found: give one stature for all",
     ):
         known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
-
-
-def test_a_body_of_another_stature_keeps_its_place_in_the_image():
-    rotations, betas, transl = MODEL.zero_pose(2)
-    transl[:, 2] = 4.0
-    before = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", None)
-    after = bodies_of_stature(before, MODEL, np.array([2.0, np.nan]))
-    p = after.parameters
-    out = MODEL(
-        rotations_from_parameters(p),
-        torch.from_numpy(p.betas).float(),
-        torch.from_numpy(p.transl).float(),
-    )
-    start = MODEL(rotations, betas, transl)
-    height = MODEL.stature(betas)
-    torch.testing.assert_close(
-        MODEL.stature(torch.from_numpy(p.betas).float()),
-        torch.stack([height[0] * 0 + 2, height[1]]),
-    )
-    torch.testing.assert_close(
-        out.joints[0, 0], start.joints[0, 0] * 2 / height[0], atol=1e-5, rtol=0
-    )
-    torch.testing.assert_close(out.vertices[1], start.vertices[1])
-
-
-@pytest.mark.parametrize("height", [1.2, 1.6, 2.1])
-def test_the_nearest_shape_of_a_stature(height):
-    betas = betas_with_stature(
-        MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height)
-    )
-    torch.testing.assert_close(MODEL.stature(betas), torch.full((3,), height), atol=1e-4, rtol=0)
-
-
-def test_the_point_of_a_body_lies_on_the_ray():
-    grid = torch.stack(
-        torch.meshgrid(torch.linspace(-1, 1, 21), torch.linspace(-1, 1, 21), indexing="ij"), -1
-    )
-    plane = torch.cat([grid.reshape(-1, 2), 4 + 0.5 * grid.reshape(-1, 2)[:, :1]], 1)
-    normals = torch.nn.functional.normalize(torch.tensor([0.5, 0.0, -1.0]), dim=0).expand_as(plane)
-    K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
-    point = vertices_at_ray(plane, normals, torch.tensor([0.1, 0.05, 1.0]), K)(plane)
-    z = 4 / (1 - 0.05)
-    torch.testing.assert_close(point, z * torch.tensor([0.1, 0.05, 1.0]), atol=0.01, rtol=0)
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,7 @@ def test_a_summary_is_the_grade_and_flat_numbers(result):
 
 
 @pytest.mark.parametrize(
-    ("values", "worst"), [((0.5, 0.1), 0.1), ((0.5, 0.9), 0.5), ((None, 0.9), 0.9), ((None,), None)]
+    ("values", "worst"), [((0.5, 0.1, None), 0.1), ((0.9, 0.5), 0.5), ((None,), None)]
 )
 def test_a_check_of_several_people_counts_with_its_worst_value(result, values, worst):
     states = {0.1: "failed", 0.5: "ok", 0.9: "ok", None: "unknown"}

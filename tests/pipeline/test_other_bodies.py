@@ -21,6 +21,8 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, 
 from physic_mock import backends
 from physic_testing import violations
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 
 
@@ -95,6 +97,12 @@ class Wrists(backends.MockHandEstimator):
         )
 
 
+@pytest.fixture(scope="module")
+def plain(few_steps, world):
+    """The result with the mock's own backends."""
+    return reconstruct(world.image, "mock")
+
+
 def test_bodies_of_smpl_are_carried_over(world):
     # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain
     # it alike.
@@ -117,20 +125,16 @@ def test_bodies_with_too_few_joints_are_refused(world):
         reconstruct(world.image, "mock", backends={"body_estimator": TooFew})
 
 
-def test_contact_on_another_mesh_is_carried_over(world):
+def test_contact_on_another_mesh_is_carried_over(world, plain):
     result = reconstruct(world.image, "mock", backends={"contact_prior": OtherContact})
-    plain = reconstruct(world.image, "mock")
     assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
     was = plain.people[0].contact
     found = result.people[0].contact
     assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
 
 
-def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world):
-    result, plain = (
-        reconstruct(world.image, "mock", backends=given)
-        for given in ({"hand_estimator": Wrists}, {})
-    )
+def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world, plain):
+    result = reconstruct(world.image, "mock", backends={"hand_estimator": Wrists})
     turned = np.linalg.norm(
         (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(
             21, 3

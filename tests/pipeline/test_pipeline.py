@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from physic_core import Pipeline, body, load_config, reconstruct
-from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.floor_and_scale import feet_pixels
 from physic_core.engine.state import OtherView
@@ -47,23 +46,23 @@ def test_the_bodies_fit_what_another_camera_shows(world):
         for name in ("keypoint_detector", "body_estimator", "metric_depth")
     ]
     config = load_config(preset="mock", overrides=noise)
-    person = reconstruct(world.image, config).people[0]
-    aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
-    view = OtherView(
-        rotation=torch.eye(3).double(),
-        translation=torch.zeros(3).double(),
-        K=torch.from_numpy(world.intrinsics.matrix),
-        keypoints=aside,
-        keypoint_confidence=torch.from_numpy(person.keypoint_confidence[None].astype(np.float64)),
-        masks=torch.from_numpy(person.mask[None]),
-        observed=torch.ones((1, 55), dtype=torch.bool),
-    )
     with Pipeline(config) as pipeline:
-        alone, fitted = (pipeline(world.image, views=views).people[0] for views in ((), (view,)))
-    np.testing.assert_array_equal(alone.joints, person.joints)
-    assert (
-        fitted.joints[:, 0] / fitted.joints[:, 2] > alone.joints[:, 0] / alone.joints[:, 2]
-    ).mean() > 0.9
+        person = pipeline(world.image).people[0]
+        aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
+        view = OtherView(
+            rotation=torch.eye(3).double(),
+            translation=torch.zeros(3).double(),
+            K=torch.from_numpy(world.intrinsics.matrix),
+            keypoints=aside,
+            keypoint_confidence=torch.from_numpy(
+                person.keypoint_confidence[None].astype(np.float64)
+            ),
+            masks=torch.from_numpy(person.mask[None]),
+            observed=torch.ones((1, 55), dtype=torch.bool),
+        )
+        fitted = pipeline(world.image, views=(view,)).people[0]
+    moved = fitted.joints[:, 0] / fitted.joints[:, 2] > person.joints[:, 0] / person.joints[:, 2]
+    assert moved.mean() > 0.9
 
 
 def test_bodies_of_another_body_model(world):
@@ -113,7 +112,6 @@ def test_a_configured_camera_is_in_pixels_of_the_file():
     ("intrinsics", "size", "right"),
     [
         ((1306, 1306, 767.5, 510.9), "1536 x 1023 px,", "1632,1632,959"),
-        ((3264, 3264, 1919.5, 1277.5), "3840 x 2556 px,", "1632,1632"),
         ((1640, 1632, 638.5, 959.5), "1278 x 1920 px, turned", "1632,1640,960,638"),
         ((816, 820, 319, 479.5), "639 x 960 px, turned", "1640,1632"),
     ],
@@ -140,17 +138,6 @@ def test_a_configured_camera_wins_over_the_files():
     assert prepare_photo(photo, PhotoSettings(), None, None).photo.intrinsics == photo.intrinsics
     chosen = prepare_photo(photo, PhotoSettings(focal_px=222), None, None).photo.intrinsics
     assert (chosen.fx, chosen.source) == (222, "given")
-
-
-def test_dilate_grows_by_a_disc():
-    mask = np.zeros((21, 21), bool)
-    mask[10, 10] = True
-    grown = dilate(mask, 5)
-    y, x = np.nonzero(grown)
-    assert np.hypot(y - 10, x - 10).max() <= 5.5
-    assert grown[10, 15]
-    assert grown[5, 10]
-    assert grown.sum() == pytest.approx(np.pi * 25, rel=0.15)
 
 
 def test_pixels_of_feet_are_confident_and_inside_the_image():

@@ -11,7 +11,7 @@ from physic_core.body import load_body
 from physic_core.geometry.visibility import move_behind_bodies
 from physic_testing.worlds import load_world
 
-pytestmark = pytest.mark.kernels
+pytestmark = [pytest.mark.kernels, pytest.mark.usefixtures("few_steps")]
 
 SIZE = (320, 240)
 

@@ -66,23 +66,9 @@ def test_pixels_that_a_nearer_object_hides_do_not_count():
     assert share == pytest.approx(0.52, abs=0.015)
 
 
-def test_a_body_outside_the_photo_is_measured_where_the_photo_ends():
-    (found,) = compare(mask(left=375, right=400), bodies=(plate(x=4.0),))
-    assert found[0] == 1
-
-
 @pytest.mark.parametrize("metres", [2.0, 4.0, 6.0])
 def test_the_depth_at_the_lower_end(metres):
     photo = depth(50.0)
     photo[184:] = metres
     (found,) = compare(mask(), photo=photo)
     assert found[1] == pytest.approx(metres / 4)
-
-
-def test_nothing_is_measured_without_mask_or_depth():
-    nobody = torch.zeros((HEIGHT, WIDTH), dtype=torch.bool)
-    (found,) = compare(nobody, photo=depth(4.0))
-    assert found[0] is None
-    assert found[1] is None
-    (unknown,) = compare(mask(), photo=depth(float("nan")))
-    assert unknown[1] is None
