@@ -84,6 +84,7 @@ def test_bad_photos_are_rows_with_their_reason(standin, tmp_path, out):
     assert rows["broken"]["photo"].startswith("sha256:")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path, out):
     photos = make_photos(tmp_path / "photos", *(f"photo{i}" for i in range(12)))

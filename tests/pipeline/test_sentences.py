@@ -29,7 +29,8 @@ def result(request, few_steps):
     world, settings = request.param
     noise = ["metric_depth.options.stated_sigma=0.2"]
     return reconstruct(
-        load_world(world).image, load_config(preset="mock", overrides=[*noise, *settings])
+        load_world(world, (160, 120)).image,
+        load_config(preset="mock", overrides=[*noise, *settings]),
     )
 
 

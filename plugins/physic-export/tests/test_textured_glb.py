@@ -50,7 +50,9 @@ def test_each_person_has_a_picture_and_three_skins(tree):
 
 
 def test_the_skin_can_be_neutral(export):
-    tree = pygltflib.GLTF2().load(str(export("a.glb", skin="neutral", scene=False).files[0]))
+    tree = pygltflib.GLTF2().load(
+        str(export("a.glb", skin="neutral", scene=False, person=0).files[0])
+    )
     assert {tree.materials[mesh.primitives[0].material].name for mesh in tree.meshes} == {"body"}
 
 
@@ -84,7 +86,9 @@ def test_the_animation_has_a_t_pose_and_the_pose(tree):
 
 def test_bones_have_the_names_of_the_option(tree, export):
     assert [tree.nodes[joint].name for joint in tree.skins[0].joints] == list(bone_names("unity"))
-    other = pygltflib.GLTF2().load(str(export("a.glb", names="mixamo", scene=False).files[0]))
+    other = pygltflib.GLTF2().load(
+        str(export("a.glb", names="mixamo", scene=False, person=0).files[0])
+    )
     names = [other.nodes[joint].name for joint in other.skins[0].joints]
     assert names[:2] == ["mixamorig:Hips", "mixamorig:LeftUpLeg"]
     ends = ["HeadTop_End", "LeftToe_End", "RightHandPinky4"]

@@ -88,7 +88,9 @@ def test_skins_are_variants_with_materials(stage, export):
     variants = stage.GetPrimAtPath("/physic/person_0").GetVariantSets().GetVariantSet("skin")
     assert variants.GetVariantNames() == ["contact", "neutral", "photo"]
     assert variants.GetVariantSelection() == "photo"
-    opened = Usd.Stage.Open(str(export("a.usda", skin="neutral", names="unreal", up="y").files[0]))
+    opened = Usd.Stage.Open(
+        str(export("a.usda", skin="neutral", names="unreal", up="y", person=0).files[0])
+    )
     assert UsdGeom.GetStageUpAxis(opened) == "Y"
     mesh = opened.GetPrimAtPath("/physic/person_0/mesh")
     material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
@@ -123,7 +125,7 @@ def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdz"])
 def test_the_validators_of_usd_find_nothing(export, suffix):
-    path = str(export(f"a{suffix}").files[0])
+    path = str(export(f"a{suffix}", person=0).files[0])
     # what usdchecker ran, until it was replaced by the validators
     if hasattr(UsdUtils, "ComplianceChecker"):
         checker = UsdUtils.ComplianceChecker()
