@@ -18,7 +18,7 @@ from physic_core import interfaces
 from physic_core.cache import digests
 from physic_core.cache import results as module
 from physic_core.cache.results import ResultCache, canonicalize
-from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
+from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Provenance
 
 pytestmark = pytest.mark.quick
 
@@ -184,23 +184,6 @@ def test_outputs_of_undocumented_types_are_returned_and_not_cached(cache, folder
     np.testing.assert_array_equal(same.depth, answer.depth)
     assert same.notes == answer.notes
     assert cache.notes == []
-
-
-def test_a_canonical_result_equals_what_the_cache_returns():
-    wide = np.random.default_rng(0).normal(size=(8, 6)).T
-    people = People(
-        np.zeros((0, 6, 8), bool),
-        np.zeros((0, 4)),
-        np.zeros(0),
-        keypoints=Keypoints(wide, wide, "coco17"),
-    )
-    same = canonicalize(people)
-    assert same.keypoints is not None
-    assert same.keypoints.points.flags.c_contiguous
-    np.testing.assert_array_equal(same.keypoints.points, wide)
-    assert type(canonicalize(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float
-    assert canonicalize(DepthMap(wide, notes=["a"])).notes == ("a",)
-    assert canonicalize(wide).flags.c_contiguous
 
 
 def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path):

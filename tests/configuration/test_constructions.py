@@ -7,11 +7,8 @@ from collections import Counter
 import pytest
 from PIL import Image
 
-from physic_core.configuration.model import load_config
-from physic_core.configuration.resolve import resolve
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import INTERFACES, Backend
-from physic_core.pipeline.run import reconstruct
 from physic_mock.backends import MockSegmenter
 from physic_testing.worlds import load_world
 
@@ -51,12 +48,4 @@ def photo(tmp_path, monkeypatch):
 def test_a_run_of_the_command_line_constructs_each_backend_once(constructed, photo, physic):
     done = physic("run", photo, "--preset", "mock", "--no-cache")
     assert "nobody was found" in done.output
-    assert constructed == ONCE
-
-
-def test_a_resolved_pipeline_serves_many_photos(constructed, photo):
-    plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]))
-    for _ in range(2):
-        with pytest.raises(NoPersonError):
-            reconstruct(photo, plan)
     assert constructed == ONCE

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import Reconstruction, reconstruct
 from physic_core.cache.digests import CodeDigester
 from physic_core.cli import main
 from physic_core.discovery.backends import list_backends, load_class
@@ -175,25 +175,6 @@ def test_swapping_a_backend_calls_it_and_what_depends_on_it(
         Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached)
         == asked
     )
-
-
-@pytest.mark.parametrize(
-    ("interface", "asked"),
-    [
-        ("segmenter", EVERYBODY),
-        # The mock's bodies are drawn from the truth, whatever the point map says: so the contact
-        # prior is not asked.
-        (
-            "relative_pointmap",
-            Counter({"relative_pointmap": 2, "body_estimator": 1, "metric_depth": 1}),
-        ),
-        ("metric_depth", Counter(["metric_depth"])),
-    ],
-)
-def test_options_of_a_backend_are_part_of_the_cache_key(warm, counts, photo, interface, asked):
-    config = load_config(preset="mock", overrides=[f"{interface}.options.noise=3"])
-    reconstruct(read_photo(photo).image, config)
-    assert counts.asked == asked
 
 
 def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(

@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
-from physic_core.pipeline.known_people import person_at_point, select_chosen
+from physic_core.pipeline.known_people import select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
 
@@ -49,17 +49,6 @@ def test_points_and_boxes_select_in_the_order_of_the_prompts(people):
 def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people):
     chosen = select_chosen(people, PeoplePrompt(points=((28, 20),)))
     assert np.array_equal(chosen.masks, people.masks[:1])
-
-
-def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people):
-    boxes = np.array([[10, 10, 30, 50], [30, 10, 50, 50]], np.float32)
-    unmasked = replace(people, masks=np.zeros_like(people.masks), boxes=boxes)
-    assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [
-        0,
-        0,
-        1,
-        None,
-    ]
 
 
 def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people):

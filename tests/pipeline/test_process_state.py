@@ -275,19 +275,6 @@ def test_the_state_is_restored_after_an_error_too(where):
     assert np.geterr()["divide"] == "warn"
 
 
-def test_state_that_cannot_be_restored_is_named(tmp_path, monkeypatch):
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-
-    def leave():
-        os.chdir("/")
-        gone.rmdir()
-
-    (warning,) = run(Naughty("infer", leave)).warnings
-    assert "but for the current folder" in warning
-
-
 def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning():
     before = torch.get_rng_state()
     assert run(Naughty("load", lambda: torch.nn.Linear(3, 3))).warnings == []

@@ -180,11 +180,6 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub, server, monke
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
 
 
-def test_a_gated_repository_is_reported(hub):
-    source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
-    assert "restricted" in refusal(source)
-
-
 def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub, own_cache):
     """The mirror may name its files as it likes; of a small one the hub tells the size alone."""
     hub.add("any/name.bin", CONTENT, repository="other/mirror", revision=COMMIT)
@@ -219,12 +214,3 @@ def test_a_file_that_is_gone_names_the_homepage(hub):
     source = hub.refuse("model.onnx", 404, "EntryNotFound")
     with pytest.raises(DownloadError, match=r"404(.|\n)*see https://example\.org$"):
         fetch(weights(WeightFile("model.onnx", source=source), homepage="https://example.org"))
-
-
-def test_offline_by_the_librarys_own_switch(hub, server, monkeypatch):
-    from huggingface_hub import constants
-
-    source = hub.add("model.onnx", CONTENT)
-    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
-    assert refusal(source).startswith(source)
-    assert server.asked == []

@@ -79,47 +79,33 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
 
 
 @pytest.fixture
-def thing(tmp_path, monkeypatch):
+def thing(site, tmp_path, monkeypatch):
     """A plugin whose repository is a folder here; its commit."""
     origin = tmp_path / "origin" / "Thing"
     origin.mkdir(parents=True)
     (origin / "net.py").write_text("A = 1")
-    who = {
-        "GIT_AUTHOR_NAME": "a",
-        "GIT_AUTHOR_EMAIL": "a@b",
-        "GIT_COMMITTER_NAME": "a",
-        "GIT_COMMITTER_EMAIL": "a@b",
-    }
-    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"]):
-        subprocess.run(["git", *words], cwd=origin, check=True, env=os.environ | who)
+
+    def git(*words):
+        who = ("-c", "user.name=a", "-c", "user.email=a@b")
+        subprocess.run(["git", *who, *words], cwd=origin, check=True)
+
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "one")
     commit = checkout_commit(origin)
-    subprocess.run(
-        ["git", "commit", "--allow-empty", "-qm", "two"],
-        cwd=origin,
-        check=True,
-        env=os.environ | who,
-    )
-    site = tmp_path / "site"
-    (site / "physic_thing-1.dist-info").mkdir(parents=True)
-    (site / "physic_thing-1.dist-info" / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: physic-thing\nVersion: 1\n"
-    )
+    git("commit", "--allow-empty", "-qm", "two")
     entry = (
         "[physic.metric_depth]\nthing = physic_thing:Depth\n[physic.weights]\nthing = "
         "physic_thing_weights\n"
     )
-    (site / "physic_thing-1.dist-info" / "entry_points.txt").write_text(entry)
-    (site / "physic_thing.py").write_text(
-        PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit)
-    )
-    (site / "physic_thing_weights").mkdir()
-    (site / "physic_thing_weights" / "sets.toml").write_text(MANIFEST)
-    monkeypatch.syspath_prepend(str(site))
-    monkeypatch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)
+    source = PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit)
+    site.install("physic-thing", source, entry=entry)
+    (site.folder / "physic_thing_weights").mkdir()
+    (site.folder / "physic_thing_weights" / "sets.toml").write_text(MANIFEST)
+    monkeypatch.setenv("PYTHONPATH", str(site.folder), prepend=os.pathsep)
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(sys.modules, "physic_thing", raising=False)
     return tmp_path, commit
 
 

@@ -77,20 +77,30 @@ def overview(page):
 
 
 @pytest.fixture
-def show(chromium, tmp_path):
-    """Open the page of a result, until the test ends."""
+def opened(chromium):
+    """Open a page, until the test ends."""
     pages = []
 
-    def open_page(result):
-        path = tmp_path / "report.html"
-        path.write_text(report_html(result), encoding="utf-8")
-        pages.append(chromium.open(path.as_uri(), 960, 600))
+    def open_page(address, width=960, height=600, **options):
+        pages.append(chromium.open(address, width, height, **options))
         pages[-1].wait(READY)
         return pages[-1]
 
     yield open_page
     for page in pages:
         page.close()
+
+
+@pytest.fixture
+def show(opened, tmp_path):
+    """Open the page of a result, until the test ends."""
+
+    def open_page(result, *size, **options):
+        path = tmp_path / "report.html"
+        path.write_text(report_html(result), encoding="utf-8")
+        return opened(path.as_uri(), *size, **options)
+
+    return open_page
 
 
 def text(page, selector):
@@ -147,15 +157,15 @@ def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
         for p in made.people
     ]
     other = show(replace(made, people=tuple(unsure)))
-    for opened, labels in (
+    for one, labels in (
         (page, ["Contact with", "anything"]),
         (other, ["Contact with", "floor", FAINT]),
     ):
-        assert text(opened, "#legend") == GUESSED
-        click(opened, "[value=neutral]")
-        assert opened.evaluate("document.querySelector('#legend').hidden") is True
-        click(opened, "[value=contact]")
-        assert text(opened, "#legend").split("\n") == labels
+        assert text(one, "#legend") == GUESSED
+        click(one, "[value=neutral]")
+        assert one.evaluate("document.querySelector('#legend').hidden") is True
+        click(one, "[value=contact]")
+        assert text(one, "#legend").split("\n") == labels
     red, green, blue = CONTACT_PALETTE["floor"]
     dot = "getComputedStyle(document.querySelector('#legend .dot')).backgroundColor"
     assert other.evaluate(dot) == f"rgb({red}, {green}, {blue})"
@@ -172,8 +182,8 @@ def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
     for person in made.people:
         image[person.mask] = pink
     page = show(replace(made, image=image))
-    opened = page.picture("#canvas").astype(int)
-    shown = np.abs(opened - pink).max(-1) < 30
+    seen = page.picture("#canvas").astype(int)
+    shown = np.abs(seen - pink).max(-1) < 30
     rows, columns = np.nonzero(shown)
     height, width = shown.shape
     assert np.ptp(rows) > 0.55 * height
@@ -275,23 +285,20 @@ def without_floor(result):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("size", "people", "floor", "window"),
+    ("size", "people", "floor"),
     [
-        ((160, 120), 2, True, (420, 420)),
-        ((160, 120), 1, True, (420, 420)),
-        ((160, 120), 2, False, (420, 420)),
-        ((90, 120), 2, True, (420, 420)),
+        ((160, 120), 2, True),
+        ((160, 120), 1, True),
+        ((160, 120), 2, False),
+        ((90, 120), 2, True),
     ],
     ids=["two people", "one person", "no floor", "portrait"],
 )
 def test_people_stay_in_view_whatever_is_dragged_zoomed_and_pressed(
-    chromium, make, tmp_path, size, people, floor, window
+    make, show, size, people, floor
 ):
-    path = tmp_path / "report.html"
     made = make(*size, people)
-    path.write_text(report_html(made if floor else without_floor(made)), encoding="utf-8")
-    page = chromium.open(path.as_uri(), *window)
-    page.wait(READY)
+    page = show(made if floor else without_floor(made), 420, 420)
     x, y, width, height = page.box("#view canvas")
     rng = np.random.default_rng(0)
     lost = []
@@ -311,20 +318,17 @@ def test_people_stay_in_view_whatever_is_dragged_zoomed_and_pressed(
             click(page, f"[data-view={rng.choice(['people', 'angle', 'side', 'top', 'camera'])}]")
         if not shows_people(page):
             lost.append((step, str(kind)))
-    page.close()
     assert lost == []
 
 
-def test_controls_on_a_phone_are_large_enough_for_a_finger(chromium, path):
-    page = chromium.open(path.as_uri(), 390, 844)
-    page.wait(READY)
+def test_controls_on_a_phone_are_large_enough_for_a_finger(opened, path):
+    page = opened(path.as_uri(), 390, 844)
     sizes = page.evaluate(
         "[...document.querySelectorAll('button, input, select, summary')]"
         ".filter(e => e.offsetParent !== null).map(e => (e.labels?.[0] ?? e)"
         ".getBoundingClientRect()).map(r => Math.min(r.width, r.height))"
     )
     wide = page.evaluate("document.documentElement.scrollWidth")
-    page.close()
     assert len(sizes) > 15
     assert min(sizes) >= 24
     assert wide == 390
@@ -414,30 +418,23 @@ def saved_file(page, button):
     return base64.b64decode(page.evaluate(LAST_FILE))
 
 
-def test_the_page_saves_the_view_as_a_picture(chromium, path):
-    page = chromium.open(path.as_uri(), 900, 600, before=KEEP_FILES)
-    page.wait(READY)
+def test_the_page_saves_the_view_as_a_picture(opened, path):
+    page = opened(path.as_uri(), before=KEEP_FILES)
     view = np.asarray(Image.open(io.BytesIO(saved_file(page, "#picture"))))
-    errors = page.errors()
     canvas = page.picture("#canvas")
-    page.close()
-    assert errors == []
+    assert page.errors() == []
     assert view.shape[:2] == canvas.shape[:2]
     assert view.std() > 20
 
 
-def test_the_view_alone_is_for_other_pages(chromium, path):
-    page = chromium.open(f"{path.as_uri()}#view", 900, 600)
-    page.wait(READY)
-    _, _, width, height = page.box(".stage")
-    hidden = page.box("aside")[3]
-    page.close()
-    assert (width, height, hidden) == (900, 600, 0)
+def test_the_view_alone_is_for_other_pages(opened, path):
+    page = opened(f"{path.as_uri()}#view")
+    assert (page.box(".stage")[2:], page.box("aside")[3]) == ((960, 600), 0)
 
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_page(
-    chromium, make, tmp_path, dark
+    make, show, dark
 ):
     """A white sky fills the upper half of the view, in the photo's colours and beside the photo."""
     made = make(320, 240)
@@ -445,13 +442,8 @@ def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_p
     colors = made.scene.colors.copy()
     valid[:120] = False
     colors[:120] = 250
-    path = tmp_path / "report.html"
-    path.write_text(
-        report_html(replace(made, scene=replace(made.scene, valid=valid, colors=colors))),
-        encoding="utf-8",
-    )
-    page = chromium.open(path.as_uri(), 960, 600, dark=dark)
-    page.wait(READY)
+    scene = replace(made.scene, valid=valid, colors=colors)
+    page = show(replace(made, scene=scene), dark=dark)
     click(page, "[data-view=side]")
     beside = page.picture("#view")
     click(page, "[data-view=people]")
@@ -460,25 +452,22 @@ def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_p
     sky = page.picture("#view")
     click(page, "[data-show=backdrop]")
     without = page.picture("#view")
-    page.close()
     assert np.median(beside[:20]) > 230
     assert difference(shown, sky) > 0.02
     assert np.median(sky[:60]) > 240
     assert difference(sky, without) > 0.01
 
 
-def test_without_webgl_the_numbers_and_the_photo_are_there(chromium, path):
+def test_without_webgl_the_numbers_and_the_photo_are_there(opened, path):
     none = "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...more) {"
     none += " return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); })"
     none += "(HTMLCanvasElement.prototype.getContext)"
-    page = chromium.open(path.as_uri(), 960, 600, before=none)
-    page.wait(READY)
+    page = opened(path.as_uri(), before=none)
     assert page.evaluate(READY) == "numbers"
     assert text(page, "#message").startswith("This browser shows no 3D")
     assert page.picture("#photo").std() > 15
     click(page, ".chips button")
     assert "To the camera" in text(page, "#people")
-    page.close()
 
 
 @pytest.mark.parametrize("damage", ["cut off", "in the data"])
