@@ -165,6 +165,13 @@ def test_no_seat_is_assumed_for_a_squatter_whom_seen_feet_balance(posed):
     assert support_of(model, body, soles, UP, assume=True).hidden.any()
 
 
+@pytest.mark.parametrize(("unseen", "state"), [((), "airborne"), (("left_sole",), "assumed")])
+def test_no_seat_is_assumed_for_a_jumper_whose_feet_are_both_seen(posed, unseen, state):
+    model, body = posed(SITS)
+    jumps = evidence(model, feet=False, sits=True, unseen=unseen)
+    assert support_of(model, body, jumps, UP, assume=True).state == state
+
+
 def test_a_seat_in_contact_needs_no_hidden_one(posed):
     model, body = posed(SITS)
     found = support_of(
