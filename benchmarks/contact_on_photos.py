@@ -13,10 +13,10 @@ by a fit to half "development". A picture that stands in two sets is in one half
 with walls and rails are also scored apart.
 
 A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders
-and hips, hips and knees, and knees and ankles: the parts below are as labelled. Of parts that need
-a keypoint to be below the cut, ``fit`` takes the keypoints of the whole picture. ``cut`` runs the
-preset on the cropped pictures of N photos of half "held", and prints the scores of the parts that
-the crops removed.
+and hips, hips and knees, and knees and ankles: the parts below are as labelled. Feet in films count
+as if no pixel showed them, too. Of parts that need a keypoint to be below the cut, ``fit`` takes
+the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of
+half "held", and prints the scores of the parts that the crops removed.
 
 Contact with other people and the own body is of kind "skin": hands, feet, forearms and lower legs
 whose partner was labelled say how much rarer it is in photos than in the worlds that its model was
@@ -44,8 +44,9 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.engine.touch import IN_WORLDS, LEAST_PROBABILITY, RIDING, touch_model
+from physic_core.engine.touch import HANDS, IN_WORLDS, LEAST_PROBABILITY, RIDING, touch_model
 from physic_core.metrics import match_by_boxes
+from physic_core.types.skeletons import SIDES
 
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
@@ -86,7 +87,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "hand": ("distance", "depth beside", "holding", "riding"),
     "seat": ("distance", "depth beside", "bend at the hips", "riding"),
     "other": ("distance",),
-    "unseen foot": ("riding",),
+    "unseen foot": ("riding", "hands"),
     "unseen hand": ("riding",),
     "unseen seat": ("riding",),
     SKIN: (),
@@ -186,6 +187,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
     skin: list[list[tuple[str, str, float]]] = []
+    hands: list[float] = []
     features_of = probability.part_features
     contacts_of = solve.body_contacts
 
@@ -212,6 +214,8 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                 cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete
             )
             skin = [skin_contacts(person) for person in result.people]
+            touch = [person.world_contact or {} for person in result.people]
+            hands = [max(own.get(f"{side}_hand", 0.0) for side in SIDES) for own in touch]
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
@@ -237,6 +241,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     },
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
                     "skin": skin[i] if skin else [],
+                    "hands": hands[i] if hands else 0.0,
                 }
             )
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -284,6 +289,8 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 cases += (
                     [] if of_film and kind == "hand" and not case.features["holding"] else [case]
                 )
+                if kind == "foot" and of_film:
+                    cases.append(replace(case, kind="unseen foot", features=unseen_features(one)))
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(
@@ -326,9 +333,14 @@ def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) 
     for row in cut_rows(one["y"]).values():
         for part, touches in removed_parts(one["y"], judged, row).items():
             kind = f"unseen {part.rpartition('_')[2]}"
-            features = {RIDING: one["parts"]["seat"][RIDING]}
-            cases.append(Case(picture, kind, features, touches, 1.0))
+            cases.append(Case(picture, kind, unseen_features(one), touches, 1.0))
     return cases
+
+
+def unseen_features(one: Mapping[str, Any]) -> dict[str, float]:
+    """Return the features of parts of a person that no pixel shows."""
+    riding = one["parts"]["seat"][RIDING]
+    return {RIDING: riding, HANDS: one["hands"] * (1 - riding)}
 
 
 def cut_rows(y: Mapping[str, float]) -> dict[str, float]:

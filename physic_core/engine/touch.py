@@ -44,6 +44,11 @@ HOLDING = "holding"
 depth.
 """
 
+HANDS = "hands"
+"""Feature of unseen feet: the larger probability that a hand touches the world; 0 for people who
+ride.
+"""
+
 RIDING = "riding"
 """Feature of feet, hands and seats: 1 for people on a bicycle, a motorcycle or a horse."""
 

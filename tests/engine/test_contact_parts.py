@@ -152,6 +152,16 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
     assert touch(cut, in_mask=everywhere)[1] == seen
 
 
+def test_unseen_feet_touch_less_the_more_a_hand_does(person):
+    cut = cut_at_the_knees(person)
+    holds, does_not = (
+        touch(replace(cut, stance=replace(cut.stance, beside=np.full((1, 5), b))))[1]
+        for b in (0, 0.3)
+    )
+    assert holds["left_hand"] > does_not["left_hand"]
+    assert holds["left_foot"] < does_not["left_foot"] - 0.02
+
+
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
     measured = contact(person)
     cut = contact(cut_at_the_knees(person))

@@ -6,7 +6,7 @@ its vertices share the errors of its position, so that its distance is one numbe
 smallest of its vertices, which is robust to outliers. A vertex has the probability of its part,
 times how near it is to the surface beside the nearest vertices of the part, and how directly its
 skin faces the surface. The place of a part that no pixel shows is a guess, so its distance is
-ignored. It has the base rate of its kind, and feet that of the posture.
+ignored. It has the base rate of its kind, and feet that of the posture and of hands that touch.
 
 Contact with skin and objects is a fitted logistic model over named features, one column per reason
 for or against it; a new feature is a new column here, and a coefficient in ``coefficients.json``
@@ -39,6 +39,7 @@ from physic_core.engine.state import State
 from physic_core.engine.touch import (
     DEPTH_BESIDE,
     DISTANCE,
+    HANDS,
     HANGING,
     HOLDING,
     IN_WORLDS,
@@ -169,7 +170,10 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
     lies = _lies(state)
     parts = {}
     of_parts = part_features(state, at.gap)
-    for name, features in of_parts.items():
+    hands = torch.zeros_like(state.joints[:, 0, 0])
+    # hands first
+    for name in sorted(of_parts, key=lambda part: kind_of_part(part) != "hand"):
+        features = of_parts[name] | {HANDS: hands}
         kind = kind_of_part(name)
         odds = torch.as_tensor(touch_log_odds(kind, features))
         if kind in _RATED:
@@ -179,6 +183,9 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
             beneath = distance <= of_parts[_CARRY_LYING[name]][DISTANCE]
             odds = torch.where(lies & beneath, _like_feet(distance), odds)
         parts[name] = torch.sigmoid(odds)
+        if kind == "hand":
+            hands = hands.maximum(parts[name] * (1 - features[RIDING]))
+    parts = {name: parts[name] for name in of_parts}
     limbs = _parts(state.model, "hand", "foot")
     model = contact_model().nearness
     far_m, power = (
