@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from physic_core import interfaces
+from physic_core.adapters.bodies import parameters_from_rotvecs
 from physic_core.types import (
     Bodies,
-    BodyParameters,
     Carrier,
     ContactProbability,
     DepthMap,
@@ -40,17 +40,7 @@ PEOPLE = People(
 )
 POINTMAP = Pointmap(np.ones((H, W, 3), np.float32), np.ones((H, W), bool), "scale", CAMERA)
 DEPTH = DepthMap(np.ones((H, W), np.float32), CAMERA, 0.1)
-WIDTHS = {
-    "global_orient": 3,
-    "body_pose": 63,
-    "left_hand_pose": 45,
-    "right_hand_pose": 45,
-    "jaw_pose": 3,
-}
-WIDTHS |= {"leye_pose": 3, "reye_pose": 3, "betas": 10, "expression": 0, "transl": 3}
-PARAMETERS = BodyParameters(
-    **{name: np.zeros((2, width), np.float32) for name, width in WIDTHS.items()}
-)
+PARAMETERS = parameters_from_rotvecs(np.zeros((2, 55, 3)), np.zeros((2, 10)), np.zeros((2, 3)))
 MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
 BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))

@@ -11,13 +11,14 @@ import pytest
 import torch
 
 from physic_core import load_config, reconstruct
+from physic_core.adapters.bodies import parameters_from_rotvecs
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.errors import BodyModelError
 from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.backend_results import discard_invalid_bodies
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
+from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_testing import violations
 
@@ -26,16 +27,13 @@ pytestmark = pytest.mark.usefixtures("few_steps")
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 
 
-def parameters(people=2):
-    widths = (3, 63, 45, 45, 3, 3, 3, 10, 0, 3)
-    return BodyParameters(*(np.zeros((people, width), np.float32) for width in widths))
-
-
-def bodies(people=2):
-    joints = np.zeros((people, 55, 3), np.float32)
+def bodies():
+    """Two bodies of MHR, of four vertices and 22 joints."""
+    joints = np.zeros((2, 55, 3), np.float32)
+    parameters = parameters_from_rotvecs(joints, np.zeros((2, 10)), joints[:, 0])
     joints[:, 22:] = np.nan
-    mesh = Mesh("mhr", np.zeros((people, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
-    return Bodies(parameters(people), "mhr", None, joints, mesh)
+    mesh = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
+    return Bodies(parameters, "mhr", None, joints, mesh)
 
 
 def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows():
