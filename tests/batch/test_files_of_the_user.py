@@ -87,6 +87,7 @@ def test_an_edited_file_of_a_result_is_kept(
     another reason.
     """
     monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
+    monkeypatch.setattr("physic_core.visual.preview.preview_png", lambda result: b"picture")
     out = tmp_path / "out"
     (item,) = list_photos([str(photos)]).photos
     jobs = [
