@@ -11,6 +11,7 @@ OpenCV camera frame, any unit.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
@@ -138,13 +139,18 @@ class FloorCandidate:
 
     Attributes:
         plane: moved to the feet; None for no floor.
-        log_score: by pixels, labels and gravity, nats.
+        evidence: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
         beneath: whether people lie on it, if it is the floor.
     """
 
     plane: PlaneFit | None
-    log_score: float
+    evidence: Mapping[str, float]
     beneath: bool = False
+
+    @property
+    def log_score(self) -> float:
+        """The evidence together, nats."""
+        return sum(self.evidence.values())
 
 
 def find_floor(
@@ -212,7 +218,7 @@ def floor_candidates(
     """
     view = inverse_depth_map(points, valid, evidence.hole)
     if view is None:
-        return (FloorCandidate(None, 0.0),)
+        return (FloorCandidate(None, {}),)
     known = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
     shown = None if known is None else estimate_up(known)
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
@@ -220,12 +226,15 @@ def floor_candidates(
     found = []
     best = None
     for plane, fit, mask in _planes(view, evidence, normals, up):
-        score = _pixel_score(view, plane, pixels) + _gravity_score(fit.normal, known)
         heights = _heights_at_soles(view, plane, evidence.soles)
-        score += _sole_score(heights)
+        score = {
+            "pixels": _pixel_score(view, plane, pixels),
+            "gravity": _gravity_score(fit.normal, known),
+            "soles": _sole_score(heights),
+        }
         moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
         found.append(FloorCandidate(_through_soles(fit, heights) or moved, score))
-        best = found[-1] if best is None or score > best.log_score else best
+        best = found[-1] if best is None or found[-1].log_score > best.log_score else best
     feet = evidence.feet_px
     if feet is not None and len(feet):
         level = up
@@ -233,25 +242,26 @@ def floor_candidates(
             level = best.plane.normal
         at_feet = None if level is None else plane_at_feet(view, level, feet)
         if at_feet is not None:
-            score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(
-                at_feet[1].normal, known
-            )
-            score += _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles))
+            score = {
+                "pixels": _pixel_score(view, at_feet[0], pixels),
+                "gravity": _gravity_score(at_feet[1].normal, known),
+                "soles": _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles)),
+            }
             found.append(FloorCandidate(at_feet[1], score))
-    found.append(FloorCandidate(None, _NO_FLOOR_NATS))
+    found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
     beneath = surface_beneath(view.rays, view.inverse, evidence.around)
     if beneath is not None:
         # All other candidates are floors of people who do not lie beneath the camera.
         samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
         shares = plane_inlier_shares(samples, beneath.plane, view.tolerance)
         fit = plane_as_fit(view, beneath.plane, shares, "people who lie", MASK_SLACK)
-        score = max(one.log_score for one in found) + beneath.log_odds
+        odds = max(one.log_score for one in found) + beneath.log_odds
         # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
         # that it sees at a flatter angle is behind people rather than beneath them.
         x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
-        score += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
-        score -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
-        found.insert(0, FloorCandidate(fit, score, beneath=True))
+        odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+        odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
+        found.insert(0, FloorCandidate(fit, {"people who lie": odds}, beneath=True))
     return tuple(found)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -111,6 +111,8 @@ _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of an
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
+_RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
+_RIVAL_DEG = 5.0  # off the chosen floor
 _FOOT_OF_RIDER_DOWN = 0.15  # 2 of 14 feet of people who ride in labelled photos
 _FEWEST_ON_FLOOR = 2  # people who tell each other's size
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
@@ -131,6 +133,8 @@ class FloorAndScale:
             small for an adult, until the contacts are known.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
+        witnesses: "floor" and "scale" -> what spoke for each answer, and how surely, of
+            :func:`_floor_witnesses` and :func:`_scale_witnesses`.
     """
 
     search: FloorSearch
@@ -140,6 +144,7 @@ class FloorAndScale:
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
     small: Mapping[int, float] = field(default_factory=dict)
+    witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     @property
     def plane(self) -> Plane | None:
@@ -234,7 +239,7 @@ def candidates_in(
     switched off.
     """
     if method.floor == "off":
-        return (FloorCandidate(None, 0.0),)
+        return (FloorCandidate(None, {}),)
     points = tensor(scene.points)
     valid = tensor(scene.valid)
     return floor_candidates(points, valid, evidence, pointmap_normals(points, valid))
@@ -283,13 +288,15 @@ def find_floor_and_scale(
     seen = _people_seen(given, model)
     scene = given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
-    scores = [p.log_score for p in planes]
+    scores = [sum(p.evidence.values()) for p in planes]
     kinds = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     own = None if depth is None else depth_witness(depth, scene, given.camera, seen.torsos)
     decides = depth is not None and is_measured(depth)
-    anywhere = [seen.torsos, _usual_depth(scene), *([] if own is None or decides else [own])]
-    vote = vote_on_scale(anywhere, kinds, scores, shift_sigma or 0.0)
+    anywhere = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
+    if own is not None and not decides:
+        anywhere["metric depth"] = own
+    vote = vote_on_scale([*anywhere.values()], kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
     search = chosen_floor(candidates, best, evidence)
     if vote is not None and not candidates[best].beneath:
@@ -303,6 +310,7 @@ def find_floor_and_scale(
     )
     stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
+    notes += _rival_note(candidates, vote.weights, best)
     rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
     measured = (
         measured_scale(depth, own, vote)
@@ -310,8 +318,13 @@ def find_floor_and_scale(
         else None
     )
     small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), given.known)
+    of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
+    witnesses = {
+        "floor": _floor_witnesses(candidates, planes, vote.weights),
+        "scale": _scale_witnesses(anywhere | of_plane, vote),
+    }
     return FloorAndScale(
-        search, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small
+        search, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small, witnesses
     )
 
 
@@ -420,11 +433,11 @@ def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -
 
 
 class _OnPlane(NamedTuple):
-    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses that depend
-    on it.
+    """A candidate for the floor: evidence in nats, scales (N, 2) by the soles, and the witnesses
+    that depend on it.
     """
 
-    log_score: float
+    evidence: Mapping[str, float]
     by_soles: FloatArray
     soles: Witnesses
     camera: Witnesses
@@ -432,11 +445,11 @@ class _OnPlane(NamedTuple):
 
 def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     """Return the evidence of feet and camera if a candidate is the floor."""
-    score = candidate.log_score
+    score = dict(candidate.evidence)
     height = math.nan
     by_soles = np.full((len(seen.feet), 2), np.nan)
     if candidate.plane is None:
-        score += _NO_CAMERA_NATS
+        score["no height of the camera"] = _NO_CAMERA_NATS
     else:
         plane = Plane(candidate.plane.normal.numpy(), float(candidate.plane.offset))
         by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
@@ -444,10 +457,12 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
         if candidate.beneath:  # no sole stands on what people lie on
             by_soles[:] = np.nan
         else:
-            score += standing_score(candidate.plane.normal, seen.joints)
+            score["upright people"] = standing_score(candidate.plane.normal, seen.joints)
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     if not candidate.beneath:
-        score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
+        off = int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
+        if off:
+            score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
     sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
@@ -524,6 +539,59 @@ def _notes(
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
     count = int(others.sum())
     return (f"feet or size of {_people(count)} suggest another scale",) if count else ()
+
+
+def _rival_note(
+    candidates: Sequence[FloorCandidate], weights: FloatArray, best: int
+) -> tuple[str, ...]:
+    """Return a note about the answers that contradict the chosen floor, if they are likely."""
+    chosen = candidates[best].plane
+    if chosen is None:
+        return ()
+    rivals = []
+    for candidate, weight in zip(candidates, weights.tolist(), strict=True):
+        if candidate.plane is None:
+            rivals.append((weight, "none"))
+            continue
+        cosine = float(candidate.plane.normal @ chosen.normal)
+        angle = math.degrees(math.acos(min(1.0, cosine)))
+        if angle > _RIVAL_DEG:
+            rivals.append((weight, f"a plane {angle:.0f} degrees off ({candidate.plane.source})"))
+    if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
+        return ()
+    return (f"the floor may be another, with probability {total:.2f}: {max(rivals)[1]}",)
+
+
+def _floor_witnesses(
+    candidates: Sequence[FloorCandidate], planes: Sequence[_OnPlane], weights: FloatArray
+) -> list[dict[str, Any]]:
+    """Return a row for each candidate, the likeliest first: where it is from, pitch of the camera,
+    probability, and the nats of each witness.
+    """
+    rows = []
+    for candidate, plane, weight in zip(candidates, planes, weights.tolist(), strict=True):
+        fit = candidate.plane
+        row: dict[str, Any] = {"source": "no floor" if fit is None else fit.source}
+        if fit is not None:
+            row["pitch_deg"] = -math.degrees(math.asin(float(fit.normal[2])))
+        rows.append(row | {"probability": weight, "nats": dict(plane.evidence)})
+    return sorted(rows, key=lambda row: -row["probability"])
+
+
+def _scale_witnesses(kinds: Mapping[str, Witnesses], vote: ScaleVote) -> list[dict[str, Any]]:
+    """Return a row for each witness: logarithm of its scale over the answer, standard deviation of
+    that, and the probability that it is right.
+    """
+    rows = []
+    for name, kind in kinds.items():
+        numbers = (vote.residuals(kind), np.hypot(kind.sigma, kind.shared_sigma), vote.right(kind))
+        for i, (away, sigma, right) in enumerate(np.stack(numbers, 1).tolist()):
+            if math.isfinite(away):
+                row: dict[str, Any] = {"by": name}
+                if name in ("size", "soles"):
+                    row["person"] = i
+                rows.append(row | {"log_ratio": away, "sigma": sigma, "right": right})
+    return rows
 
 
 def _too_small(

@@ -105,6 +105,7 @@ class Estimates(ShortRepr):
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         scale_by_people: whether the sizes of people give the scale of ``depth``.
         small: person -> stature on the floor of others, metres, of those too small for adults.
+        witnesses: "floor" and "scale" -> rows of what spoke for each answer, and how surely.
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
@@ -134,6 +135,7 @@ class Estimates(ShortRepr):
     scale_guess: str = ""
     scale_by_people: bool = False
     small: Mapping[int, float] = field(default_factory=dict)
+    witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = None
     contradicted_px: FloatArray | None = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -225,6 +225,7 @@ def run_backends(
         and found.measured is None
         and (own is None or found.depth is not None),
         small={int(np.flatnonzero(embodied)[i]): tall for i, tall in found.small.items()},
+        witnesses=_numbered(found.witnesses, embodied),
         known=sizes,
         measured_scale=found.measured,
         statures=known.stature,
@@ -232,6 +233,17 @@ def run_backends(
         contradicted_px=contradicted,
         file_px=1.0 if given_keypoints is None else given_keypoints.file_px,
     )
+
+
+def _numbered(
+    witnesses: Mapping[str, list[dict[str, Any]]], embodied: BoolArray
+) -> dict[str, list[dict[str, Any]]]:
+    """Return witnesses with the numbers of all people in place of those of people with a body."""
+    numbers = np.flatnonzero(embodied).tolist()
+    return {
+        name: [row | {"person": numbers[row["person"]]} if "person" in row else row for row in rows]
+        for name, rows in witnesses.items()
+    }
 
 
 def _without(depth: DepthMap, hole: BoolArray) -> DepthMap | None:

@@ -68,7 +68,7 @@ def as_reconstruction(
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
         skeleton=estimates.keypoints.skeleton,
-        diagnostics=_diagnostics(state),
+        diagnostics=_diagnostics(estimates, state),
         unposed=tuple(estimates.people.unposed),
         contact_partners=() if touch is None else touch.partners,
     )
@@ -134,9 +134,9 @@ def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
     return found or None
 
 
-def _diagnostics(state: State) -> dict[str, Any]:
+def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
-    scene = {"scene": dict(state.scene.diagnostics)}
+    scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.witnesses)}
     if state.photo_alignment is None:
         return scene
     losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}

@@ -72,11 +72,11 @@ def level_floor(height_m, score=5.0):
     fit = PlaneFit(
         torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image"
     )
-    return FloorCandidate(fit, score)
+    return FloorCandidate(fit, {"pixels": score})
 
 
 NO_WITNESSES = Witnesses(*[np.zeros(0)] * 4, 0.0)
-NO_FLOOR = FloorCandidate(None, 1.5)
+NO_FLOOR = FloorCandidate(None, {"no pixel to explain": 1.5})
 FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
 
 
@@ -165,6 +165,31 @@ def test_soles_on_the_floor_give_the_scale(world):
     assert not found.warning
 
 
+def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
+    found = World([(-0.6, 3.0), (0.7, 3.8)], lifted=1.0).answer()
+    floor = found.witnesses["floor"]
+    assert sum(row["probability"] for row in floor) == pytest.approx(1)
+    assert [row["source"] for row in floor] == ["lower image", "no floor"]
+    assert floor[0]["nats"]["pixels"] == 5.0
+    soles = {row["person"]: row for row in found.witnesses["scale"] if row["by"] == "soles"}
+    assert abs(soles[0]["log_ratio"]) < 0.1
+    assert soles[0]["right"] > 0.9
+    assert soles[1]["log_ratio"] < -0.3
+    assert soles[1]["right"] < 0.3
+
+
+def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
+    level = level_floor(CAMERA_HEIGHT)
+    tilted = replace(
+        level.plane, normal=torch.tensor([0.0, -math.cos(0.2), -math.sin(0.2)]), source="labels"
+    )
+    rival = FloorCandidate(tilted, {"pixels": 7.0})
+    notes = world.answer((level, NO_FLOOR)).scale.notes
+    assert not any("another" in note for note in notes)
+    notes = world.answer((level, rival, NO_FLOOR)).scale.notes
+    assert any("11 degrees off (labels)" in note for note in notes)
+
+
 def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
     guess = replace(CAMERA, focal_sigma=0.25)
     known = replace(guess, trust=CameraTrust.KNOWN)
@@ -178,7 +203,7 @@ def test_the_pitch_of_the_floor_is_less_certain_if_the_shift_of_the_scene_is(wor
     down = -found.normal.double() / found.offset
     sigma = 0.02 * float(torch.linalg.vector_norm(down))
     evidence = FloorEvidence(shift_sigma=sigma)
-    unsure = chosen_floor((FloorCandidate(found, 0.0),), 0, evidence).plane.pitch_sigma
+    unsure = chosen_floor((FloorCandidate(found, {}),), 0, evidence).plane.pitch_sigma
     shifted = [down + torch.tensor([0.0, 0.0, s]) for s in (-sigma, sigma)]
     pitches = [math.asin(float(plane[2] / torch.linalg.vector_norm(plane))) for plane in shifted]
     moved = abs(pitches[1] - pitches[0]) / 2
@@ -192,7 +217,9 @@ def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(wo
     other = replace(found, normal=turn @ found.normal)
     sigmas = [
         chosen_floor(
-            (FloorCandidate(found, 0.0), FloorCandidate(other, score)), 0, FloorEvidence()
+            (FloorCandidate(found, {}), FloorCandidate(other, {"pixels": score})),
+            0,
+            FloorEvidence(),
         ).plane.pitch_sigma
         for score in (-20.0, -2.0, 0.0)
     ]
