@@ -95,11 +95,13 @@ class GroundAtSoles(NamedTuple):
         rows: (M,) int64, of its pixels.
         columns: (M,) int64.
         stands: probability that the person stands on the floor, before one is known.
+        real: probability that it is a person.
     """
 
     rows: Tensor
     columns: Tensor
     stands: float
+    real: float
 
 
 @dataclass(frozen=True)
@@ -346,43 +348,44 @@ def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float
 
 def _heights_at_soles(
     view: InverseDepthMap, plane: Tensor, soles: tuple[GroundAtSoles, ...]
-) -> list[tuple[float, float]]:
-    """Return the height over a plane (3,) of the ground beside the soles of each person, and
-    whether they stand.
+) -> list[tuple[float, float, float]]:
+    """Return the height over a plane (3,) of the ground beside the soles of each person, and the
+    probabilities that they stand and that they are people.
 
-    The unit is the height of the camera, so that the scale does not matter. The second number is
-    the probability.
+    The unit is the height of the camera, so that the scale does not matter.
     """
     found = []
-    for rows, columns, stands in soles:
+    for rows, columns, stands, real in soles:
         inverse = view.inverse[rows, columns].double()
         known = inverse > 0
         if bool(known.any()):
             on_plane = view.rays[rows, columns].double() @ plane
-            found.append((float((1 - on_plane[known] / inverse[known]).median()), stands))
+            height = float((1 - on_plane[known] / inverse[known]).median())
+            found.append((height, stands, real))
     return found
 
 
-def _sole_score(heights: list[tuple[float, float]]) -> float:
+def _sole_score(heights: list[tuple[float, float, float]]) -> float:
     """Return the log likelihood of the ground beside soles by a plane, less that without a plane,
     nats.
 
     If a person stands on the plane, that ground lies on it.
     """
     score = 0.0
-    for height, stands in heights:
+    for height, stands, real in heights:
         density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2) / (
             _SOLE_SIGMA * math.sqrt(2 * math.pi)
         )
-        score += math.log(1 - stands + stands * density / _ELSEWHERE)
+        on_floor = stands * real
+        score += math.log(1 - on_floor + on_floor * density / _ELSEWHERE)
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
 
 
-def _through_soles(fit: PlaneFit, heights: list[tuple[float, float]]) -> PlaneFit | None:
+def _through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
     """Return the plane moved to the median ground beside the soles of people who stand; None if it
     is far off.
     """
-    stand = sorted(height for height, stands in heights if stands > 0.5)
+    stand = sorted(height for height, stands, _ in heights if stands > 0.5)
     if not stand or abs(height := median(stand)) > _FAR_OFF:
         return None
     factor = 1 / (1 - height)

@@ -212,7 +212,8 @@ def _ground_at_soles(
             at = ground[:, 0], ground[:, 1]
             among_raised = labels is not None and labels.mask(*RAISED_SURFACES)[at].mean() > 0.5
             share = _ON_FLOOR_AMONG_RAISED if among_raised else _ON_FLOOR
-            found.append(GroundAtSoles(*at, share * float(1 - (1 - touch[i]).prod())))
+            stands = share * float(1 - (1 - touch[i]).prod())
+            found.append(GroundAtSoles(*at, stands, float(people.scores[i])))
     return tuple(found)
 
 
@@ -460,7 +461,7 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
             score["upright people"] = standing_score(candidate.plane.normal, seen.joints)
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     if not candidate.beneath:
-        off = int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
+        off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
     sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))

@@ -309,22 +309,22 @@ def test_a_wall_that_fills_the_photo_is_no_floor_seen_from_above(pitch):
     assert fit_floor(points, ALL, normals, no_ground=lower).plane is None
 
 
-def two_levels():
-    """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below,
-    and the sand.
+def two_levels(lower=1.9):
+    """Points (H, W, 3) of sand on the right third of the picture, 1.5 m below the camera, and of a
+    larger lower level; and the sand.
     """
     normal = up(12)
     sand = NONE.clone()
     sand[:, 160:] = True
-    depth = torch.where(sand, meet(normal, 1.5), meet(normal, 1.9)).clamp(max=20)
+    depth = torch.where(sand, meet(normal, 1.5), meet(normal, lower)).clamp(max=20)
     return RAYS * depth[..., None], sand
 
 
-def beside(column, stands=0.85):
+def beside(column, stands=0.85, real=1.0):
     rows, columns = torch.meshgrid(
         torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij"
     )
-    return GroundAtSoles(rows.flatten(), columns.flatten(), stands)
+    return GroundAtSoles(rows.flatten(), columns.flatten(), stands, real)
 
 
 def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label():
@@ -343,6 +343,18 @@ def test_ground_beside_people_who_do_not_stand_moves_no_floor():
         points, ALL, **labels, soles=(beside(165, stands=0.05), beside(195, stands=0.05))
     )
     assert found.plane.offset == pytest.approx(1.9, abs=0.05)
+
+
+def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people():
+    points, sand = two_levels(lower=3.0)
+
+    def nats(real):
+        soles = (beside(165, real=real), beside(195, real=real))
+        evidence = FloorEvidence(mask=~sand, soles=soles)
+        return engine_floor.floor_candidates(points, ALL, evidence)[0].evidence["soles"]
+
+    assert nats(1.0) == pytest.approx(2 * math.log(1 - 0.85), abs=0.01)
+    assert nats(0.05) == pytest.approx(2 * math.log(1 - 0.05 * 0.85), abs=0.01)
 
 
 def test_the_floor_is_moved_to_the_ground_beside_soles():
