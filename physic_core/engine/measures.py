@@ -22,7 +22,6 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import dilate_square
-from physic_core.geometry.visibility import FACING_DEG, facing_camera, inside_mask
 from physic_core.types import Measures
 from physic_core.types.known_sizes import KnownPeople
 
@@ -217,46 +216,6 @@ def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
     if heights is not None:
         gap = min(gap, float(heights.min()))
     return max(0.0, gap) if gap != float("inf") else None
-
-
-def depth_ratios(state: State) -> list[float | None]:
-    """Return the depth of the photo over that of each body; None where it cannot be measured."""
-    model = state.model
-    if state.photo_depth is None:
-        return [None] * len(state)
-    depth = state.photo_depth * state.scene_scale
-    outward = vertex_normals(state.vertices, model.faces)
-    return [
-        depth_ratio(body, normals, model.outer, mask, state.K, depth) if finite else None
-        for body, normals, mask, finite in zip(
-            state.vertices, outward, state.masks, state.finite.tolist(), strict=True
-        )
-    ]
-
-
-def depth_ratio(
-    vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
-) -> float | None:
-    """Compute the median ratio of a depth map to the body's depth at visible vertices; None with
-    too few vertices.
-
-    Args:
-        vertices: (V, 3) metres.
-        normals: (V, 3) unit, out of the body.
-        outer: (V,) bool, False in mouth and eyes.
-        mask: (H, W) bool, the person's visible pixels.
-        K: (3, 3) px.
-        depth: (H, W) metres along z, NaN where unknown.
-    """
-    uv = project(vertices, K)
-    seen = _camera_facing(vertices, normals, outer) & inside_mask(uv, mask)
-    column, row = uv[seen].round().long().unbind(-1)
-    return _median_ratio(depth[row, column] / vertices[seen][:, 2], _FEWEST_VERTICES)
-
-
-def _camera_facing(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
-    """Return (V,) bool: True for outer vertices that face the camera and are in front of it."""
-    return facing_camera(normals, vertices, FACING_DEG) & outer & (vertices[:, 2] > 0)
 
 
 def _median_ratio(ratio: Tensor, fewest: int) -> float | None:

@@ -97,8 +97,6 @@ class Estimates(ShortRepr):
             contact.
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the
-            segmenter does not detect objects.
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the
             people.
@@ -130,7 +128,6 @@ class Estimates(ShortRepr):
     known: KnownSizes = field(default_factory=KnownSizes)
     measured_scale: MeasuredScale | None = None
     statures: FloatArray | None = None
-    objects: BoolArray | None = None
     ages: FloatArray | None = None
     scale_guess: str = ""
     scale_by_people: bool = False

@@ -103,10 +103,6 @@ class Segmenter(Backend):
             wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
         if result.heads is not None:
             wrong += check_array("heads", result.heads, (n,), "int")
-        if result.objects is not None:
-            wrong += check_array(
-                "objects", result.objects, (length(result.objects), height, width), "bool"
-            )
         yield from wrong
         yield from _check_boxes("unposed", result.unposed, UnposedPerson)
         yield from _check_boxes("carriers", result.carriers, Carrier)

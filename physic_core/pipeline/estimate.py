@@ -35,7 +35,6 @@ from physic_core.pipeline.backend_results import (
     expand_contact,
     real_people,
     replace_hands,
-    select_held_objects,
     transfer_contact,
 )
 from physic_core.types import (
@@ -131,7 +130,7 @@ def run_backends(
         contradicted = contradicted_keypoints(detected, keypoints, changed, people)
         stages.note(*notes)
 
-    hole, objects = _removed(people, keypoints, plan, image.shape)
+    hole = _removed(people, plan, image.shape)
     inpainted = run.inpainted(image, hole)
     # The inpainted photo gives the scene, the original photo the people's depth.
     hints = Hints(given, people, keypoints, hole, photo=image)
@@ -218,7 +217,6 @@ def run_backends(
         missing_results=tuple(
             tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))
         ),
-        objects=objects,
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
         scale_by_people=not found.warning
@@ -266,17 +264,12 @@ def _known_people(
     return known, () if chosen else who_got_which(sizes, known, people)
 
 
-def _removed(
-    people: People, keypoints: Keypoints, plan: ResolvedPipeline, shape: tuple[int, ...]
-) -> tuple[BoolArray, BoolArray | None]:
-    """Return the inpainted pixels (H, W), and those (N, H, W) of objects that people hold."""
+def _removed(people: People, plan: ResolvedPipeline, shape: tuple[int, ...]) -> BoolArray:
+    """Return the inpainted pixels (H, W)."""
     hole = np.logical_or.reduce(people.masks)
     if people.unposed_mask is not None:
         hole |= people.unposed_mask
-    objects = select_held_objects(people, keypoints) if plan.engine.contact.objects else None
-    if objects is not None:
-        hole |= objects.any(axis=0)
-    return dilate(hole, max(4.0, plan.photo.mask_growth * max(shape[:2]))), objects
+    return dilate(hole, max(4.0, plan.photo.mask_growth * max(shape[:2])))
 
 
 @dataclass(frozen=True)

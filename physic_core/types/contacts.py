@@ -9,10 +9,10 @@ from enum import StrEnum
 
 from physic_core.types.people import CARRIER_NAMES
 
-PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
+PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
 own body; a support that the reconstructed scene does not have, such as a seat behind the person or
-a thin bar; a small object in hands or on a lap, which is not part of the scene.
+a thin bar.
 """
 
 NO_PARTNER = -1
@@ -34,8 +34,8 @@ class ContactPartner:
         kind: one of :data:`PARTNER_KINDS`.
         surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`, or of
             :data:`physic_core.types.CARRIER_NAMES`; "" if no class is known.
-        id: of the connected surface or the carrier, or of the object, for kind "object"; the same
-            for all people who touch it. None otherwise.
+        id: of the connected surface or the carrier; the same for all people who touch it. None
+            otherwise.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
     """
@@ -58,8 +58,6 @@ class ContactPartner:
             return f"own {part}"
         if self.kind == "hidden" and self.surface not in CARRIER_NAMES:
             return f"hidden {self.surface or 'support'}"
-        if self.kind == "object":
-            return f"object {self.id}"
         return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
 
 

@@ -122,9 +122,6 @@ class People(ShortRepr):
         unposed: person-like boxes that are not among the N people, for the report of the result.
         unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the
             scene as those of people are. Or None.
-        objects: (K, H, W) bool, visible pixels of each thing that one person can carry: a ball, a
-            cup, a bag, a laptop. Objects in hands and on laps are removed from the scene as people
-            are. Or None if the backend does not look for objects.
         floor_candidates: (H, W) bool each, other masks that may be the ground, such as several
             beside the feet. The pipeline weighs them.
         carriers: boards, bicycles, motorcycles and horses in the photo, whether or not somebody is
@@ -142,7 +139,6 @@ class People(ShortRepr):
     surfaces: SurfaceLabels | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     unposed_mask: BoolArray | None = None
-    objects: BoolArray | None = None
     floor_candidates: tuple[BoolArray, ...] = ()
     carriers: tuple[Carrier, ...] = ()
     heads: IntArray | None = field(default=None, metadata=PER_PERSON)

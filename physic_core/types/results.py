@@ -92,7 +92,7 @@ class Person(ShortRepr):
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
         world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene,
-            or a support that the photo does not show. Own body, other people and held objects do
+            or a support that the photo does not show. Own body and other people do
             not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
             and both thighs. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
@@ -322,7 +322,7 @@ class Reconstruction(ShortRepr):
         unknown_checks, warnings, nearest_person_m and farthest_person_m (of the pelvis from the
         camera), distance_sigma, scene_scale, scale_sigma, floor_found, scene_valid_share, contacts
         (likely pairs of a body part and what it touches, of all people), ``contacts_with_KIND`` (of
-        these, those with floor, scene, person, self, hidden or object), vertices_in_contact,
+        these, those with floor, scene, person, self or hidden), vertices_in_contact,
         focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
         each self-check, the worst value of all people.
         """

@@ -33,7 +33,6 @@ CONTACT_PALETTE: dict[str, _Rgb] = {
     "person": (160, 84, 224),
     "own body": (224, 150, 8),
     "hidden support": (84, 40, 60),
-    "object": (204, 68, 0),
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
 

@@ -38,12 +38,11 @@ def distances_of(
     surface,
     parts,
     skin,
-    objects,
 ):
     """Distances of people to whom the skin of others is as near as their own."""
     nothing = torch.zeros_like(normals)
     hidden = torch.zeros(normals.shape[:2], dtype=torch.bool)
-    return Distances(normals, surface, parts, skin, skin, objects, nothing, hidden)
+    return Distances(normals, surface, parts, skin, skin, nothing, hidden)
 
 
 def square(height, x=0.0):
@@ -107,16 +106,13 @@ SEAT_PARTNER = ContactPartner("scene", "seat", id=2)
 
 
 def assigned(touched, scene, floor, point):
-    """Partners of vertices that touch things, near a floor and a seat, skin of person 1, and object
-    4.
-    """
+    """Partners of vertices that touch things, near a floor, a seat and skin of person 1."""
     _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
     count = len(touched)
     one = torch.ones(1, count, dtype=torch.int64)
     skin = SkinDistances(torch.zeros(1, count), one, one)
     surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
-    objects = torch.zeros(1, count), 4 * one
-    near = distances_of(torch.zeros(1, count, 3), surface, parts, skin, objects)
+    near = distances_of(torch.zeros(1, count, 3), surface, parts, skin)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
     return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
@@ -124,12 +120,12 @@ def assigned(touched, scene, floor, point):
 
 def test_each_contact_vertex_has_its_partner():
     far = torch.inf
-    scene, person, own, item = range(len(KINDS))
+    scene, person, own = range(len(KINDS))
     found = assigned(
-        [scene, scene, scene, person, own, HIDDEN_SEAT, HIDDEN, item, -1],
-        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01, 0.01],
-        [far, far, 0.0, far, far, far, far, far, far],
-        [0, 500, 0, 500, 500, 0, 0, 500, 0],
+        [scene, scene, scene, person, own, HIDDEN_SEAT, HIDDEN, -1],
+        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01],
+        [far, far, 0.0, far, far, far, far, far],
+        [0, 500, 0, 500, 500, 0, 0, 0],
     )
     floor = ContactPartner("floor", "floor")
     seat = ContactPartner("scene", "seat", id=0)
@@ -138,8 +134,7 @@ def test_each_contact_vertex_has_its_partner():
         ContactPartner("self", part="left_hand"),
     ]
     hidden = [ContactPartner("hidden", "seat"), ContactPartner("hidden")]
-    item_partner = ContactPartner("object", "object", id=4)
-    assert found == [floor, seat, floor, *skin, *hidden, item_partner, ContactPartner("")]
+    assert found == [floor, seat, floor, *skin, *hidden, ContactPartner("")]
 
 
 @pytest.mark.parametrize(
@@ -153,7 +148,7 @@ def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, n
     surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])
     down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
     regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
-    table, _ = assign_partners(touched, distances_of(down, surface, parts, skin, None), regions, UP)
+    table, _ = assign_partners(touched, distances_of(down, surface, parts, skin), regions, UP)
     assert [partner.surface for partner in table] == [name]
 
 

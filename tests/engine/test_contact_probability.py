@@ -40,18 +40,11 @@ def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside):
     assert int(found.count_nonzero()) == 1
 
 
-def test_the_probability_of_a_part_follows_from_its_surest_vertices():
-    assert LINEAR.part_probability(torch.tensor([0.5]), on_skin=False) == pytest.approx(
-        1 / (1 + math.exp(0.5))
-    )
-    assert 0.5 < LINEAR.part_probability(torch.ones(3), on_skin=False) < 1
-
-
 def test_skin_is_touched_less_often_in_photos_than_in_worlds():
-    likely = torch.tensor([0.5])
-    assert LINEAR.part_probability(likely, on_skin=True) < LINEAR.part_probability(
-        likely, on_skin=False
-    )
+    in_worlds = 1 / (1 + math.exp(0.5))
+    found = [LINEAR.part_probability(torch.full((3,), p)) for p in (0.5, 0.9)]
+    assert 0 < found[0] < in_worlds
+    assert found[0] < found[1]
 
 
 def test_the_gap_of_a_part_is_its_fifth_smallest_distance():

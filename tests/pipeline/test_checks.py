@@ -12,12 +12,9 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.measures import depth_ratio
 from physic_core.engine.stance import Stance
 from physic_core.geometry.floor import PlaneFit
-from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
     CHECKS,
     failed_checks,
@@ -469,37 +466,3 @@ def test_a_check_reads_as_label_value_and_bound(name, value, text):
     assert str(check) == text
     said = "advice or reason" if check.failed else "not measured: advice or reason"
     assert check.message == (text if check.ok else said)
-
-
-class Body:
-    """The embedded body in its rest pose, upright, the pelvis 4 m before a camera of 640 x 480
-    px.
-    """
-
-    def __init__(self):
-        model = load_body()
-        posed = model(
-            torch.eye(3).expand(1, 55, 3, 3), torch.zeros(1, model.num_betas), torch.zeros(1, 3)
-        )
-        # y up to y down, and the face to the camera
-        turn = torch.tensor([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
-        vertices = posed.vertices[0] @ turn.T
-        joints = posed.joints[0] @ turn.T
-        self.vertices = vertices + torch.tensor(
-            [0.0, -joints[0, 1].item(), 4 - joints[0, 2].item()]
-        )
-        self.normals = vertex_normals(self.vertices, model.faces)
-        self.faces = model.faces
-        self.outer = model.outer
-        self.K = torch.from_numpy(CAMERA.matrix).float()
-
-
-def test_a_depth_map_half_as_far_again_is_found():
-    body = Body()
-    mask = torch.ones((480, 640), dtype=torch.bool)
-    ratio = depth_ratio(
-        body.vertices, body.normals, body.outer, mask, body.K, torch.full((480, 640), 6.0)
-    )
-    assert ratio == pytest.approx(1.5, rel=0.04)
-    unknown = torch.full((480, 640), torch.nan)
-    assert depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, unknown) is None

@@ -52,7 +52,7 @@ def arrays(result, but):
 
 
 def test_what_people_share_stays_although_it_has_as_many_rows():
-    shared = {name: np.zeros((N, N), bool) for name in ("floor", "unposed_mask", "objects")}
+    shared = {name: np.zeros((N, N), bool) for name in ("floor", "unposed_mask")}
     some = select_people(People(np.ones((N, N, N), bool), rows(4), rows(), **shared), LAST_TWO)
     assert all(getattr(some, name) is value for name, value in shared.items())
     mesh = select_people(

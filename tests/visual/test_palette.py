@@ -53,7 +53,6 @@ def test_every_reader_tells_the_colours_of_contact_apart(reader):
         (ContactPartner("person", person=1, part="left_hand"), "person"),
         (ContactPartner("self", part="torso"), "own body"),
         (ContactPartner("hidden", "seat"), "hidden support"),
-        (ContactPartner("object", "ball", 1), "object"),
     ],
 )
 def test_each_partner_has_the_colour_of_its_kind(partner, label):

@@ -1,4 +1,4 @@
-"""Distances of body vertices to all that they may touch: scene and floor, skin, and small objects.
+"""Distances of body vertices to all that they may touch: scene and floor, and skin.
 
 Skin is that of other people, and of other parts of the same body. It touches only skin that faces
 another way: the back of a hand does not touch what its palm touches.
@@ -20,17 +20,14 @@ from typing import TypeAlias
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.scene.state import Surroundings
-from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes, search_tree
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.pointmap import depth_to_pointmap
 
-KINDS = ("scene", "person", "own body", "object")
+KINDS = ("scene", "person", "own body")
 """What a vertex may touch; floor and scene are one kind."""
 
 SEARCH_RADIUS_M = 0.15
@@ -288,84 +285,6 @@ def _nearest_skin(
     return SkinDistances(torch.from_numpy(distance).to(vertices), *others)
 
 
-# of the median depth: pixels farther from it show what is behind the object
-_MAX_DEPTH_SPREAD = 0.15
-
-
-def object_distances(
-    vertices: Tensor, masks: Tensor, depth: Tensor, ratio: Tensor, K: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Find the nearest small object of each vertex.
-
-    Args:
-        vertices: (N, V, 3) metres.
-        masks: (K, H, W) bool, visible pixels of each object.
-        depth: (H, W) metres along z of the photo, NaN where unknown.
-        ratio: (N,) depth of each body over the depth of its pixels in the photo. A person with NaN
-            touches no object.
-        K: (3, 3) px.
-
-    Returns:
-        Signed distances (N, V), metres, negative inside, inf beyond the search radius; and the
-        index (N, V) int64 of that object, 0 if there is none.
-    """
-    distance = torch.full_like(vertices[..., 0], torch.inf)
-    nearest = torch.zeros(distance.shape, dtype=torch.int64, device=vertices.device)
-    points = depth_to_pointmap(depth, K)
-    for k, mask in enumerate(masks):
-        shape = _shape(mask, points, float(K[0, 0]))
-        if shape is None:
-            continue
-        front, thickness = shape
-        for i in torch.isfinite(ratio).nonzero()[:, 0].tolist():
-            found = _distance_to(vertices[i], front * ratio[i], thickness * ratio[i], K)
-            closer = found.abs() < distance[i].abs()
-            distance[i] = torch.where(closer, found, distance[i])
-            nearest[i] = torch.where(closer, k, nearest[i])
-    return distance, nearest
-
-
-def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:
-    """Return the visible points (H, W, 3) of an object, NaN elsewhere, and its thickness (H, W),
-    metres along z.
-    """
-    import cv2
-
-    z = points[..., 2]
-    known = mask & torch.isfinite(z) & (z > 0)
-    if not bool(known.any()):
-        return None
-    middle = z[known].median()
-    known = known & ((z - middle).abs() < _MAX_DEPTH_SPREAD * middle)
-    # One pixel of border, so that the picture's edge counts as a silhouette.
-    inside = np.pad(mask.cpu().numpy().astype(np.uint8), 1)
-    to_rim = torch.from_numpy(cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]).to(z)
-    depth = to_rim * (middle / focal_px)
-    widest = depth.amax()
-    thickness = 2 * torch.sqrt((depth * (2 * widest - depth)).clamp(min=0))
-    return torch.where(known[..., None], points, torch.nan), thickness
-
-
-def _distance_to(vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor) -> Tensor:
-    """Return the signed distance (V,) of vertices (V, 3) to an object, inf beyond the radius."""
-    known = torch.isfinite(front[..., 2])
-    ahead = front[known]
-    behind = ahead * (1 + thickness[known] / ahead[:, 2])[:, None]
-    tree = cKDTree(
-        torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False
-    )
-    apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=SEARCH_RADIUS_M)
-    distance = torch.from_numpy(apart).to(vertices)
-    height, width = known.shape
-    column, row = project(vertices, K).round().unbind(-1)
-    inside = (vertices[:, 2] > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    pixel = torch.where(inside, row * width + column, 0.0).long()
-    z = vertices[:, 2]
-    depth = front[..., 2].flatten()[pixel]
-    inside = inside & (z > depth) & (z < depth + thickness.flatten()[pixel])
-    return torch.where(inside & torch.isfinite(distance), -distance, distance)
-
-
 @dataclass(frozen=True)
 class Distances:
     """Distances of the vertices of N people to everything that they may touch, metres; inf beyond
@@ -377,7 +296,6 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
         own: to the skin of other parts of the same body.
-        objects: to small objects, see :func:`object_distances`; None without them.
         surface_normals: (N, V, 3) unit, of the nearest points of the scene; zero where unknown.
         in_mask: (N, V) bool, vertices at pixels of the person's mask.
     """
@@ -387,18 +305,13 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
-    objects: tuple[Tensor, Tensor] | None
     surface_normals: Tensor
     in_mask: Tensor
 
     @property
     def by_kind(self) -> Tensor:
         """Signed distances (K, N, V), in the order of :data:`KINDS`."""
-        far = torch.full_like(self.surface.scene, torch.inf)
-        to_object = far if self.objects is None else self.objects[0]
-        return torch.stack(
-            [self.surface.nearest, self.people.distance, self.own.distance, to_object]
-        )
+        return torch.stack([self.surface.nearest, self.people.distance, self.own.distance])
 
 
 GIVE_M: Mapping[str, float] = {

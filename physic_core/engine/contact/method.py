@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distances import (
-    KINDS,
     ContactSurfaces,
     Distances,
     distance_along_normal,
@@ -71,9 +70,6 @@ class ContactMethod:
     """
     people: bool = True
     """Whether to estimate contact with other people and with the person's own body."""
-    objects: bool = True
-    """Whether people may touch small objects in hands and on laps, which are not part of the scene
-    (:func:`physic_core.engine.contact.distances.object_distances`)."""
     assume_supports: bool = True
     """Whether people without support in the scene may touch a hidden support, such as a seat or a
     bar in their hands (:mod:`physic_core.engine.contact.support`).
@@ -113,7 +109,7 @@ class ContactMethod:
         may_touch = state.model.outer & state.finite[:, None]
         likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
         rank = torch.where(in_reach, probabilities, -1.0)
-        skin = torch.where(in_reach, probabilities, 0.0)[1 : KINDS.index("object")].amax(0)
+        skin = torch.where(in_reach, probabilities, 0.0)[1:].amax(0)
         on_skin = (skin >= self.skin_threshold) & (rank.argmax(0) > 0)
         elsewhere = (rank.argmax(0) > 0) | ~apart
         touches = ((likely >= self.threshold) & in_reach.any(0) & elsewhere) | on_skin

@@ -1,4 +1,4 @@
-"""Partner of each contact vertex: floor, part of the scene, skin, held object, or a hidden
+"""Partner of each contact vertex: floor, part of the scene, skin, or a hidden
 support.
 """
 
@@ -104,11 +104,6 @@ def assign_partners(
                 else ContactPartner("self")
             )
             add(on_skin & (pair == code), replace(whose, part=regions.names[part]))
-    held = touched == KINDS.index("object")
-    if near.objects is not None:
-        _, object_of = near.objects
-        for number in torch.unique(object_of[held]).tolist():
-            add(held & (object_of == number), ContactPartner("object", "object", id=number))
     add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
     add(touched == HIDDEN, ContactPartner("hidden"))
     return tuple(table), index
@@ -155,7 +150,7 @@ def body_contacts(
         table: partners.
         regions: body parts.
         assumed: body parts that no pixel shows -> their probability of contact with scene and
-            floor. Their contacts with skin and objects are not listed.
+            floor. Their contacts with skin are not listed.
         least: minimum probability of a listed part.
     """
     touching = index >= 0
@@ -171,15 +166,15 @@ def body_contacts(
         here = touching & (code == value)
         sure = None
         on_skin = table[partner].kind in ("person", "self")
-        not_of_scene = on_skin or table[partner].kind == "object"
-        if not_of_scene and part in assumed:
+        if on_skin and part in assumed:
             continue
         if probability is not None:
             likely = probability[here]
-            of_scene = assumed.get(part, mean_of_surest(likely))
-            if not_of_scene:
-                of_scene = contact_model().part_probability(likely, on_skin=on_skin)
-            sure = round(of_scene, DECIMALS)
+            if on_skin:
+                sure = contact_model().part_probability(likely)
+            else:
+                sure = assumed.get(part, mean_of_surest(likely))
+            sure = round(sure, DECIMALS)
         if sure is None or sure >= least:
             depth = _dent_of(dent[here])
             found.append(

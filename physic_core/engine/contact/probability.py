@@ -1,5 +1,5 @@
 """Probability of contact: of body parts and of their vertices with scene and floor, and of vertices
-with skin and small objects.
+with skin.
 
 A part has one probability of contact with scene or floor, see :mod:`physic_core.engine.touch`. All
 its vertices share the errors of its position, so that its distance is one number: the fifth
@@ -8,7 +8,7 @@ times how near it is to the surface beside the nearest vertices of the part, and
 skin faces the surface. The place of a part that no pixel shows is a guess, so its distance is
 ignored. It has the base rate of its kind, and feet that of the posture and of hands that touch.
 
-Contact with skin and objects is a fitted logistic model over named features, one column per reason
+Contact with skin is a fitted logistic model over named features, one column per reason
 for or against it; a new feature is a new column here, and a coefficient in ``coefficients.json``
 beside it, which states the data of the fit and the error on held-out data. Distances enter as
 logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface. The *gap* of a part
@@ -108,17 +108,11 @@ class ContactModel:
             found.append(torch.sigmoid(log_odds))
         return torch.stack(found)
 
-    def part_probability(self, vertices: Tensor, *, on_skin: bool) -> float:
-        """Return the probability that a body part touches skin, or an object, by those (n,) of its
-        vertices.
-        """
+    def part_probability(self, vertices: Tensor) -> float:
+        """Return the probability that a body part touches skin, by those (n,) of its vertices."""
         odds = torch.logit(torch.tensor(mean_of_surest(vertices), dtype=torch.float64), 1e-6)
         odds = self.part["constant"] + self.part["log odds"] * odds
-        return float(
-            torch.sigmoid(
-                torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}) if on_skin else odds)
-            )
-        )
+        return float(torch.sigmoid(torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}))))
 
 
 def mean_of_surest(vertices: Tensor) -> float:
@@ -336,9 +330,6 @@ def feature_columns(state: State, near: Distances) -> dict[str, Columns]:
     if len(state.vertices) > 1:
         whose = part + len(state.model.part_names) * near.people.person
         columns["person"] = _skin_columns(state, near.people, whose)
-    if near.objects is not None:
-        distance, _ = near.objects
-        columns["object"] = _shared_columns(distance, part.expand_as(distance), state.seen)
     return columns
 
 
@@ -363,7 +354,7 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
     return torch.from_numpy(gaps).to(distance)
 
 
-def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, Tensor]:
+def _shared_columns(distance: Tensor, group: Tensor) -> dict[str, Tensor]:
     """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share
     their errors.
     """
@@ -376,8 +367,6 @@ def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, 
         "outside": _log_cm(d),
         "inside": _log_cm(-d),
         "rise": _log_cm(d - gap),
-        "gap outside": _log_cm(gap),
-        "unseen limb": (~seen).to(d),
     }
 
 
@@ -385,7 +374,7 @@ def _skin_columns(state: State, skin: SkinDistances, group: Tensor) -> dict[str,
     """Return the columns (N, V) of contact with other people."""
     hands = _parts(state.model, "hand")
     other = state.model.part_of_vertex[skin.vertex]
-    shared = _shared_columns(skin.distance, group * len(state.model.part_names) + other, state.seen)
+    shared = _shared_columns(skin.distance, group * len(state.model.part_names) + other)
     return shared | {"hand": (hands | hands[skin.vertex]).to(skin.distance)}
 
 
@@ -396,12 +385,7 @@ def _own_columns(state: State, skin: SkinDistances) -> dict[str, Tensor]:
     thighs = _parts(state.model, "upper_leg")
     arms = _parts(state.model, "hand", "lower_arm")
     near = torch.isfinite(skin.distance)
-    # One of two clasped hands usually hides the other: the place of a hand that the photo shows is
-    # known.
-    seen = state.seen | (state.seen & hands).gather(1, skin.vertex)
-    shared = _shared_columns(
-        skin.distance, part * len(state.model.part_names) + part[skin.vertex], seen
-    )
+    shared = _shared_columns(skin.distance, part * len(state.model.part_names) + part[skin.vertex])
     straight = hip_bends(state.joints) < _STRAIGHT_HIP
     hip = straight[
         :, _parts(state.model, "right_upper_leg", "right_hand", "right_lower_arm").long()
@@ -409,7 +393,6 @@ def _own_columns(state: State, skin: SkinDistances) -> dict[str, Tensor]:
     at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])
     hand = near & (hands | hands[skin.vertex])
     return shared | {
-        "hand": hand.to(skin.distance),
         "outside, hand": hand * shared["outside"],
         "arm at straight hip": (near & at_thigh & hip).to(skin.distance),
     }

@@ -18,7 +18,6 @@ from physic_core.engine.contact.distances import (
     SkinDistances,
     dent_depths,
     largest_dents,
-    object_distances,
     own_distances,
     people_distances,
     surface_distances,
@@ -43,7 +42,6 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
-from physic_core.engine.measures import depth_ratios
 from physic_core.engine.state import Contact, Estimates, State
 from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
@@ -54,11 +52,9 @@ from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray
+    pass
 
-_SCENE, _PERSON, _OWN_BODY, _OBJECT = (
-    KINDS.index(kind) for kind in ("scene", "person", "own body", "object")
-)
+_SCENE, _PERSON, _OWN_BODY = (KINDS.index(kind) for kind in ("scene", "person", "own body"))
 # cosine between up and the skin of another person; above it, a person can sit or stand there
 _BEARS = 0.3
 
@@ -70,9 +66,7 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     around = state.surroundings
     bodies = state.vertices[state.finite]
     surfaces = method.surfaces(around, bodies, state.scene_scale)
-    near = measure_distances(
-        state, surfaces, _classify_points(estimates, state), method, estimates.objects
-    )
+    near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
     return replace(state, contact=contact_of(state, near, method))
 
 
@@ -88,17 +82,14 @@ def measure_distances(
     surfaces: ContactSurfaces,
     classes: tuple[tuple[str, ...], Tensor],
     method: ContactMethod,
-    objects: BoolArray | None = None,
 ) -> Distances:
-    """Measure the distances to scene, floor, skin and small objects.
+    """Measure the distances to scene, floor and skin.
 
     Args:
         state: with the final bodies.
         surfaces: of scene and floor.
         classes: names, and labels (M,) of the points of the scene, see :func:`scene_parts`.
         method: of stage 4.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if people
-            touch none.
     """
     model = state.model
     vertices = state.vertices
@@ -124,7 +115,6 @@ def measure_distances(
         parts=parts,
         people=people,
         own=own,
-        objects=_held_objects(state, objects),
         surface_normals=scene.normals[surface.point].to(vertices)
         if len(scene.points)
         else torch.zeros_like(normals),
@@ -146,21 +136,6 @@ def _classify_points(estimates: Estimates, state: State) -> tuple[tuple[str, ...
     return names, known
 
 
-def _held_objects(state: State, masks: BoolArray | None) -> tuple[Tensor, Tensor] | None:
-    """Return the distances of vertices to objects in the photo; None without any, or if their depth
-    is unknown.
-
-    An object has the same distance from its holder as in the photo.
-    """
-    if masks is None or not len(masks) or state.photo_depth is None:
-        return None
-    depth = state.photo_depth * state.scene_scale
-    ratios = [torch.nan if one is None else 1 / one for one in depth_ratios(state)]
-    shown = tensor(masks).to(depth.device)
-    ratio = state.vertices.new_tensor(ratios)
-    return object_distances(state.vertices, shown, depth, ratio, state.K)
-
-
 def _find_supports(
     state: State, near: Distances, touch: Touch, method: ContactMethod
 ) -> tuple[PersonSupport | None, ...]:
@@ -168,7 +143,7 @@ def _find_supports(
     beneath = near.normals[near.people.person, near.people.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
     beside = (touch.kind == _PERSON) & (beneath < _BEARS)
-    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
+    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & ~beside
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)

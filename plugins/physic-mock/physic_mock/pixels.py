@@ -70,7 +70,6 @@ class MockSegmenter(interfaces.Segmenter):
             boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
             scores=scores,
             floor=_floor(found, self.options),
-            objects=found.items & ~taken,
             surfaces=_surfaces(found) if self.options.surfaces else None,
         )
 

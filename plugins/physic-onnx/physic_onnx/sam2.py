@@ -205,7 +205,7 @@ class Sam2(NetworkBackend, Segmenter):
 
 
 def _with_rest(people: People, seen: People, *, with_floor: bool) -> People:
-    """Return the people with the floor, surfaces, unposed people, objects and carriers that the
+    """Return the people with the floor, surfaces, unposed people and carriers that the
     embedded segmenter saw.
     """
     from dataclasses import replace
@@ -222,6 +222,5 @@ def _with_rest(people: People, seen: People, *, with_floor: bool) -> People:
         surfaces=seen.surfaces,
         unposed=seen.unposed,
         unposed_mask=unposed,
-        objects=None if seen.objects is None else seen.objects & ~anybody,
         carriers=seen.carriers,
     )

@@ -28,7 +28,6 @@ class DistanceContact(ContactMethod):
     inside_m: NotNegative = 0.15
     """Largest depth inside of a vertex in contact, metres; as released."""
     people: bool = False
-    objects: bool = False
     assume_supports: bool = False
 
     def contains(self, distance: Tensor) -> Tensor:
