@@ -55,7 +55,11 @@ class Run:
 
 
 def run(photo: str, tree: Path = ROOT) -> Run:
-    """Run the code of a tree on a photo of this one."""
+    """Run the code of a tree on a photo of this one, its modules compiled as an installation has
+    them.
+    """
+    for folder in CODE:
+        compileall.compile_dir(tree / folder, quiet=2)
     paths = [tree, *sorted(path.parent for path in tree.glob("plugins/*/pyproject.toml"))]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
     with tempfile.TemporaryDirectory() as folder:
@@ -86,12 +90,11 @@ def medians(runs: list[Run]) -> dict[str, float]:
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """Yield a folder with the files of a commit, its modules compiled."""
+    """Yield a folder with the files of a commit."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder, "tree")
         git("worktree", "add", "--detach", str(tree), commit)
         try:
-            compileall.compile_dir(tree, quiet=2)
             yield tree
         finally:
             git("worktree", "remove", "--force", str(tree))
