@@ -229,11 +229,7 @@ def floor_candidates(
     best = None
     for plane, fit, mask in _planes(view, evidence, normals, up):
         heights = _heights_at_soles(view, plane, evidence.soles)
-        score = {
-            "pixels": _pixel_score(view, plane, pixels),
-            "gravity": _gravity_score(fit.normal, known),
-            "soles": _sole_score(heights),
-        }
+        score = _evidence(view, plane, fit.normal, pixels, known, heights)
         moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
         found.append(FloorCandidate(_through_soles(fit, heights) or moved, score))
         best = found[-1] if best is None or found[-1].log_score > best.log_score else best
@@ -244,12 +240,10 @@ def floor_candidates(
             level = best.plane.normal
         at_feet = None if level is None else plane_at_feet(view, level, feet)
         if at_feet is not None:
-            score = {
-                "pixels": _pixel_score(view, at_feet[0], pixels),
-                "gravity": _gravity_score(at_feet[1].normal, known),
-                "soles": _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles)),
-            }
-            found.append(FloorCandidate(at_feet[1], score))
+            plane, fit = at_feet
+            heights = _heights_at_soles(view, plane, evidence.soles)
+            score = _evidence(view, plane, fit.normal, pixels, known, heights)
+            found.append(FloorCandidate(fit, score))
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
     beneath = surface_beneath(view.rays, view.inverse, evidence.around)
     if beneath is not None:
@@ -265,6 +259,22 @@ def floor_candidates(
         odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
         found.insert(0, FloorCandidate(fit, {"people who lie": odds}, beneath=True))
     return tuple(found)
+
+
+def _evidence(
+    view: InverseDepthMap,
+    plane: Tensor,
+    normal: Tensor,
+    pixels: _Pixels,
+    known: Tensor | None,
+    heights: list[tuple[float, float, float]],
+) -> dict[str, float]:
+    """Return what pixels, gravity and the ground beside soles say of a plane (3,), nats."""
+    return {
+        "pixels": _pixel_score(view, plane, pixels),
+        "gravity": _gravity_score(normal, known),
+        "soles": _sole_score(heights),
+    }
 
 
 def _planes(

@@ -133,8 +133,9 @@ class FloorAndScale:
             small for an adult, until the contacts are known.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
-        witnesses: "floor" and "scale" -> what spoke for each answer, and how surely, of
-            :func:`_floor_witnesses` and :func:`_scale_witnesses`.
+        witnesses: "floor" -> a row for each candidate: source, pitch of the camera in degrees,
+            probability, and nats by witness; "scale" -> a row for each witness: whose, logarithm of
+            its scale over the answer, sigma, and probability to be right.
     """
 
     search: FloorSearch

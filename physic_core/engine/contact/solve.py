@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -50,9 +49,6 @@ from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import select_pixels, tensor, tensors
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
-
-if TYPE_CHECKING:
-    pass
 
 _SCENE, _PERSON, _OWN_BODY = (KINDS.index(kind) for kind in ("scene", "person", "own body"))
 # cosine between up and the skin of another person; above it, a person can sit or stand there
