@@ -9,41 +9,38 @@ their expected size.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import (
-    LimitSettings,
+    STATED_WEIGHT,
     LimitTerm,
     RegularisationSettings,
     RegularisationTerm,
-    SceneScaleSettings,
     SceneScaleTerm,
-    StatureSettings,
     StatureTerm,
 )
-from physic_core.engine.joint.terms.lean import LeanSettings, LeanTerm
+from physic_core.engine.joint.terms.lean import LeanTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.picture import (
     DepthSettings,
     DepthTerm,
     ReprojectionSettings,
-    ReprojectionTerm,
     ViewsTerm,
     depth_offset_sigmas,
+    robust_reprojection,
     weighted_keypoints,
 )
 from physic_core.engine.joint.terms.scene import (
     CONTACT_RANGE_M,
     ContactTerm,
     ContactTermSettings,
-    FloorSettings,
     FloorTerm,
     PenetrationSettings,
     PenetrationTerm,
@@ -70,30 +67,36 @@ class DefaultOptimisation(JointMethod):
     "outlier_sigmas" it counts as an outlier. A weight of 0 removes a term.
     """
 
-    optimiser: LbfgsOptimiser = field(default_factory=LbfgsOptimiser)
+    optimiser: LbfgsOptimiser = LbfgsOptimiser()
     """L-BFGS on whitened parameters."""
-    reprojection: ReprojectionSettings = field(default_factory=ReprojectionSettings)
+    reprojection: ReprojectionSettings = ReprojectionSettings()
     """Keypoints."""
-    depth: DepthSettings = field(default_factory=DepthSettings)
+    depth: DepthSettings = DepthSettings()
     """Depth of the visible surface."""
-    contact: ContactTermSettings = field(default_factory=ContactTermSettings)
+    contact: ContactTermSettings = ContactTermSettings()
     """Contact with scene and floor, and of hands with other people."""
-    penetration: PenetrationSettings = field(default_factory=PenetrationSettings)
+    penetration: PenetrationSettings = PenetrationSettings()
     """Vertices inside the scene and inside other people."""
-    floor: FloorSettings = field(default_factory=FloorSettings)
+    floor: TermWeight = TermWeight(6.0)
     """Vertices below the floor."""
-    soles: SoleSettings = field(default_factory=SoleSettings)
+    soles: SoleSettings = SoleSettings()
     """Feet on the floor."""
-    regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
+    regularisation: RegularisationSettings = RegularisationSettings()
     """Deviation from the start."""
-    scene_scale: SceneScaleSettings = field(default_factory=SceneScaleSettings)
-    """Scale of the scene."""
-    limits: LimitSettings = field(default_factory=LimitSettings)
-    """Knees and elbows."""
-    lean: LeanSettings = field(default_factory=LeanSettings)
-    """Lean of people who stand or walk."""
-    stature: StatureSettings = field(default_factory=StatureSettings)
-    """Height of people."""
+    scene_scale: TermWeight = TermWeight(1.5)
+    """Squared change of the scene's scale, in units of its expected size."""
+    limits: TermWeight = TermWeight(1.0)
+    """Flexion of knees and elbows outside 0 to 2.7 rad."""
+    lean: TermWeight = TermWeight(STATED_WEIGHT)
+    """Lean towards the camera of people who stand or walk, like a change as large as the error that
+    the body estimator states.
+    """
+    stature: TermWeight = TermWeight(STATED_WEIGHT)
+    """Deviation of each person's height from the estimated height.
+
+    With the scene's scale, it splits disagreements about size between people and scene. It weighs
+    as much as stated rotations: bodies whose joints hardly bend must not change their size instead.
+    """
 
     @property
     def search_radius_m(self) -> float:
@@ -139,27 +142,21 @@ class DefaultOptimisation(JointMethod):
                 DepthTerm(self.depth, sampling, variables),
                 ContactTerm(self.contact, sampling),
                 PenetrationTerm(self.penetration, sampling, occlusion_aware=aware),
-                FloorTerm(self.floor, sampling),
+                FloorTerm(self.floor.weight, sampling),
             ],
             soles=SoleTerm(self.soles, sampling),
             regularisation=RegularisationTerm(
                 self.regularisation, sampling, variables, occlusion_aware=aware
             ),
         )
-        keypoints = self.reprojection
         return [
-            ReprojectionTerm(
-                sampling,
-                keypoints.weight,
-                sampling.person_px[:, None] * keypoints.sigma,
-                keypoints.rho(),
-            ),
+            robust_reprojection(self.reprojection, sampling),
             surface,
             SceneScaleTerm(self.scene_scale.weight),
-            LimitTerm(self.limits),
-            LeanTerm(self.lean, sampling),
-            StatureTerm(self.stature, sampling),
-            ViewsTerm(keypoints, sampling),
+            LimitTerm(self.limits.weight),
+            LeanTerm(self.lean.weight, sampling),
+            StatureTerm(self.stature.weight, sampling),
+            ViewsTerm(self.reprojection, sampling),
         ]
 
     def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:

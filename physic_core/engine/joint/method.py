@@ -29,11 +29,19 @@ from physic_core.engine.joint.variables import Variables
 from physic_core.engine.scene.state import Surroundings
 from physic_core.engine.state import State
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
-from physic_core.types.bounds import FrozenGroups
+from physic_core.types.bounds import FrozenGroups, NotNegative
 
 # of a person beside the best visible one; with less, the optimiser would stop before they converge
 _LEAST_SIZE = 0.1
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
+
+
+@dataclass(frozen=True)
+class TermWeight:
+    """Settings of a term that has only a weight."""
+
+    weight: NotNegative
+    """Weight of the term; 0 removes it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ class JointMethod(ABC):
     """Parameter groups kept constant: root, pose, hands, betas, translation, scale, offset."""
     optimiser: Optimiser = field(kw_only=True)
     """Optimiser of the energy."""
-    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
+    visibility: VisibilitySettings = VisibilitySettings()
     """Visibility of vertices."""
 
     nearest_every_step: ClassVar[bool] = False

@@ -45,7 +45,7 @@ Choices where the paper gives no detail, and deviations from it:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -53,6 +53,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
+from physic_core.engine.joint.method import TermWeight
 from physic_core.engine.joint.sampling import (
     Sampling,
     VisibilitySettings,
@@ -71,7 +72,7 @@ from physic_core.types.bounds import NotNegative
 from physic_paper.adam import AdamOptimiser
 from physic_paper.grid_search import GridSearch
 from physic_paper.published import PublishedOptimisation
-from physic_paper.terms.chamfer import ChamferDepthTerm, ChamferSettings
+from physic_paper.terms.chamfer import ChamferDepthTerm
 from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import (
@@ -103,34 +104,25 @@ class PaperReprojectionSettings:
 
 
 @dataclass(frozen=True)
-class PaperVisibilitySettings(VisibilitySettings):
-    """Settings of the visibility of vertices: all vertices, and masks as they are."""
-
-    vertex_spacing_m: NotNegative = 0.0
-    mask_tolerance: NotNegative = 0.0
-
-
-@dataclass(frozen=True)
 class PaperOptimisation(PublishedOptimisation):
     """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex
     weights.
     """
 
-    optimiser: AdamOptimiser = field(default_factory=AdamOptimiser)
+    optimiser: AdamOptimiser = AdamOptimiser()
     """Adam."""
-    visibility: PaperVisibilitySettings = field(default_factory=PaperVisibilitySettings)
-    """Visibility of vertices."""
-    reprojection: PaperReprojectionSettings = field(default_factory=PaperReprojectionSettings)
+    visibility: VisibilitySettings = VisibilitySettings(vertex_spacing_m=0.0, mask_tolerance=0.0)
+    """Visibility of vertices: all vertices, and masks as they are."""
+    reprojection: PaperReprojectionSettings = PaperReprojectionSettings()
     """Keypoints."""
-    depth: ChamferSettings = field(default_factory=ChamferSettings)
-    """Human points."""
-    contact: PointContactSettings = field(default_factory=PointContactSettings)
+    depth: TermWeight = TermWeight(0.005)
+    """Chamfer distance of visible vertices and human points (lambda_d of Eq. 5, of square metres).
+    """
+    contact: PointContactSettings = PointContactSettings()
     """Contact with the scene."""
-    penetration: PointPenetrationSettings = field(default_factory=PointPenetrationSettings)
+    penetration: PointPenetrationSettings = PointPenetrationSettings()
     """Vertices inside the scene."""
-    regularisation: PrintedRegularisationSettings = field(
-        default_factory=PrintedRegularisationSettings
-    )
+    regularisation: PrintedRegularisationSettings = PrintedRegularisationSettings()
     """Deviation from the start."""
 
     @property
@@ -186,7 +178,7 @@ class PaperOptimisation(PublishedOptimisation):
         size = sampling.person_px.new_tensor([[width, height]]).expand(len(sampling.state), 2)
         return [
             ReprojectionTerm(sampling, self.reprojection.weight, size, _square),
-            ChamferDepthTerm(self.depth, sampling),
+            ChamferDepthTerm(self.depth.weight, sampling),
             PointContactTerm(sampling, self.contact.weight, CONTACT_RANGE_M, _barron),
             PointPenetrationTerm(
                 self.penetration,

@@ -14,18 +14,19 @@ Deviations from the publication:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
+from physic_core.engine.joint.method import TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.body import LimitSettings, LimitTerm
+from physic_core.engine.joint.terms.body import LimitTerm
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.state import State
 from physic_core.geometry.robust import robust_loss
-from physic_core.types.bounds import FrozenGroups, NotNegative
+from physic_core.types.bounds import FrozenGroups
 from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
@@ -40,36 +41,14 @@ _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
 _CONTACT_ANGLE_DEG = 45.0
 _VERTICES_PER_DM2 = 60.0  # vertices per square decimetre of the mesh that PROX sums over
 _POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; halved, since a rotation is two columns
-
-
-@dataclass(frozen=True)
-class ProxReprojectionSettings:
-    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920
-    px.
-    """
-
-    weight: NotNegative = 1.0
-    """Weight of the term; 0 removes it."""
-
-
-@dataclass(frozen=True)
-class ProxContactSettings:
-    """Settings of the contact term of static body parts."""
-
-    weight: NotNegative = 1e4 / _CONTACT_SCALE_M**2
-    """Weight of the mean robust distance, which saturates at the square of its scale (in PROX at
-    1); 0 removes it.
-    """
-
-
-@dataclass(frozen=True)
-class ProxPriorSettings:
-    """Settings of the priors of pose and shape."""
-
-    pose_weight: NotNegative = _POSE_WEIGHT
-    """Weight of joints and fingers."""
-    shape_weight: NotNegative = 25.0
-    """Weight of the shape."""
+_PRIOR_WEIGHTS = {
+    "pose": _POSE_WEIGHT,
+    "hands": _POSE_WEIGHT,
+    "betas": 25.0,
+    "root": 0.0,
+    "translation": 0.0,
+    "offset": 0.0,
+}
 
 
 @dataclass(frozen=True)
@@ -82,19 +61,19 @@ class ProxOptimisation(PublishedOptimisation):
 
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
-    optimiser: LbfgsOptimiser = field(default_factory=lambda: LbfgsOptimiser(90, 30, 0.0))
+    optimiser: LbfgsOptimiser = LbfgsOptimiser(90, 30, 0.0)
     """L-BFGS. A third as many steps follow, with contact and penetration."""
-    reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
-    """Keypoints."""
-    contact: ProxContactSettings = field(default_factory=ProxContactSettings)
-    """Contact with the scene."""
-    penetration: PointPenetrationSettings = field(
-        default_factory=lambda: PointPenetrationSettings(_VERTICES_PER_DM2, _SEARCH_RADIUS_M)
+    reprojection: TermWeight = TermWeight(1.0)
+    """Keypoints: errors in pixels of an image with a long side of 1920 px."""
+    contact: TermWeight = TermWeight(1e4 / _CONTACT_SCALE_M**2)
+    """Mean robust distance of static body parts from the scene, which saturates at the square of
+    its scale (in PROX at 1).
+    """
+    penetration: PointPenetrationSettings = PointPenetrationSettings(
+        _VERTICES_PER_DM2, _SEARCH_RADIUS_M
     )
     """Vertices inside the scene."""
-    prior: ProxPriorSettings = field(default_factory=ProxPriorSettings)
-    """Prior of the parameters."""
-    limits: LimitSettings = field(default_factory=LimitSettings)
+    limits: TermWeight = TermWeight(1.0)
     """Knees and elbows."""
 
     @property
@@ -113,8 +92,6 @@ class ProxOptimisation(PublishedOptimisation):
     def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the first steps, without bending prior: see :meth:`late_terms`."""
         unit = max(sampling.state.masks.shape[-2:]) / _FULL_HD_PX
-        others = dict.fromkeys(("root", "translation", "offset"), 0.0)
-        p = self.prior
         return [
             ReprojectionByAxisTerm(
                 sampling,
@@ -122,11 +99,8 @@ class ProxOptimisation(PublishedOptimisation):
                 unit,
                 partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
             ),
-            ParameterPriorTerm(
-                variables,
-                {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others},
-            ),
-            LimitTerm(self.limits),
+            ParameterPriorTerm(variables, _PRIOR_WEIGHTS),
+            LimitTerm(self.limits.weight),
         ]
 
     def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:

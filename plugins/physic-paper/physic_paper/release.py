@@ -28,14 +28,14 @@ problem where it was measured:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
+from physic_core.engine.joint.sampling import Sampling, VisibilitySettings, WeightedKeypoints
 from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.body import SceneScaleTerm
@@ -46,7 +46,6 @@ from physic_paper.paper import (
     CONTACT_RANGE_M,
     PaperOptimisation,
     PaperReprojectionSettings,
-    PaperVisibilitySettings,
 )
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
 from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
@@ -74,18 +73,16 @@ class ReleaseOptimisation(PaperOptimisation):
     all masks.
     """
 
-    visibility: PaperVisibilitySettings = field(
-        default_factory=lambda: PaperVisibilitySettings(facing_deg=_FACING_DEG)
+    visibility: VisibilitySettings = VisibilitySettings(
+        vertex_spacing_m=0.0, facing_deg=_FACING_DEG, mask_tolerance=0.0
     )
     """Visibility of vertices."""
-    reprojection: ReleaseReprojectionSettings = field(default_factory=ReleaseReprojectionSettings)
+    reprojection: ReleaseReprojectionSettings = ReleaseReprojectionSettings()
     """Keypoints."""
-    penetration: PointPenetrationSettings = field(
-        default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15)
-    )
+    penetration: PointPenetrationSettings = PointPenetrationSettings(max_depth_m=0.15)
     """Vertices inside the scene."""
-    regularisation: PrintedRegularisationSettings = field(
-        default_factory=lambda: PrintedRegularisationSettings(visible_weight=0.0)
+    regularisation: PrintedRegularisationSettings = PrintedRegularisationSettings(
+        visible_weight=0.0
     )
     """Deviation from the start."""
 
@@ -118,7 +115,7 @@ class ReleaseOptimisation(PaperOptimisation):
 
         return [
             ReleasedReprojectionTerm(sampling, self.reprojection.weight),
-            ChamferDepthTerm(self.depth, sampling),
+            ChamferDepthTerm(self.depth.weight, sampling),
             PointContactTerm(
                 sampling,
                 self.contact.weight,

@@ -47,15 +47,17 @@ def config_template(preset: str) -> str:
         lines += _interface(found, interface)
     for name in ("photo", "body_model", "run", "engine"):
         model = getattr(found, name)
-        own = {
+        values = {
             key: getattr(model, key)
             for key in type(model).model_fields
             if key not in stage_models()
         }
-        lines += _table(name, own, _meanings(type(model)))
+        lines += _table(name, values, _meanings(type(model)))
     settings = found.engine.settings()
     for stage in fields(settings):
-        lines += _settings(f"engine.{stage.name}", getattr(settings, stage.name))
+        own = getattr(settings, stage.name)
+        title = _plain((type(own).__doc__ or "").partition("\n")[0])
+        lines += _settings(f"engine.{stage.name}", own, title)
     return "\n".join(lines) + "\n"
 
 
@@ -82,9 +84,8 @@ def _interface(found: Config, interface: str) -> list[str]:
 
 
 def _table(
-    name: str, values: Mapping[str, Any], meanings: Mapping[str, str], kind: type | None = None
+    name: str, values: Mapping[str, Any], meanings: Mapping[str, str], title: str = ""
 ) -> list[str]:
-    title = _plain((kind.__doc__ or "").partition("\n")[0]) if kind is not None else ""
     lines = ["", f"# [{name}]", *_prose(title)]
     for key, value in values.items():
         if value is None:
@@ -109,14 +110,15 @@ def _meanings(model: type[BaseModel]) -> dict[str, str]:
     }
 
 
-def _settings(name: str, settings: Any) -> list[str]:
+def _settings(name: str, settings: Any, title: str) -> list[str]:
     """Format engine settings as a TOML table, followed by the tables of nested settings."""
     values = {field.name: getattr(settings, field.name) for field in fields(settings)}
     own = {key: value for key, value in values.items() if not is_dataclass(value)}
-    lines = _table(name, own, _engine_meanings(type(settings)), type(settings))
+    lines = _table(name, own, _engine_meanings(type(settings)), title)
+    titles = texts_of_fields(type(settings))
     for key, value in values.items():
         if is_dataclass(value):
-            lines += _settings(f"{name}.{key}", value)
+            lines += _settings(f"{name}.{key}", value, titles[key])
     return lines
 
 

@@ -156,14 +156,6 @@ _MAX_FLEXION = 2.7  # radians, of knees and elbows
 _FLEXION_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
-@dataclass(frozen=True)
-class LimitSettings:
-    """Settings of the limit term: flexion of knees and elbows between 0 and 2.7 rad."""
-
-    weight: NotNegative = 1.0
-    """Weight of the term; 0 removes it."""
-
-
 def hinge_angles(rotations: Tensor) -> Tensor:
     """Return the flexion of left knee, right knee, left elbow, right elbow: (B, 55, 3, 3) -> (B, 4)
     radians.
@@ -189,8 +181,8 @@ def limit_energy(rotations: Tensor) -> Tensor:
 class LimitTerm(Term):
     """Limit term of all knees and elbows."""
 
-    def __init__(self, settings: LimitSettings) -> None:
-        self._weight = settings.weight
+    def __init__(self, weight: float) -> None:
+        self._weight = weight
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "limits"."""
@@ -201,28 +193,15 @@ class LimitTerm(Term):
         )
 
 
-@dataclass(frozen=True)
-class StatureSettings:
-    """Settings of the stature term: deviation of each person's height from the estimated height."""
-
-    weight: NotNegative = 20.0
-    """Weight; with that of the scene's scale, it splits size disagreements between people and
-    scene; 0 removes the term. It is that of stated rotations: bodies whose joints hardly bend must
-    not change their size instead.
-    """
-
-
 class StatureTerm(Term):
     """Stature term of all people: deviation of each person's height from the body estimator's
     result.
     """
 
-    def __init__(self, settings: StatureSettings, sampling: Sampling) -> None:
-        self._weight = settings.weight
+    def __init__(self, weight: float, sampling: Sampling) -> None:
+        self._weight = weight
         self._stature = (
-            linearise_stature(sampling.state.model, sampling.state.betas)
-            if settings.weight
-            else None
+            linearise_stature(sampling.state.model, sampling.state.betas) if weight else None
         )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
@@ -270,14 +249,6 @@ class KnownSizeTerm(Term):
         for extent, metres in zip(extents, known.distances.metres, strict=False):
             shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIZE_SIGMA).square()
         return {"known_stature": own, "known_scene": (shared / len(own)).expand(len(own))}
-
-
-@dataclass(frozen=True)
-class SceneScaleSettings:
-    """Settings of the scene-scale term: change of the scene's scale."""
-
-    weight: NotNegative = 1.5
-    """Weight of the squared change, in units of its expected size."""
 
 
 class SceneScaleTerm(Term):

@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.joint.terms.body import STATED_WEIGHT
 from physic_core.engine.state import State
-from physic_core.types.bounds import NotNegative
 
 _ANKLES = joint_pair("ankle")
 _NECK = JOINT_INDEX["neck"]
-
-
-@dataclass(frozen=True)
-class LeanSettings:
-    """Settings of the lean term: lean towards the camera of people who stand or walk."""
-
-    weight: NotNegative = STATED_WEIGHT
-    """Weight of a change as large as the error that the body estimator states; 0 removes the term.
-    It is that of stated rotations.
-    """
 
 
 class LeanTerm(Term):
@@ -36,12 +22,12 @@ class LeanTerm(Term):
     too long leans the body by several degrees.
     """
 
-    def __init__(self, settings: LeanSettings, sampling: Sampling) -> None:
+    def __init__(self, weight: float, sampling: Sampling) -> None:
         self._weight = None
-        weight = lean_weight(sampling.state)
-        if weight is None or not settings.weight:
+        precision = lean_precision(sampling.state)
+        if precision is None or not weight:
             return
-        self._weight = settings.weight * weight
+        self._weight = weight * precision
         self._up = sampling.state.up
         joints = sampling.start.joints
         feet = joints[:, _ANKLES].mean(1)
@@ -62,11 +48,11 @@ class LeanTerm(Term):
         return torch.atan2((column * self._towards).sum(1), column @ self._up)
 
 
-def lean_weight(state: State) -> Tensor | None:
+def lean_precision(state: State) -> Tensor | None:
     """Return the probability that a person stands or walks, over the variance of the lean: (B,),
     1/rad^2.
 
-    The variance is that of bodies over a known floor, and that of the floor's pitch. The weight is
+    The variance is that of bodies over a known floor, and that of the floor's pitch. The result is
     0 for people whose lean is not stated; None without a stated lean or without a floor.
     """
     floor = state.scene.floor

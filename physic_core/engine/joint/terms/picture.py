@@ -47,10 +47,6 @@ class ReprojectionSettings:
     outlier_sigmas: Positive = 5.0
     """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
 
-    def rho(self) -> RobustLoss:
-        """Return the robust loss of reprojection errors: Cauchy with scale ``outlier_sigmas``."""
-        return partial(robust_loss, "cauchy", c=self.outlier_sigmas)
-
 
 def reprojection_energy(
     projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss
@@ -92,6 +88,13 @@ class ReprojectionTerm(Term):
                 projected, observed, self._weight, self._unit, self._rho
             )
         }
+
+
+def robust_reprojection(settings: ReprojectionSettings, sampling: Sampling) -> ReprojectionTerm:
+    """Return the term with errors in shares of the person's stature and a Cauchy loss."""
+    unit = sampling.person_px[:, None] * settings.sigma
+    rho = partial(robust_loss, "cauchy", c=settings.outlier_sigmas)
+    return ReprojectionTerm(sampling, settings.weight, unit, rho)
 
 
 def finite_keypoints(state: State) -> tuple[Tensor, Tensor]:
@@ -254,12 +257,7 @@ class ViewsTerm(Term):
 
     def __init__(self, settings: ReprojectionSettings, sampling: Sampling) -> None:
         self._terms = [
-            (
-                view,
-                ReprojectionTerm(
-                    own, settings.weight, own.person_px[:, None] * settings.sigma, settings.rho()
-                ),
-            )
+            (view, robust_reprojection(settings, own))
             for view, own in zip(sampling.state.views, sampling.views, strict=True)
         ]
 

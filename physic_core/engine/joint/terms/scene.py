@@ -188,14 +188,6 @@ _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
 _MAX_FLOOR_DEPTH_M = 0.2
 
 
-@dataclass(frozen=True)
-class FloorSettings:
-    """Settings of the floor term: penalty on vertices below the floor."""
-
-    weight: NotNegative = 6.0
-    """Weight of the term; 0 removes it."""
-
-
 class FloorTerm(SurfaceTerm):
     """Floor term: depth of all vertices below the floor's plane.
 
@@ -205,8 +197,8 @@ class FloorTerm(SurfaceTerm):
 
     name = "floor"
 
-    def __init__(self, settings: FloorSettings, sampling: Sampling) -> None:
-        self.settings = settings
+    def __init__(self, weight: float, sampling: Sampling) -> None:
+        self._weight = weight
         self._sampling = sampling
         self.weights: dict[str, Tensor] = {}
         self.eligible = sampling.on_visible_part
@@ -233,12 +225,10 @@ class FloorTerm(SurfaceTerm):
         """Return the robust sum over depths below the floor; None if the term is off or there is no
         floor.
         """
-        weight = self.settings.weight
-        if not weight or self._sampling.around.floor_normal is None:
+        if not self._weight or self._sampling.around.floor_normal is None:
             return None
-        return RobustSum.of(
-            "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"]
-        )
+        weight = self._weight * self.weights["floor"]
+        return RobustSum.of("pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight)
 
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the depths below the floor; invisible limbs give its scale no gradient."""

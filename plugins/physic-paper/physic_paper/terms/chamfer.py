@@ -13,16 +13,7 @@ from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.state import State
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.types.bounds import NotNegative
 from physic_core.types.short_repr import ShortRepr
-
-
-@dataclass(frozen=True)
-class ChamferSettings:
-    """Settings of the Chamfer term between visible vertices and human points."""
-
-    weight: NotNegative = 0.005
-    """Lambda_d of Eq. 5, of square metres; 0 removes the term."""
 
 
 def chamfer_energy(
@@ -134,9 +125,9 @@ class HumanPoints(ShortRepr):
 class ChamferDepthTerm(Term):
     """Depth term as in the paper: Chamfer distance (Eq. 4), for all people."""
 
-    def __init__(self, settings: ChamferSettings, sampling: Sampling) -> None:
-        self._weight = settings.weight
-        self._cloud = HumanPoints.of_state(sampling.state) if settings.weight else None
+    def __init__(self, weight: float, sampling: Sampling) -> None:
+        self._weight = weight
+        self._cloud = HumanPoints.of_state(sampling.state) if weight else None
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the camera-facing vertices."""
