@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.problem import FitSettings, InitialPose
+    from physic_embedded.body_fit.problem import InitialPose
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
@@ -110,13 +110,12 @@ class EmbeddedBodies(BodyEstimator):
         from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
         from physic_embedded.body_fit.newton import covariance
         from physic_embedded.body_fit.observations import observe_people
-        from physic_embedded.body_fit.problem import FitSettings
+        from physic_embedded.body_fit.problem import UPRIGHT_SIGMA
         from physic_embedded.body_fit.silhouette import outline_pairs
 
         if self._model is None:
             raise BackendError("the embedded body is not loaded: call load() before infer()")
         keypoints = limb_keypoints(keypoints)
-        settings = FitSettings()
         camera = intrinsics.matrix
         observed = observed_joints(keypoints, intrinsics.height, intrinsics.width, finger_share=0)
         if not len(people):
@@ -136,11 +135,11 @@ class EmbeddedBodies(BodyEstimator):
                 _fit_with_world_landmarks
                 if observations.world is not None
                 else fit_without_world_landmarks
-            )(self._model, observations, camera, keypoints.joint_set, settings)
+            )(self._model, observations, camera, keypoints.joint_set)
             upright = np.zeros(len(people), bool)
             if hints.floor is not None and keypoints.depth_sigma is None:
                 fit, upright = self._on_floor(
-                    fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal
+                    fit, observations, camera, keypoints.joint_set, hints.floor.normal
                 )
             fit = fit_outlines(
                 self._model,
@@ -159,7 +158,7 @@ class EmbeddedBodies(BodyEstimator):
             "embedded",
             observed,
             rotation_sigma=rotation_sigma,
-            lean_sigma=np.where(upright, settings.upright_sigma, np.nan),
+            lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.nan),
         )
 
     def _on_floor(
@@ -168,7 +167,6 @@ class EmbeddedBodies(BodyEstimator):
         observations: BodyObservations,
         camera: FloatArray,
         skeleton: Skeleton,
-        settings: FitSettings,
         up: FloatArray,
     ) -> tuple[FittedBodies, BoolArray]:
         """Repeat the fit with a known floor: feet level, and standing people upright.
@@ -201,8 +199,7 @@ class EmbeddedBodies(BodyEstimator):
                 camera,
                 skeleton,
                 _restart(fit, observations, turn, upright),
-                settings,
-                floor=FloorConstraint(up, upright, turn, np.ones(len(turn), bool)),
+                floor=FloorConstraint(up, upright, turn),
             )
             costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
             if not costly.any():
@@ -227,7 +224,6 @@ def _fit_with_world_landmarks(
     observations: BodyObservations,
     camera: FloatArray,
     skeleton: Skeleton,
-    settings: FitSettings,
 ) -> FittedBodies:
     """Fit bodies to keypoints and 3D landmarks, starting from the pose of the landmarks."""
     from physic_embedded.body_fit.fit import fit_bodies
@@ -250,7 +246,6 @@ def _fit_with_world_landmarks(
         camera,
         skeleton,
         InitialPose(np.array(roots), np.array(poses), np.array(places)),
-        settings,
     )
 
 

@@ -106,7 +106,7 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
                 )
                 if look is None or not self._is_reliable(look, side):
                     continue
-                rotvecs[i, s] = fit_fingers(look.world, self._rest[side]).rotvecs
+                rotvecs[i, s] = fit_fingers(look.world, self._rest[side])
                 confidence[i, s] = look.presence * (look.right if s else 1.0 - look.right)
         return Hands(rotvecs, confidence)
 

@@ -4,7 +4,7 @@ infinity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -160,7 +160,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                 f"{estimate.rule}"
             )
         else:
-            infinity = found.infinity
+            infinity, scale = found
         gap = np.maximum(raw - infinity, _MIN_GAP * span)
         too_far = (raw - infinity < _MIN_RELIABLE_GAP * span) | (raw < _SKY_DISPARITY * span)
         lost = flying_pixels(gap) | too_far
@@ -168,7 +168,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             raise BackendError(
                 "the depth network saw no structure in the photo: no pixel has a reliable depth"
             )
-        unit = float(np.median(gap[~lost])) if found is None else 1 / found.scale
+        unit = float(np.median(gap[~lost])) if found is None else 1 / scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
         valid = resize_map(lost.astype(np.float32), height, width) < 0.5
         columns = np.arange(width, dtype=np.float32)
@@ -268,16 +268,6 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         )
 
 
-@dataclass(frozen=True)
-class _SceneMatch:
-    """Affine map from disparity to the scene's inverse depth: ``scale * (disparity -
-    infinity)``.
-    """
-
-    infinity: float
-    scale: float
-
-
 def _open_air(labels: SurfaceLabels) -> float:
     """Return whether labels are of outdoors, 1, or of rooms, -1; 0 for neither or both."""
     outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
@@ -315,9 +305,9 @@ def _shrink_labels(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[
     )
 
 
-def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
-    """Fit the affine map from disparity to the scene's inverse depth outside the people, by
-    reweighted least squares.
+def _match_to_scene(raw: FloatArray, hints: Hints) -> tuple[float, float] | None:
+    """Return infinity and scale of the map ``scale * (disparity - infinity)`` to the inverse depth
+    of the scene, fitted outside the people by reweighted least squares.
     """
     import cv2
 
@@ -351,4 +341,4 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
         weight = 1 / (1 + (rest / (1.5 * np.median(rest) + 1e-9)) ** 2)
     if slope <= 0:
         return None
-    return _SceneMatch(float(-shift / slope), float(slope))
+    return float(-shift / slope), float(slope)

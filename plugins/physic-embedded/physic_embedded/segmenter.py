@@ -21,7 +21,7 @@ from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.people import SearchSettings, UnposedBox, detect_poses, mask_box
+from physic_embedded.segmentation.people import UnposedBox, detect_poses, mask_box
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
@@ -118,11 +118,9 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
             image,
-            SearchSettings(
-                box_score=options.box_score,
-                fractions=options.tile_fractions,
-                max_people=options.max_people,
-            ),
+            box_score=options.box_score,
+            fractions=options.tile_fractions,
+            max_people=options.max_people,
         )
         if not found and not unposed and prompt is None:
             empty_mask = np.zeros(image.shape[:2], bool)

@@ -51,7 +51,7 @@ class Truth:
 def pose(**angles):
     """Rotation vectors (55, 3) of a relaxed stance with some joints given in degrees."""
     vectors = np.zeros((55, 3))
-    vectors[1:22] = pose_prior().mean
+    vectors[1:22] = pose_prior()[0]
     vectors[22:] = relaxed_finger_pose()
     for name, degrees in angles.items():
         vectors[JOINT_INDEX[name]] = np.radians(degrees)

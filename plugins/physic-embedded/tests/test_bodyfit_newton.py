@@ -15,11 +15,10 @@ from physic_core.types import Intrinsics, skeleton_named
 from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
 from physic_embedded.body_fit.newton import covariance, minimize_newton
 from physic_embedded.body_fit.observations import BodyObservations
-from physic_embedded.body_fit.outline_pairs import OutlinePairs
 from physic_embedded.body_fit.problem import (
-    FitSettings,
     FloorConstraint,
     InitialPose,
+    OutlinePairs,
     fit_problem,
     with_outlines,
 )
@@ -143,19 +142,18 @@ def two_people(*, landmarks):
             rng.normal(0, 0.3, (2, 21, 3)),
             np.array([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]),
         ),
-        FitSettings(),
-        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, np.array([0.1, -0.1]), yes),
+        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, np.array([0.1, -0.1])),
     )
     problem = replace(problem, feet=torch.ones(2, dtype=torch.float64))
     pairs = (2, 5)
     return with_outlines(
         problem,
         OutlinePairs(
-            np.arange(0, 5000, 500),
-            rng.integers(0, 10, pairs),
-            rng.normal(0, 0.003, (*pairs, 2)),
-            rng.uniform(-1, 0.5, pairs),
-            np.ones(pairs),
+            torch.arange(0, 5000, 500),
+            torch.from_numpy(rng.integers(0, 10, pairs)),
+            torch.from_numpy(rng.normal(0, 0.003, (*pairs, 2))),
+            torch.from_numpy(rng.uniform(-1, 0.5, pairs)),
+            torch.ones(pairs, dtype=torch.float64),
         ),
     )
 

@@ -68,15 +68,13 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(body, side, degrees, spread
     root = Rotation.from_rotvec([0.4, -1.1, 2.0])
     # Another shape and another unit: only directions count.
     seen = 1.3 * posed(body, side, truth, root, betas=0.5)
-    fit = fit_fingers(seen, rest)
-    turned = angles_between(fit.rotvecs, truth)
+    found = fit_fingers(seen, rest)
+    turned = angles_between(found, truth)
     moved = 1000 * np.linalg.norm(
-        posed(body, side, fit.rotvecs, root) - posed(body, side, truth, root), axis=1
+        posed(body, side, found, root) - posed(body, side, truth, root), axis=1
     )
     assert turned.mean() < 4
     assert moved.mean() < 3
-    assert np.degrees(fit.error) < 3
-    assert angles_between(Rotation.from_matrix(fit.palm).as_rotvec(), root.as_rotvec()) < 8
 
 
 def test_noise_of_three_millimetres_costs_little(body):
@@ -86,7 +84,7 @@ def test_noise_of_three_millimetres_costs_little(body):
     moved = []
     for _ in range(5):
         seen = posed(body, "left", truth, Rotation.identity()) + rng.normal(0, 0.003, (21, 3))
-        found = posed(body, "left", fit_fingers(seen, rest).rotvecs, Rotation.identity())
+        found = posed(body, "left", fit_fingers(seen, rest), Rotation.identity())
         moved.append(
             np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean()
         )
@@ -96,7 +94,7 @@ def test_noise_of_three_millimetres_costs_little(body):
 def test_fingers_stay_within_the_range_of_human_joints(body):
     rest = rest_of(body, "right")
     backwards = posed(body, "right", curled(rest, -80.0), Rotation.identity())
-    found = fit_fingers(backwards, rest).rotvecs.reshape(5, 3, 3)
+    found = fit_fingers(backwards, rest).reshape(5, 3, 3)
     flexion = np.degrees((found[:4] * rest.axes[:4, :, 0]).sum(-1))
     assert (flexion[:, 0] > -30.1).all()
     assert (flexion[:, 1:] > -10.1).all()

@@ -284,8 +284,8 @@ def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():
     right[50:200, 100:230] = 1.0
     masks = resolve_overlaps(
         [
-            PersonMask(left, np.array([[60.0, 100.0]]), 1.0),
-            PersonMask(right, np.array([[180.0, 100.0]]), 1.0),
+            PersonMask(left, np.array([[60.0, 100.0]])),
+            PersonMask(right, np.array([[180.0, 100.0]])),
         ],
         embedding,
     )

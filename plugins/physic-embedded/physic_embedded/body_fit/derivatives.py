@@ -60,8 +60,8 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     shaped = torch.baddbmm(torch.cat(posed, 1).flatten(1)[:, None], shape, by_shape)
     points = shaped.view(count, width + 1, -1, 3) + carried.view(count, width + 1, 3, -1).mT
     parts = torch.split(points.flatten(0, 1), [part.shape[1] for part in posed], 1)
-    data, floor, _ = rows.terms_of_points(at, moved, parts)
-    losses = data + floor
+    data, constraints = rows.terms_of_points(at, moved, parts)
+    losses = data + constraints
     gradients, twist, pull = torch.autograd.grad(losses.sum(), [at, turned, points])
     gradients = gradients.view(count, width + 1, width)
     hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE

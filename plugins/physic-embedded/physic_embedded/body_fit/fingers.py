@@ -82,27 +82,15 @@ class RestHand:
         )
 
 
-@dataclass(frozen=True)
-class FingerFit:
-    """Finger rotations fitted to the landmarks of one hand.
-
-    Attributes:
-        rotvecs: (15, 3) radians, index, middle, pinky, ring, thumb, each from base to tip.
-        palm: (3, 3) attitude of the palm, rest frame to the landmarks' frame.
-        error: mean angle between the bones and the landmarks' bones, radians.
-    """
-
-    rotvecs: Float
-    palm: Float
-    error: float
-
-
-def fit_fingers(landmarks: Float, rest: RestHand) -> FingerFit:
+def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
     """Fit finger rotations to (21, 3) hand landmarks in any unit, in a right-handed frame.
 
     Args:
         landmarks: wrist, then thumb, index, middle, ring and pinky from base to tip.
         rest: of the hand of the same side.
+
+    Returns:
+        Rotation vectors (15, 3), radians: index, middle, pinky, ring, thumb, each from base to tip.
     """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
@@ -165,11 +153,7 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> FingerFit:
         ftol=1e-5,
         xtol=1e-5,
     ).x[None]
-    cosine = (directions(found)[0][0] * bones).sum(-1)
-    root = Rotation.from_rotvec(found[0, :3]).as_matrix() @ start
-    return FingerFit(
-        rotvecs(found[:, 3:])[0], root, float(np.arccos(np.clip(cosine, -1, 1)).mean())
-    )
+    return np.asarray(rotvecs(found[:, 3:])[0])
 
 
 def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:

@@ -15,7 +15,7 @@ import torch
 from scipy.optimize import minimize
 
 from physic_embedded.body_fit.newton import minimize_newton
-from physic_embedded.body_fit.problem import fit_problem, with_outlines
+from physic_embedded.body_fit.problem import ITERATIONS, fit_problem, with_outlines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,12 +24,11 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.outline_pairs import OutlinePairs
     from physic_embedded.body_fit.problem import (
         FitProblem,
-        FitSettings,
         FloorConstraint,
         InitialPose,
+        OutlinePairs,
     )
 
     FloatArray = NDArray[np.floating]
@@ -46,9 +45,6 @@ class FittedBodies:
         joints: (N, 55, 3).
         loss: (N,) final loss without the terms of floor and outlines, so that fits with and without
             them compare.
-        reprojection: (N,) mean reprojection error of confident keypoints, in sizes of the person.
-        lean: (N,) rotation of the landmarks about the view's x axis, radians.
-        landmark_size: (N,) size of the body over that of its landmarks.
         problem: that was solved.
         unknowns: (N, W) its solution.
     """
@@ -58,9 +54,6 @@ class FittedBodies:
     transl: Tensor
     joints: Tensor
     loss: FloatArray
-    reprojection: FloatArray
-    lean: FloatArray
-    landmark_size: FloatArray
     problem: FitProblem
     unknowns: Tensor
 
@@ -71,7 +64,6 @@ def fit_bodies(
     camera: FloatArray,
     skeleton: Skeleton,
     start: InitialPose,
-    settings: FitSettings,
     *,
     floor: FloorConstraint | None = None,
     starts: int = 1,
@@ -85,14 +77,13 @@ def fit_bodies(
         camera: (3, 3) intrinsics matrix, px.
         skeleton: joint set of the keypoints.
         start: initial poses.
-        settings: weights and standard deviations.
         floor: constraint of the floor; None without a floor.
         starts: initial poses of each person. N is the number of people times this, one start of all
             people after the other.
     """
-    problem = fit_problem(model, observations, camera, skeleton, start, settings, floor)
+    problem = fit_problem(model, observations, camera, skeleton, start, floor)
     unknowns = torch.zeros(len(observations.points), problem.num_unknowns, dtype=model.dtype)
-    unknowns = _minimize_lbfgs(problem, unknowns, settings.iterations)
+    unknowns = _minimize_lbfgs(problem, unknowns, ITERATIONS)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
@@ -106,7 +97,7 @@ def fit_outlines(model: BodyModel, fit: FittedBodies, pairs: OutlinePairs) -> Fi
     The fit is a minimum without the pairs, so near to the one with them that Newton's method starts
     there. People without a pair stay as they are.
     """
-    rows = torch.as_tensor(pairs.weight.any(1)).nonzero()[:, 0]
+    rows = pairs.weight.any(1).nonzero()[:, 0]
     if not len(rows):
         return fit
     problem = with_outlines(fit.problem, pairs)
@@ -139,10 +130,8 @@ def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> T
 
 def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> FittedBodies:
     with torch.no_grad():
-        loss, _, projected = problem.terms(unknowns)
+        loss, _ = problem.terms(unknowns)
         body = problem.decode(unknowns)
-        seen = (problem.confidence > 0.5).to(model.dtype)
-        miss = (projected - problem.points).norm(dim=-1) * seen
         joints = model(body.rotations, body.betas, body.transl, joints_only=True).joints
         return FittedBodies(
             body.rotations.detach(),
@@ -150,9 +139,6 @@ def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> Fitted
             body.transl.detach(),
             joints,
             loss.double().numpy(),
-            (miss.sum(1) / seen.sum(1).clamp(min=1) / problem.size).double().numpy(),
-            body.lean.double().numpy(),
-            body.landmark_size.double().numpy(),
             problem,
             unknowns.detach(),
         )

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.problem import FitSettings
 
     FloatArray = NDArray[np.floating]
 
@@ -36,12 +35,11 @@ def fit_without_world_landmarks(
     observations: BodyObservations,
     camera: FloatArray,
     skeleton: Skeleton,
-    settings: FitSettings,
 ) -> FittedBodies:
     """Fit each person from eight initial poses in one optimisation, and return each person's best
     fit.
     """
-    mean = pose_prior().mean
+    mean, _ = pose_prior()
     sitting = mean.copy()
     for joint, angle in _SIT.items():
         for side in ("left", "right"):
@@ -80,4 +78,4 @@ def fit_without_world_landmarks(
         },
     )
     start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
-    return fit_bodies(model, tiled, camera, skeleton, start, settings, starts=len(starts))
+    return fit_bodies(model, tiled, camera, skeleton, start, starts=len(starts))

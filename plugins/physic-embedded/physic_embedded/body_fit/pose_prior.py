@@ -46,16 +46,6 @@ _FINGER_CURL = 0.25
 
 
 @dataclass(frozen=True)
-class PosePrior:
-    """Mean and standard deviation, (21, 3) radians each, of the rotation vectors of joints 1 to
-    21.
-    """
-
-    mean: FloatArray
-    sigma: FloatArray
-
-
-@dataclass(frozen=True)
 class HingeJoint:
     """Joint that bends about one axis in one direction.
 
@@ -85,8 +75,9 @@ _TIGHTER: dict[str, float] = {
 }
 
 
-def pose_prior(*, tight: bool = False) -> PosePrior:
-    """Return the pose prior of a person who may stand, walk, sit or reach.
+def pose_prior(*, tight: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation, (21, 3) radians each, of the rotation vectors of joints 1
+    to 21 of a person who may stand, walk, sit or reach.
 
     The standard deviations are large at hips, shoulders, knees and elbows.
 
@@ -108,7 +99,7 @@ def pose_prior(*, tight: bool = False) -> PosePrior:
             mean[row, 0] = _KNEE_BENT
         elif name.endswith("elbow"):
             mean[row, 1] = -side * _ELBOW_BENT
-    return PosePrior(mean, sigma)
+    return mean, sigma
 
 
 def hinge_joints() -> tuple[HingeJoint, ...]:

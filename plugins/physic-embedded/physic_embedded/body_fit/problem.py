@@ -33,62 +33,45 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
-    from physic_embedded.body_fit.outline_pairs import OutlinePairs
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
-class FitSettings:
-    """Weights and standard deviations of the body fit.
+ITERATIONS = 20
+"""Iterations of L-BFGS, which choose the minimum that Newton's method then finds."""
+UPRIGHT_SIGMA = 0.03
+"""Radians between the line from ankles to neck and the vertical, seen from the side."""
 
-    Attributes:
-        iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
-        sigma_2d: of a keypoint, in sizes of the person; for detectors that state no error of their
-            own.
-        sigma_3d: of a 3D landmark in metres: right, down, and away from the camera; the same.
-        joint_sigma: metres between a joint of the body and the same joint as a detector or a data
-            set defines it; added to errors that a detector states.
-        shape_weight: on the squared shape components about the shape of a mean adult; with 1,
-            landmark noise shows as odd bodies.
-        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show
-            it. Landmarks are no evidence: their bones are as long for short people as for tall
-            ones.
-        size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
-        lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
-        upright_sigma: radians between the line from ankles to neck and the vertical, seen from the
-            side.
-        trunk_sigma: radians between the trunk and the vertical, seen from the side, where a floor
-            is known; people who bend are far outside and are not pulled.
-        trunk_lean_sigma: radians by which the landmarks above the hips lean more than those of the
-            legs, where a floor is known.
-        level_sigma: metres between the lowest points of two feet that are both seen, as far as the
-            picture says that both stand; a foot in the air is far outside and is not pulled.
-        knee_sigma: radians by which knees of people who stand may bend more or less than where the
-            fit starts; otherwise a body that is set upright bends them until it is as short as the
-            leaning one looked.
-        outline_sigma: of the distance between the outlines of body and mask, in sizes of the
-            person.
-        outline_limit: standard deviations at which a pair of outline points pulls most; beyond, it
-            is likely to be wrong.
-    """
-
-    iterations: int = 20
-    sigma_2d: float = 0.010
-    sigma_3d: tuple[float, float, float] = (0.04, 0.04, 0.08)
-    joint_sigma: float = 0.02
-    shape_weight: float = 4.0
-    stature_sigma: float = 0.05
-    size_sigma: float = 0.1
-    lean_sigma: float = 0.05
-    upright_sigma: float = 0.03
-    trunk_sigma: float = 0.1
-    trunk_lean_sigma: float = 0.3
-    knee_sigma: float = 0.12
-    level_sigma: float = 0.02
-    outline_sigma: float = 0.015
-    outline_limit: float = 2.0
+# A detector may state its own errors of keypoints and of 3D landmarks.
+_KEYPOINT_SIGMA = 0.010  # sizes of the person
+_WORLD_SIGMA_M = (0.04, 0.04, 0.08)  # right, down, and away from the camera
+# between a joint of the body and the same joint as a detector or a data set defines it; added to
+# errors that a detector states
+_JOINT_SIGMA_M = 0.02
+# on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
+# odd bodies
+_SHAPE_WEIGHT = 4.0
+# of the stature about the mean adult's, as far as the photo may show it; landmarks are no evidence:
+# their bones are as long for short people as for tall ones
+_STATURE_SIGMA_M = 0.05
+_SIZE_SIGMA = 0.1  # logarithm of how much larger or smaller the network draws its landmarks
+_LEAN_SIGMA = 0.05  # radians of the landmarks' lean towards the camera, where it is free
+# radians between the trunk and the vertical, seen from the side, where a floor is known; people who
+# bend are far outside and are not pulled
+_TRUNK_SIGMA = 0.1
+# radians by which the landmarks above the hips lean more than those of the legs, where a floor is
+# known
+_TRUNK_LEAN_SIGMA = 0.3
+# radians by which knees of people who stand may bend more or less than where the fit starts;
+# otherwise a body that is set upright bends them until it is as short as the leaning one looked
+_KNEE_SIGMA = 0.12
+# between the lowest points of two feet that are both seen, as far as the picture says that both
+# stand; a foot in the air is far outside and is not pulled
+_LEVEL_SIGMA_M = 0.02
+_OUTLINE_SIGMA = 0.015  # of the distance between the outlines of body and mask, in sizes
+# standard deviations at which a pair of outline points pulls most; beyond, it is likely to be wrong
+_OUTLINE_LIMIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -114,13 +97,11 @@ class FloorConstraint:
         up: (3,) unit normal of the floor, camera frame.
         upright: (N,) bool, people whose line from ankles to neck must be vertical.
         lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
-        trunk: (N,) bool, people whose trunk is likely to be vertical.
     """
 
     up: FloatArray
     upright: BoolArray
     lean: FloatArray
-    trunk: BoolArray
 
 
 NUM_TURNED = 22
@@ -137,6 +118,7 @@ _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
 _SHOULDERS, _HIPS = (
     [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip")
 )
+_KNEES = [JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]  # without the pelvis
 _LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
 _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
@@ -156,9 +138,21 @@ class DecodedUnknowns:
 
 
 @dataclass(frozen=True)
-class _Outlines:
-    """:class:`OutlinePairs` of N people as tensors."""
+class OutlinePairs:
+    """Pairs of a body vertex and a line in the picture; N people, P pairs.
 
+    The residual of a pair is ``normal @ (pixel of the vertex) - offset``, in sizes of the person;
+    only a positive one counts.
+
+    Attributes:
+        vertex_ids: (V,) int64, of the body model.
+        vertex: (N, P) int64, rows of ``vertex_ids``.
+        normal: (N, P, 2) per px.
+        offset: (N, P).
+        weight: (N, P), zero for pairs that do not count.
+    """
+
+    vertex_ids: Tensor
     vertex: Tensor = field(metadata=PER_PERSON)
     normal: Tensor = field(metadata=PER_PERSON)
     offset: Tensor = field(metadata=PER_PERSON)
@@ -173,11 +167,8 @@ class FitProblem:
     skeleton: Skeleton
     rows: Tensor
     hips: tuple[int, int]
-    knees: tuple[int, int]
     points: Tensor = field(metadata=PER_PERSON)
     weight: Tensor = field(metadata=PER_PERSON)
-    confidence: Tensor = field(metadata=PER_PERSON)
-    size: Tensor = field(metadata=PER_PERSON)
     turn: Tensor = field(metadata=PER_PERSON)
     world: Tensor | None = field(metadata=PER_PERSON)
     world_weight: Tensor = field(metadata=PER_PERSON)
@@ -199,10 +190,9 @@ class FitProblem:
     upright: Tensor = field(metadata=PER_PERSON)
     trunk: Tensor = field(metadata=PER_PERSON)
     upper: Tensor
-    outlines: _Outlines | None = field(metadata=PER_PERSON)
+    outlines: OutlinePairs | None = field(metadata=PER_PERSON)
     stature: Tensor
     adult: Tensor
-    settings: FitSettings
 
     @property
     def num_unknowns(self) -> int:
@@ -234,9 +224,9 @@ class FitProblem:
             rotvecs,
             self.adult + betas,
             transl,
-            torch.exp(self.settings.size_sigma * size)[:, 0],
-            self.lean + self.settings.lean_sigma * lean[:, 0] * self.upright,
-            self.settings.trunk_lean_sigma * trunk[:, 0] * self.trunk,
+            torch.exp(_SIZE_SIGMA * size)[:, 0],
+            self.lean + _LEAN_SIGMA * lean[:, 0] * self.upright,
+            _TRUNK_LEAN_SIGMA * trunk[:, 0] * self.trunk,
         )
 
     def rotation_sigma(self, covariance: Tensor) -> Tensor:
@@ -252,13 +242,11 @@ class FitProblem:
 
     def loss(self, unknowns: Tensor) -> Tensor:
         """Return the loss (N,) of each person: the sum of all terms."""
-        data, floor, _ = self.terms(unknowns)
-        return data + floor
+        data, constraints = self.terms(unknowns)
+        return data + constraints
 
-    def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the losses (N,) of data and priors, the losses (N,) of the floor, and the
-        projected keypoints (N, J, 2).
-        """
+    def terms(self, unknowns: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the losses (N,) of data and priors, and those (N,) of floor and outlines."""
         body = self.decode(unknowns)
         posed = self.landmarks(body.rotations, body.betas, body.transl)
         return self.terms_of_points(unknowns, body, self.used(posed))
@@ -272,11 +260,10 @@ class FitProblem:
 
     def terms_of_points(
         self, unknowns: Tensor, body: DecodedUnknowns, posed: Sequence[Tensor]
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> tuple[Tensor, Tensor]:
         """Return :meth:`terms` of unknowns (N, W) that are decoded, and whose points are those of
         :meth:`used`.
         """
-        s = self.settings
         points, joints, vertices = posed
 
         homogeneous = points @ self.camera.T
@@ -297,8 +284,8 @@ class FitProblem:
 
         loss = loss + ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
         shape = body.betas - self.adult
-        loss = loss + s.shape_weight * shape.square().sum(1)
-        loss = loss + (shape @ self.stature / s.stature_sigma).square()
+        loss = loss + _SHAPE_WEIGHT * shape.square().sum(1)
+        loss = loss + (shape @ self.stature / _STATURE_SIGMA_M).square()
         loss = loss + unknowns[:, -3:].square().sum(1)
         for hinge in hinge_joints():
             bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
@@ -312,9 +299,9 @@ class FitProblem:
         left, right = (
             -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights
         )  # a smooth minimum
-        level = self.feet * 8 * torch.log1p(((left - right) / s.level_sigma).square() / 8)
-        knees = ((body.pose - self.pose)[:, self.knees, 0] / s.knee_sigma).square().sum(1)
-        vertical = self.upright * ((angle / s.upright_sigma).square() + knees)
+        level = self.feet * 8 * torch.log1p(((left - right) / _LEVEL_SIGMA_M).square() / 8)
+        knees = ((body.pose - self.pose)[:, _KNEES, 0] / _KNEE_SIGMA).square().sum(1)
+        vertical = self.upright * ((angle / UPRIGHT_SIGMA).square() + knees)
         spine = ((joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))[:, None] @ self.turn)[
             :, 0
         ]
@@ -322,27 +309,26 @@ class FitProblem:
         tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
         # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled
         # at all.
-        trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (
+        trunk = (_TRUNK_LIMIT / _TRUNK_SIGMA) ** 2 * (
             1 - torch.exp(-(tilt / _TRUNK_LIMIT).square())
         )
         constraints = vertical + self.trunk * trunk + level
         if self.outlines is not None:
             constraints = constraints + self._outline_loss(self.outlines, outline)
-        return loss, constraints, projected
+        return loss, constraints
 
-    def _outline_loss(self, pairs: _Outlines, vertices: Tensor) -> Tensor:
+    def _outline_loss(self, pairs: OutlinePairs, vertices: Tensor) -> Tensor:
         """Return the loss (N,) of bodies that reach outside their masks, and masks outside their
         bodies.
 
         Each pair has the loss of Geman and McClure (1987), which tends to a constant.
         """
-        s = self.settings
         chosen = vertices.gather(1, pairs.vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
         pixels = chosen[..., :2] / chosen[..., 2:].clamp(min=0.1)
-        excess = torch.relu((pairs.normal * pixels).sum(-1) - pairs.offset) / s.outline_sigma
+        excess = torch.relu((pairs.normal * pixels).sum(-1) - pairs.offset) / _OUTLINE_SIGMA
         # A square that starts as a cube: Newton's method needs second derivatives without jumps.
         square = excess.pow(3) / (excess + 0.5)
-        return (pairs.weight * square * s.outline_limit**2 / (s.outline_limit**2 + square)).sum(1)
+        return (pairs.weight * square * _OUTLINE_LIMIT**2 / (_OUTLINE_LIMIT**2 + square)).sum(1)
 
 
 def fit_problem(
@@ -351,7 +337,6 @@ def fit_problem(
     camera: FloatArray,
     skeleton: Skeleton,
     start: InitialPose,
-    settings: FitSettings,
     floor: FloorConstraint | None,
 ) -> FitProblem:
     """Build the least-squares problem of N people; arguments as in
@@ -366,15 +351,15 @@ def fit_problem(
     index = keypoint_indices(skeleton)
     used = [name for name in index if not any(twin in name for twin in _DUPLICATE_POINTS)]
     rows = [index[name] for name in used]
-    prior = pose_prior(tight=observations.world is None)
+    mean, sigma = pose_prior(tight=observations.world is None)
     up = np.zeros(3)
     up_angle = np.zeros(count)
     feet = np.zeros(count)
     upright: BoolArray | FloatArray = np.zeros(count)
     lean: FloatArray = np.zeros(count)
-    trunk: BoolArray | FloatArray = np.zeros(count)
+    trunk = np.zeros(count)
     if floor is not None:
-        trunk = floor.trunk
+        trunk = np.ones(count)
         up = np.asarray(floor.up, np.float64)
         upright = floor.upright
         lean = floor.lean
@@ -386,13 +371,13 @@ def fit_problem(
         touches = touch_in_picture(observations.points, list(index))
         feet = (ankles > _SEEN) * touches.prod(1)
     shape = observations.weight.shape
-    point_sigma = np.broadcast_to(settings.sigma_2d * observations.size[:, None], shape)
-    world_sigma = np.broadcast_to(settings.sigma_3d, (*shape, 3))
+    point_sigma = np.broadcast_to(_KEYPOINT_SIGMA * observations.size[:, None], shape)
+    world_sigma = np.broadcast_to(_WORLD_SIGMA_M, (*shape, 3))
     if observations.sigma is not None:
         pixels = observations.size[:, None] / SIZE_STATURE_M
-        point_sigma = np.hypot(observations.sigma, settings.joint_sigma * pixels)
+        point_sigma = np.hypot(observations.sigma, _JOINT_SIGMA_M * pixels)
     if observations.depth_sigma is not None:  # then right and down are those of the points
-        depth = np.hypot(observations.depth_sigma, settings.joint_sigma)
+        depth = np.hypot(observations.depth_sigma, _JOINT_SIGMA_M)
         world_sigma = np.stack([np.full(shape, np.inf), np.full(shape, np.inf), depth], -1)
     stature = _stature_per_component(model)
     soles = _soles(model)
@@ -402,11 +387,8 @@ def fit_problem(
         skeleton=skeleton,
         rows=torch.as_tensor(rows),
         hips=(used.index("left_hip"), used.index("right_hip")),
-        knees=(JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1),
         points=tensor(observations.points[:, rows]),
         weight=tensor(observations.weight[:, rows]),
-        confidence=tensor(observations.confidence[:, rows]),
-        size=tensor(observations.size),
         turn=tensor(observations.turn),
         world=None if observations.world is None else tensor(observations.world[:, rows]),
         world_weight=tensor(observations.world_weight[:, rows]),
@@ -415,8 +397,8 @@ def fit_problem(
         camera=tensor(camera),
         root=tensor(start.root),
         pose=tensor(start.pose),
-        mean=tensor(prior.mean),
-        sigma=tensor(prior.sigma),
+        mean=tensor(mean),
+        sigma=tensor(sigma),
         fingers=rotvec_to_rotmat(tensor(relaxed_finger_pose())),
         log_z=tensor(np.log(z)),
         side=tensor(start.transl[:, :2] / z),
@@ -431,7 +413,6 @@ def fit_problem(
         upper=tensor([not any(part in name for part in _LEGS) for name in used]),
         stature=stature,
         adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
-        settings=settings,
     )
 
 
@@ -440,19 +421,9 @@ def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
     added.
     """
     model = problem.landmarks.body
-    return replace(
-        problem,
-        landmarks=model.landmarks_only(
-            [problem.skeleton], torch.cat([*_soles(model), torch.as_tensor(pairs.vertex_ids)])
-        ),
-        outlines=_Outlines(
-            torch.as_tensor(pairs.vertex),
-            *(
-                torch.as_tensor(values, dtype=model.dtype)
-                for values in (pairs.normal, pairs.offset, pairs.weight)
-            ),
-        ),
-    )
+    vertex_ids = torch.cat([*_soles(model), pairs.vertex_ids])
+    landmarks = model.landmarks_only([problem.skeleton], vertex_ids)
+    return replace(problem, landmarks=landmarks, outlines=pairs)
 
 
 def _soles(model: BodyModel) -> list[Tensor]:

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from physic_core.body import JOINT_NAMES
 from physic_core.geometry.raster import rasterize
-from physic_embedded.body_fit.outline_pairs import OutlinePairs
+from physic_embedded.body_fit.problem import OutlinePairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -108,7 +108,8 @@ def outline_pairs(
         off = lines.point - _project(vertices[i][vertex[i]], camera)
         offset[i] = lines.offset - (normal[i] * off).sum(-1)
     used, rows = np.unique(vertex, return_inverse=True)
-    return OutlinePairs(used, rows.reshape(vertex.shape), normal, offset, weight)
+    arrays = (used, rows.reshape(vertex.shape), normal, offset, weight)
+    return OutlinePairs(*map(torch.from_numpy, arrays))
 
 
 def _usable(mask: BoolArray, points: FloatArray, confidence: FloatArray, size: float) -> bool:

@@ -81,24 +81,10 @@ SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
 
-@dataclass(frozen=True)
-class SearchSettings:
-    """Settings of the search for people.
-
-    Attributes:
-        box_score: lowest score of a YOLOX box in the full image, and of what carries people.
-        sure: BlazePose score from which a candidate is a person, see :func:`is_person`.
-        weak: BlazePose score from which a candidate is tried; 0.2 more in a tile.
-        fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the
-            full image only.
-        max_people: number of people that are kept.
-    """
-
-    box_score: float = 0.4
-    sure: float = 0.75
-    weak: float = 0.3
-    fractions: tuple[float, ...] = (0.6, 0.4)
-    max_people: int = 20
+SURE_SCORE = 0.75
+"""BlazePose score from which a candidate is a person, see :func:`is_person`."""
+WEAK_SCORE = 0.3
+"""BlazePose score from which a candidate is tried; 0.2 more in a tile."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +138,10 @@ def detect_poses(
     pose_detector: OnnxSession,
     landmarker: OnnxSession,
     image: NDArray[np.uint8],
-    settings: SearchSettings,
+    *,
+    box_score: float,
+    fractions: tuple[float, ...],
+    max_people: int,
 ) -> FoundPeople:
     """Detect the people in an image (H, W, 3).
 
@@ -161,47 +150,54 @@ def detect_poses(
         pose_detector: session of ``pose_detection``.
         landmarker: session of ``pose_landmark_heavy``.
         image: RGB.
-        settings: of the search.
+        box_score: lowest score of a YOLOX box in the full image, and of what carries people.
+        fractions: sides of the tiles over the image's long side, for BlazePose; empty to search the
+            full image only.
+        max_people: number of people that are kept.
     """
     picture = ImagePyramid.from_image(image)
-    lowest = max(settings.box_score - WEAK_MARGIN, 0.0)
+    lowest = max(box_score - WEAK_MARGIN, 0.0)
     things = detect_boxes(
         box_detector,
         image,
         min_score=lowest,
         min_tile_score=lowest,
-        fractions=BOX_TILES if settings.fractions else (),
+        fractions=BOX_TILES if fractions else (),
     )
-    boxes, left_out = _without_others(things, settings.box_score)
+    boxes, left_out = _without_others(things, box_score)
     posed = [
         (box, float(score), predict_pose(landmarker, picture, square_around(box)))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    sure = [_is_sure(*one, settings) for one in posed]
+    sure = [_is_sure(*one, box_score) for one in posed]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     enough = bool(posed) and all(sure)
-    blazepose = [] if enough else _search_blazepose(pose_detector, landmarker, picture, settings)
+    blazepose = (
+        []
+        if enough
+        else _search_blazepose(pose_detector, landmarker, picture, fractions, most=2 * max_people)
+    )
     others = [pose for pose, _ in blazepose]
     candidates = [[] if one_is_sure else others for one_is_sure in sure]
-    found = _best_poses(posed, candidates, settings.box_score)
+    found = _best_poses(posed, candidates, box_score)
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
-        if is_person(pose, score, settings.sure)
+        if is_person(pose, score, SURE_SCORE)
         and not things.other_at(mask_box(pose), lowest, SAME_THING)
     ]
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
         if not any(is_same_person(person, other) for other in kept):
             kept.append(person)
-    unposed = _add_hidden_people(landmarker, image, boxes, kept, settings.box_score)
+    unposed = _add_hidden_people(landmarker, image, boxes, kept, box_score)
     unposed += [
-        UnposedBox(person.box, person.score, f"more than {settings.max_people} people")
-        for person in kept[settings.max_people :]
+        UnposedBox(person.box, person.score, f"more than {max_people} people")
+        for person in kept[max_people:]
         if person.box is not None
     ]
-    carriers = things.carriers(settings.box_score)
-    return FoundPeople(kept[: settings.max_people], unposed, left_out, carriers)
+    carriers = things.carriers(box_score)
+    return FoundPeople(kept[:max_people], unposed, left_out, carriers)
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
@@ -283,12 +279,12 @@ def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
     return not is_same_person(a, b) and mask_overlap(a.pose, b.pose) <= MAX_SHARED_MASK
 
 
-def _is_sure(box: Float, score: float, pose: Pose, settings: SearchSettings) -> bool:
+def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
     """Return whether a box has a high score and a pose that fits it, the same in the mirror
     image.
     """
     return (
-        score >= settings.box_score
+        score >= box_score
         and pose.score > 0.5
         and pose.mirror_gap < SURE_MIRROR_GAP
         and box_fit(pose, box) >= SURE_FIT
@@ -299,16 +295,14 @@ def _search_blazepose(
     pose_detector: OnnxSession,
     landmarker: OnnxSession,
     picture: ImagePyramid,
-    settings: SearchSettings,
+    fractions: tuple[float, ...],
+    most: int,
 ) -> list[tuple[Pose, float]]:
     """Return the poses of BlazePose's own detector, with its scores."""
-    weak = min(settings.weak, settings.sure)
-    detections = detect_people(
-        pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions
-    )
+    detections = detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions)
     return [
         (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
-        for d in detections[: 2 * settings.max_people]
+        for d in detections[:most]
     ]
 
 

@@ -36,12 +36,10 @@ class PersonMask:
     Attributes:
         logits: (rows, columns) on the grid of the embedding, above 0 inside.
         points: (P, 2) photo px that are surely on the person.
-        agreement: intersection over union with the landmark network's own rough mask.
     """
 
     logits: Float
     points: Float
-    agreement: float
 
 
 def person_mask(
@@ -76,7 +74,7 @@ def person_mask(
     # A joint hidden behind another person would prompt for that person.
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
-        return PersonMask(soft, inside, 0.0)
+        return PersonMask(soft, inside)
     outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
     near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[
         :most_others
@@ -101,7 +99,7 @@ def person_mask(
     k, value = _best(answer.logits, rough, joints, outside, embedding)
     if value > fit:
         best = answer.logits[k]
-    return PersonMask(best, inside, float(_iou(best[None] > 0, rough)[0]))
+    return PersonMask(best, inside)
 
 
 def resolve_overlaps(

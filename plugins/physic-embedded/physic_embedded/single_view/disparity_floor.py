@@ -36,14 +36,12 @@ class DisparityFloor:
         dv: slope along y, positive: nearer further down.
         d0: value at the principal point.
         inlier_share: share of the lower part of the picture that lies on the plane.
-        below_share: share of it that lies beyond the plane, where a floor cannot be seen through.
     """
 
     du: float
     dv: float
     d0: float
     inlier_share: float
-    below_share: float
 
     def horizon(self, infinity: float) -> float:
         """Return the image y of the floor's horizon at x = 0, from the principal point, in units of
@@ -103,6 +101,5 @@ def fit_disparity_floor(
         return None
     rest = view.error(found[0])[round((1 - LOWER_SHARE) * height) :]
     on = (rest.abs() < view.tolerance).double().mean()
-    behind = (rest < -2 * view.tolerance).double().mean()
     du, dv, d0 = (float(p) for p in found[0])
-    return DisparityFloor(du, dv, d0, float(on), float(behind))
+    return DisparityFloor(du, dv, d0, float(on))

@@ -42,16 +42,12 @@ class InfinityEstimate:
 
     Attributes:
         disparity: at infinity, in the units of the map.
-        gap: from it to the farthest pixels, in ranges of the map.
-        outdoors: probability that the farthest pixels are practically at infinity.
-        sigma: standard deviation of log(gap).
+        sigma: standard deviation of the logarithm of the gap from it to the farthest pixels.
         disparity_sigma: standard deviation of ``disparity``.
         rule: the deciding evidence, in words.
     """
 
     disparity: float
-    gap: float
-    outdoors: float
     sigma: float
     disparity_sigma: float
     rule: str
@@ -142,7 +138,7 @@ def disparity_at_infinity(
         float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
         for values, mean in ((np.log(gaps), np.log(gap)), (candidates, infinity))
     )
-    return InfinityEstimate(infinity, gap, outdoors, sigma, disparity_sigma, rule)
+    return InfinityEstimate(infinity, sigma, disparity_sigma, rule)
 
 
 def _floor_cues(

@@ -26,21 +26,14 @@ class Gravity:
     """Direction of gravity with its uncertainty.
 
     Attributes:
-        down: (3,) unit vector, camera frame.
         pitch_deg: how far the camera looks down.
         sigma_deg: standard deviation of the pitch.
         source: the evidence, in words.
     """
 
-    down: FloatArray
     pitch_deg: float
     sigma_deg: float
     source: str
-
-
-def _pitch_roll(down: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return pitch and roll of a direction of gravity, degrees."""
-    return np.degrees(np.arctan2(down[..., 2], down[..., 1])), np.degrees(np.arcsin(down[..., 0]))
 
 
 def gravity_from_segments(
@@ -81,16 +74,15 @@ def gravity_from_segments(
         if down is None:
             return None
         found.append(down)
-    pitches, _ = _pitch_roll(np.array(found))
+    _, vertical, forward = np.array(found).T
+    pitches = np.degrees(np.arctan2(forward, vertical))
     # one search of five may go astray
     spread = float(np.sort(np.abs(pitches - np.median(pitches)))[-2])
-    down = found[int(np.abs(pitches - np.median(pitches)).argmin())]
     pitch = float(np.median(pitches))
     if spread > 6.0:
         return None
-    return Gravity(
-        down, pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch)), "upright edges"
-    )
+    sigma = float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch))
+    return Gravity(pitch, sigma, "upright edges")
 
 
 def _vertical_direction(rays: FloatArray, size: FloatArray) -> FloatArray | None:
