@@ -43,14 +43,12 @@ class AffineCamera:
         determined: whether the points determine the focal length. Those of a flat wall parallel to
             the image do not. The shift is then the smallest that keeps all points in front of the
             camera, and the focal length is the best for it.
-        given: whether the focal length was given.
     """
 
     fx: float
     fy: float
     shift: float
     determined: bool = True
-    given: bool = False
 
     def intrinsics(self, width: int, height: int, source: str) -> Intrinsics:
         """Return intrinsics with the principal point in the image centre, marked as guessed if not
@@ -92,7 +90,7 @@ def recover_camera(
     nearest = np.geomspace(1e-4, 1e4, 97) * size
     if given is not None:
         shift = _minimise(problem.error_at_1, problem.slope_at_1, lowest, nearest)
-        return AffineCamera(float(given[0]), float(given[1]), shift, given=True)
+        return AffineCamera(float(given[0]), float(given[1]), shift)
     shift = _minimise(problem.error, problem.slope, lowest, nearest)
     determined = problem.focal(shift) > 0 and problem.uncertainty(shift) < _MAX_UNCERTAINTY
     if not determined:

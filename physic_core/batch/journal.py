@@ -13,7 +13,6 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +96,7 @@ class Journal:
             self._lock.acquire()
             self._file = open_to_append(path)
             self._end_torn_line()
-            self._run = 1 + read_journals(path.parent, ()).run
+            self._run = 1 + max((row["run"] for _, _, row in _lines(path.parent)), default=0)
         except Timeout:
             raise OutputError(
                 f"another batch is writing {path}: wait for its end, or name another folder"
@@ -143,21 +142,8 @@ class Journal:
         )
 
 
-@dataclass(frozen=True)
-class JournalRows:
-    """Rows of all journals of a folder.
-
-    Attributes:
-        last: the last row of each id.
-        run: largest number of a run; 0 without rows.
-    """
-
-    last: Mapping[str, dict[str, Any]]
-    run: int
-
-
-def read_journals(folder: Path, columns: Iterable[str] | None = None) -> JournalRows:
-    """Read all journals of a folder, or only some columns of them.
+def read_journals(folder: Path, columns: Iterable[str] | None = None) -> dict[str, dict[str, Any]]:
+    """Return the last row of each id in all journals of a folder, or only some columns of it.
 
     An id can be in several journals after a change of shards; then the row of the later run counts.
     """
@@ -170,7 +156,7 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
             found[row["id"]] = (
                 row if wanted is None else {name: row[name] for name in wanted & row.keys()}
             )
-    return JournalRows(found, max(runs.values(), default=0))
+    return found
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:

@@ -67,7 +67,7 @@ def plan_batch(
         job: of the batch.
         retry_failed: whether photos that failed are done again.
     """
-    rows = read_journals(Path(job.out), _NEEDED).last
+    rows = read_journals(Path(job.out), _NEEDED)
     todo: list[PhotoItem] = []
     count: Counter[str] = Counter()
     for item in items:

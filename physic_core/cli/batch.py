@@ -273,7 +273,7 @@ def _duration(seconds: float) -> str:
 def _summary(out: Path, items: list[Any]) -> str:
     from physic_core.batch.journal import read_journals
 
-    rows = read_journals(out, ("state", "error")).last
+    rows = read_journals(out, ("state", "error"))
     wanted = {item.id for item in items}
     states = Counter(row["state"] for name, row in rows.items() if name in wanted)
     errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])

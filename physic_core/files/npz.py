@@ -39,12 +39,10 @@ class ArrayHeader:
     Attributes:
         dtype: of the array.
         shape: of the array.
-        offset: of the first number in the member, bytes.
     """
 
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
-    offset: int
 
 
 def read_names(stream: IO[bytes]) -> list[str]:
@@ -160,7 +158,7 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
         raise ValueError(
             f"an array of {size - offset} bytes should have {math.prod(shape) * dtype.itemsize}"
         )
-    return ArrayHeader(dtype, shape, offset)
+    return ArrayHeader(dtype, shape)
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:

@@ -70,7 +70,7 @@ class TestExact:
         assert found.fx == found.fy == pytest.approx(focal, rel=1e-6)
         assert found.shift == pytest.approx(shift, abs=1e-6 * max(1, 1 / scale))
         known = recover_camera(points, mask, focal)
-        assert known.given
+        assert known.fx == known.fy == focal
         assert known.shift == pytest.approx(shift, abs=1e-6 * max(1, 1 / scale))
 
     def test_focal_lengths_that_differ_by_axis(self):

@@ -44,8 +44,7 @@ def lines(out):
 
 def states(out):
     return {
-        Path(row["path"]).stem: (row["state"], row["error"])
-        for row in read_journals(out).last.values()
+        Path(row["path"]).stem: (row["state"], row["error"]) for row in read_journals(out).values()
     }
 
 
@@ -159,10 +158,10 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
         file.write(b"[" * 100_000 + b'\n{"id": "c", "state": "do')
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("d"))
-    assert list(read_journals(tmp_path).last) == ["a", "b", "d"]
-    assert read_journals(tmp_path).last["a"]["value"] == pytest.approx(1 / 3)
+    assert list(read_journals(tmp_path)) == ["a", "b", "d"]
+    assert read_journals(tmp_path)["a"]["value"] == pytest.approx(1 / 3)
     assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
-    assert read_journals(tmp_path, ("state", "run")).last["d"] == {
+    assert read_journals(tmp_path, ("state", "run"))["d"] == {
         "id": "d",
         "state": "done",
         "run": 2,
@@ -175,7 +174,7 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
         with Journal(tmp_path / f"journal-{name}.jsonl") as journal:
             journal.append(row(f"only {name}"))
             journal.append(row("both", f"2026-01-0{9 - value}T00:00:00", value=value))
-    found = read_journals(tmp_path).last
+    found = read_journals(tmp_path)
     assert sorted(found) == ["both", "only 1-of-2", "only 2-of-2"]
     assert found["both"]["value"] == 1
     assert sorted(last["id"] for last in last_rows(tmp_path)) == sorted(found)
@@ -303,7 +302,7 @@ def run_all(photos, job, reconstruct=lambda path, settings: tiny_result()):
         lambda items, job: (process(item) for item in items),
         Path(job.out) / "journal.jsonl",
     )
-    return list(read_journals(Path(job.out)).last.values())[-1]
+    return list(read_journals(Path(job.out)).values())[-1]
 
 
 @pytest.fixture

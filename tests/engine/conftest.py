@@ -17,7 +17,6 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.floor import PlaneFit
 from physic_testing.worlds import BLAZEPOSE
 
@@ -138,7 +137,6 @@ def make_stage(body):
                 valid=torch.from_numpy(known),
                 floor_points=torch.zeros(0, 3),
                 K=K.double(),
-                alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
                 floor=PlaneFit(UP, FLOOR_Y, torch.from_numpy(known), 1.0, 0.0, "floor mask"),
             ),
             contact_prior=contact,

@@ -18,7 +18,6 @@ from physic_core.engine.contact.probability import ContactModel, part_gaps
 from physic_core.engine.contact.solve import contact_of, measure_distances
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS
@@ -80,7 +79,6 @@ def alone(body, plane=None, stance=None):
             valid=nowhere,
             floor_points=torch.zeros(0, 3),
             K=K.double(),
-            alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
             floor=floor,
         ),
         K=K,

@@ -15,7 +15,6 @@ from physic_core import engine_preset
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.plane import height_over_plane
@@ -44,7 +43,6 @@ def given(make_stage):
         valid=torch.ones_like(is_floor),
         floor_points=torch.zeros(0, 3),
         K=state.K.double(),
-        alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
         floor=PlaneFit(UP, FLOOR_Y, is_floor, 1.0, 0.0, "floor mask"),
         diagnostics={"floor": {}},
     )

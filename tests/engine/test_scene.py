@@ -155,7 +155,7 @@ def test_the_metric_depths_camera_comes_before_the_point_maps():
 
 def test_shift_is_found_by_depth_alone_without_a_known_camera():
     state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
-    assert state.alignment.shift == pytest.approx(0.3)
+    assert state.diagnostics["alignment"]["shift"] == pytest.approx(0.3)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
 
 
@@ -213,9 +213,7 @@ def test_disagreement_with_the_metric_depth_is_reported():
     )
     wrong = wrong * (1 + 0.2 * noise(1).abs())
     state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
-    share = state.alignment.inlier_share
-    assert share < 0.5
-    assert state.diagnostics["alignment"]["inlier_share"] == pytest.approx(share)
+    assert state.diagnostics["alignment"]["inlier_share"] < 0.5
 
 
 def test_relative_floor_has_the_units_of_the_map():

@@ -203,7 +203,6 @@ def build_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         valid=clean,
         floor_points=floor_points,
         K=camera,
-        alignment=alignment,
         floor=floor,
         diagnostics={
             "alignment": alignment_diagnostics(alignment),

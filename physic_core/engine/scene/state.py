@@ -9,7 +9,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.tensors import select_pixels
 from physic_core.types.short_repr import ShortRepr
@@ -25,7 +24,6 @@ class SceneState(ShortRepr):
         valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
         floor_points: (M, 3) on the floor, within the extent of the scene.
         K: (3, 3) px, float64.
-        alignment: of the relative point map to the metric depth.
         floor: fitted floor plane, or None.
         diagnostics: of the stage, by topic.
     """
@@ -35,7 +33,6 @@ class SceneState(ShortRepr):
     valid: Tensor
     floor_points: Tensor
     K: Tensor
-    alignment: Alignment
     floor: PlaneFit | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 

@@ -25,21 +25,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class PosedBody:
-    """An SMPL-X body of a user's model file.
-
-    Attributes:
-        vertices: (10475, 3) m.
-        joints: (55, 3) m of ``physic_core.body.joints.JOINT_NAMES``.
-        faces: (F, 3).
-    """
-
-    vertices: Array
-    joints: Array
-    faces: NDArray[np.int64]
-
-
 @dataclass(frozen=True)
 class BodyFiles:
     """Body model files of the user.
@@ -98,7 +83,9 @@ class BodyFiles:
             else None
         )
 
-    def smplx_body(self, parameters: Mapping[str, Any], gender: str = "neutral") -> PosedBody:
+    def smplx_body(
+        self, parameters: Mapping[str, Any], gender: str = "neutral"
+    ) -> tuple[Array, Array]:
         """Pose SMPL-X.
 
         Args:
@@ -106,6 +93,9 @@ class BodyFiles:
                 components, of which the mean hand pose of the file is the origin. What is missing
                 is zero.
             gender: of the model file.
+
+        Returns:
+            Vertices (10475, 3) and joints (55, 3), m, of ``physic_core.body.joints.JOINT_NAMES``.
 
         Raises:
             InputError: a model file is missing.
@@ -125,9 +115,7 @@ class BodyFiles:
         given = (rotations, _ten(parameters, "betas"), transl, _ten(parameters, "expression"))
         with torch.no_grad():
             out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in given))
-        return PosedBody(
-            out.vertices[0].double().numpy(), out.joints[0].double().numpy(), model.faces.numpy()
-        )
+        return out.vertices[0].double().numpy(), out.joints[0].double().numpy()
 
     def carry(self, values: Array, source: str, target: str) -> Array | None:
         """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None

@@ -170,8 +170,8 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         )
         name = given.preset or (given.config.stem if given.config else "embedded")
         methods.insert(0, Method(f"physic {name}", "physic", folder, failures))
-    evaluation = evaluate_methods(found, methods, files)
-    every = [record for own in evaluation.records.values() for record in own]
+    records, scored = evaluate_methods(found, methods, files)
+    every = [record for own in records.values() for record in own]
     columns = columns_for(
         list(dict.fromkeys(name for record in every for name in record["contact"]))
     )
@@ -179,13 +179,11 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         "data_set": chosen.name,
         "options": options,
         "methods": [{"name": m.name, "reader": m.reader, "folder": str(m.folder)} for m in methods],
-        "left_out": dict(evaluation.left_out),
-        "records": evaluation.records,
+        "left_out": dict(scored.left_out),
+        "records": records,
     }
     header = _header(chosen, options, given, len(found.frames))
-    paths = write_results(
-        Tables.of(evaluation.records, columns), given.out, header, evaluation.notes, document
-    )
+    paths = write_results(Tables.of(records, columns), given.out, header, scored.notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
 

@@ -5,7 +5,7 @@ figures depend on.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -69,21 +69,6 @@ class Method:
         return found, "" if found is not None else self.failures.get(frame.id, "no result")
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """Everything that was measured.
-
-    Attributes:
-        records: method -> one record per annotated person, of all frames in order.
-        notes: sentences that the figures depend on.
-        left_out: frame id -> why it is not scored.
-    """
-
-    records: Mapping[str, Sequence[Record]]
-    notes: tuple[str, ...]
-    left_out: Mapping[str, str]
-
-
 def reconstruct_frames(
     frames: Sequence[Frame],
     out: Path,
@@ -143,7 +128,7 @@ def reconstruct_frames(
         report(f"{row['state']} {row['id']}{reason}")
 
     run_batch(plan.todo, job, executor, out / "journal.jsonl", on_row)
-    last = read_journals(out, ("state", "error", "message")).last
+    last = read_journals(out, ("state", "error", "message"))
     rows = {item.id: last[item.id] for item in items if item.id in last}
     return failed | {
         i: f"{row['error']}: {row['message']}"
@@ -152,13 +137,19 @@ def reconstruct_frames(
     }
 
 
-def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFiles) -> Evaluation:
+def evaluate_methods(
+    found: FrameSet, methods: Sequence[Method], files: BodyFiles
+) -> tuple[dict[str, list[Record]], FrameSet]:
     """Score methods on the frames of a data set.
 
     Args:
         found: frames.
         methods: at least one.
         files: body models, by which contact is carried between meshes.
+
+    Returns:
+        Method -> one record per annotated person, of all frames in order; and the frames, with
+        sentences on which the figures depend, and with those that are not scored.
 
     Raises:
         InputError: a method has no result of any frame, its results do not fall on the annotated
@@ -191,7 +182,7 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
         notes += _notes(method.name, records[method.name])
     if left_out:
         notes.append(f"{len(left_out)} frames skipped; results.json has the reasons")
-    return Evaluation(records, tuple(notes), left_out)
+    return records, replace(found, notes=tuple(notes), left_out=left_out)
 
 
 def checked_truth(frame: Frame) -> Truth:

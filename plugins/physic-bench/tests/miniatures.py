@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from physic_bench.bodies import BodyFiles
 from physic_bench.scoring import LIMB_JOINTS
+from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.cli import main
 from physic_testing.worlds import load_world
@@ -52,8 +53,9 @@ class Files:
 
     bodies: BodyFiles
 
-    def standing(self, **parameters):
-        return self.bodies.smplx_body(STANDING | parameters, "male")
+    @property
+    def faces(self):
+        return load_body(str(self.bodies.file("smplx", "male"))).faces.numpy()
 
     def arguments(self):
         return ["--smplx", str(self.bodies.smplx), "--smpl", str(self.bodies.smpl)]
@@ -186,7 +188,7 @@ def moved_parameters(files, matrix, parameters, gender):
     import roma
     import torch
 
-    pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender).joints[0]
+    pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender)[1][0]
     orient = roma.rotvec_to_rotmat(
         torch.tensor(np.array(parameters["global_orient"], np.float64))
     ).numpy()

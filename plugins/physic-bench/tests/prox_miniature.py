@@ -56,7 +56,7 @@ def floor_of(side_m=12.0):
 
 def write_prox(root, files, mesh_frame="vicon"):
     """Write the set; the person's lowest vertex is 1 cm over the floor."""
-    made = Miniature(root, {}, {}, {}, files.standing().faces)
+    made = Miniature(root, {}, {}, {}, files.faces)
     for part in ("calibration", "cam2world", "scenes"):
         (root / part).mkdir(parents=True, exist_ok=True)
     calibration = {
@@ -77,11 +77,11 @@ def write_prox(root, files, mesh_frame="vicon"):
             "betas": np.array([0.5, -0.3, *[0.0] * 8]),
         }
         parameters = _on_floor(files, parameters)
-        body = files.bodies.smplx_body(parameters, "male")
+        vertices, joints = files.bodies.smplx_body(parameters, "male")
         key = f"{recording}/{name}"
-        made.vertices[key] = body.vertices
-        made.joints[key] = body.joints
-        made.height[key] = moved_by(TO_SCENE, body.vertices)[:, 2]
+        made.vertices[key] = vertices
+        made.joints[key] = joints
+        made.height[key] = moved_by(TO_SCENE, vertices)[:, 2]
         to_file = {
             "camera": np.eye(4),
             "scene": TO_SCENE,
@@ -90,20 +90,20 @@ def write_prox(root, files, mesh_frame="vicon"):
         folder = root / "fittings" / "mosh" / recording
         mesh = folder / "meshes" / name / "000.ply"
         mesh.parent.mkdir(parents=True)
-        trimesh.Trimesh(moved_by(to_file, body.vertices), body.faces, process=False).export(mesh)
+        trimesh.Trimesh(moved_by(to_file, vertices), made.faces, process=False).export(mesh)
         own = moved_parameters(files, to_file, parameters, "male")
         python2_pickle(
             folder / "results" / name / "000.pkl",
             {k: np.array(v, np.float32)[None] for k, v in own.items()},
         )
         _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg")
-        _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", body.joints)
+        _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", joints)
     return made
 
 
 def _on_floor(files, parameters):
     down = TO_SCENE[2, :3]  # up of the scene, in the camera frame
-    lowest = moved_by(TO_SCENE, files.bodies.smplx_body(parameters, "male").vertices)[:, 2].min()
+    lowest = moved_by(TO_SCENE, files.bodies.smplx_body(parameters, "male")[0])[:, 2].min()
     return parameters | {"transl": np.array(parameters["transl"]) + down * (0.01 - lowest)}
 
 

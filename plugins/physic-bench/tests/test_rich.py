@@ -44,8 +44,8 @@ def root(files, tmp_path_factory):
         )
         colours = np.tile(np.array([200, 200, 200, 255], np.uint8), (10475, 1))
         colours[:50] = 0, 255, 0, 255
-        body = files.bodies.smplx_body(parameters, "male")
-        trimesh.Trimesh(body.vertices, body.faces, vertex_colors=colours, process=False).export(
+        vertices, _ = files.bodies.smplx_body(parameters, "male")
+        trimesh.Trimesh(vertices, files.faces, vertex_colors=colours, process=False).export(
             contacts / f"{subject}.obj"
         )
     scan = folder / "scan_calibration" / "LectureHall_lunge"
@@ -79,8 +79,8 @@ def true_people(root, files, view):
             "transl": [1.1 * row - 0.4, 0.35, 3.6],
             "left_hand_pose": 0.2 * np.ones(12),
         }
-        body = files.bodies.smplx_body(parameters, gender)
-        both.append((body.vertices, body.joints[:22]))
+        vertices, joints = files.bodies.smplx_body(parameters, gender)
+        both.append((vertices, joints[:22]))
     R = VIEWS[view][:3, :3]
     t = VIEWS[view][:3, 3]
     return tuple(np.stack(part) @ R.T + t for part in zip(*both, strict=True))

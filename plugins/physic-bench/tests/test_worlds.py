@@ -101,8 +101,8 @@ def test_the_truth_is_perfect_and_touches_its_scene(tmp_path):
     (frame,) = found.frames
     names = np.array(frame.truth().people[0].joint_names)
     np.savez(tmp_path / "hug.npz", joint_names=names, K=world.intrinsics.matrix, **arrays)
-    scores = evaluate_methods(found, [Method("true", "plain", tmp_path)], BodyFiles())
-    for record in scores.records["true"]:
+    records, _ = evaluate_methods(found, [Method("true", "plain", tmp_path)], BodyFiles())
+    for record in records["true"]:
         assert record["found"]
         assert record["me_mpjpe"] == record["me_pve"] == 0
         assert record["focal_ratio"] == 1

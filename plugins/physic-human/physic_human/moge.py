@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -82,26 +81,6 @@ class Moge3Options(MogeOptions):
     )
 
 
-@dataclass(frozen=True)
-class _Solved:
-    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along
-    z is known.
-    """
-
-    points: FloatArray
-    valid: BoolArray
-    camera: Intrinsics
-    determined: bool
-
-    def pointmap(self, name: str) -> Pointmap:
-        """Return the point map, up to a scale, of the network ``name``."""
-        if self.determined:
-            return Pointmap(self.points, self.valid, "scale", self.camera)
-        return Pointmap(
-            self.points, self.valid, "scale_shift", self.camera, (f"{name} {_TOO_FLAT}",)
-        )
-
-
 class _Moge(CheckoutBackend):
     """Base class of the MoGe backends."""
 
@@ -148,8 +127,11 @@ class _Moge(CheckoutBackend):
 
     def _solve(
         self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0
-    ) -> _Solved:
-        """Place the points on the rays of the given camera, or else of the estimated one."""
+    ) -> Pointmap:
+        """Place the points on the rays of the given camera, or else of the estimated one.
+
+        The shift along z stays unknown where the points do not determine the focal length.
+        """
         height, width = mask.shape
         found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
         source = (
@@ -158,8 +140,10 @@ class _Moge(CheckoutBackend):
             else f"default: {self.title} saw a scene too flat to tell"
         )
         camera = given or found.intrinsics(width, height, source)
-        settled, valid = points_on_rays(points[..., 2], mask, found, camera, scale)
-        return _Solved(settled, valid, camera, found.determined)
+        placed, valid = points_on_rays(points[..., 2], mask, found, camera, scale)
+        if found.determined:
+            return Pointmap(placed, valid, "scale", camera)
+        return Pointmap(placed, valid, "scale_shift", camera, (f"{self.title} {_TOO_FLAT}",))
 
 
 class Moge1(_Moge, RelativePointmap):
@@ -194,7 +178,7 @@ class Moge1(_Moge, RelativePointmap):
         """Return the point map, up to a scale, of an image (H, W, 3)."""
         points, chance = self._checked(output, image)
         mask = (chance > self.network.mask_threshold) & np.isfinite(points).all(axis=-1)
-        return self._solve(points, mask, hints.intrinsics).pointmap(self.title)
+        return self._solve(points, mask, hints.intrinsics)
 
 
 class _Moge3(_Moge):
@@ -276,7 +260,7 @@ class _Moge3(_Moge):
 
         return cached_network_result("moge-3", made_of, {"image": inputs}, compute)
 
-    def _solve_output(self, output: Any, given: Intrinsics | None, *, metric: bool) -> _Solved:
+    def _solve_output(self, output: Any, given: Intrinsics | None, *, metric: bool) -> Pointmap:
         points, chance, scale = output
         if not 0 < float(scale) < np.inf:
             raise BackendError(
@@ -293,7 +277,7 @@ class Moge3Pointmap(_Moge3, RelativePointmap):
 
     def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the point map, up to a scale, of an image (H, W, 3)."""
-        return self._solve_output(output, hints.intrinsics, metric=False).pointmap(self.title)
+        return self._solve_output(output, hints.intrinsics, metric=False)
 
 
 class Moge3Depth(_Moge3, MetricDepth):
@@ -309,12 +293,10 @@ class Moge3Depth(_Moge3, MetricDepth):
         if known is not None and known.guessed:
             known = None
         solved = self._solve_output(output, known, metric=True)
-        notes = (
-            ()
-            if solved.determined
-            else (f"{self.title} {_TOO_FLAT}: {solved.camera.fx:.0f} px is a guess",)
-        )
-        return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=notes)
+        camera = solved.intrinsics
+        assert camera is not None
+        notes = tuple(f"{note}: {camera.fx:.0f} px is a guess" for note in solved.notes)
+        return DepthMap(solved.points[..., 2].copy(), camera, notes=notes)
 
 
 _KERNELS = ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops")  # import Triton, which needs a GPU

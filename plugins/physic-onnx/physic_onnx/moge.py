@@ -7,7 +7,7 @@ share network and outputs, so that each photo is run once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
@@ -24,7 +24,7 @@ from .sessions import OnnxOptions, open_network
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Hints, UInt8Array
+    from physic_core.types import AffineAmbiguity, Hints, UInt8Array
 
 _FILE = "model.onnx"
 
@@ -72,8 +72,11 @@ class _Moge(NetworkBackend):
         super().close()
         self.runner.release(self)
 
-    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> _CameraPoints:
+    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> Pointmap:
         """Return the points of a photo on the rays of the known or the estimated camera.
+
+        The shift along z is found with the focal length, so that only a scale is left unknown; for
+        a flat scene that determines neither, the shift stays unknown too.
 
         Raises:
             BackendError: the backend is not loaded, or the output of the network is unusable.
@@ -102,7 +105,8 @@ class _Moge(NetworkBackend):
         mask = resize_map(raw.confidence, height, width) > 0.5
         depth = resize_map(raw.points[..., 2], height, width)
         points, valid = points_on_rays(depth, mask, found, camera, raw.scale if metric else 1.0)
-        return _CameraPoints(points, valid, camera, found.determined, tuple(notes))
+        unknown: AffineAmbiguity = "scale" if found.determined else "scale_shift"
+        return Pointmap(points, valid, unknown, camera, tuple(notes))
 
 
 class Moge2Depth(_Moge, MetricDepth):
@@ -122,7 +126,7 @@ class Moge2Depth(_Moge, MetricDepth):
         if known is not None and known.guessed:
             known = None
         solved = self._ask(image, known, metric=True)
-        return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=solved.notes)
+        return DepthMap(solved.points[..., 2].copy(), solved.intrinsics, notes=solved.notes)
 
 
 class Moge2Pointmap(_Moge, RelativePointmap):
@@ -133,25 +137,7 @@ class Moge2Pointmap(_Moge, RelativePointmap):
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Predict the relative point map of an image (H, W, 3), and its camera.
 
-        The shift along z is found with the focal length, so that only a scale is left unknown; for
-        a flat scene that determines neither, the shift stays unknown too.
-
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
         """
-        solved = self._ask(image, hints.intrinsics, metric=False)
-        unknown: AffineAmbiguity = "scale" if solved.determined else "scale_shift"
-        return Pointmap(solved.points, solved.valid, unknown, solved.camera, solved.notes)
-
-
-@dataclass(frozen=True)
-class _CameraPoints:
-    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along
-    z is known.
-    """
-
-    points: FloatArray
-    valid: BoolArray
-    camera: Intrinsics
-    determined: bool
-    notes: tuple[str, ...]
+        return self._ask(image, hints.intrinsics, metric=False)

@@ -16,7 +16,6 @@ from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyArrays, build_body_model, derive_vertex_sets
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
-from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.geometry.floor import PlaneFit
 from physic_core.types import (
@@ -97,7 +96,6 @@ class Published:
             valid=kept,
             floor_points=self.floor,
             K=self["camera/K"].double(),
-            alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
             floor=PlaneFit(plane[:3], float(plane[3]), kept, 1.0, 0.0, "floor mask"),
         )
 

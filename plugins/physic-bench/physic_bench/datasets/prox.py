@@ -169,15 +169,15 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
     file = _fitting(root, name, "results/{}/000.pkl")
     if bodies.smplx is not None and file.is_file():
         with reading(file):
-            body = bodies.smplx_body(read_pickled(file), "male")
-        apart = float(np.linalg.norm(vertices - body.vertices, axis=1).mean())
+            posed, joints = bodies.smplx_body(read_pickled(file), "male")
+        apart = float(np.linalg.norm(vertices - posed, axis=1).mean())
         if apart > MAX_MODEL_ERROR_M:
             raise DamagedFrameError(
                 f"{file}, posed by {bodies.file('smplx', 'male').name}, is {1000 * apart:.0f} mm "
                 f"from its mesh: give "
                 "--smplx SMPLX_MALE.npz, or a folder with it, since the body is male"
             )
-        joints = _to_camera(root, body.joints, kind)
+        joints = _to_camera(root, joints, kind)
     names = () if joints is None else JOINT_NAMES
     person = BenchPerson(
         "0", joints, names, "posed SMPL-X", _to_camera(root, vertices, kind), "smplx"

@@ -114,10 +114,10 @@ def _truth(
         with reading(root / "resource" / "gender.json"):
             gender = genders.get(file.stem) or genders[file.stem.lstrip("0")]
         with reading(file):
-            body = bodies.smplx_body(read_pickled(file), gender)
+            vertices, joints = bodies.smplx_body(read_pickled(file), gender)
         contact = _contact(root / "human_scene_contact" / split / sequence / moment / file.name)
-        joints = camera.in_camera(body.joints)
-        vertices = camera.in_camera(body.vertices)
+        joints = camera.in_camera(joints)
+        vertices = camera.in_camera(vertices)
         mesh = TOPOLOGY_OF_COUNT[len(contact)]
         people.append(
             BenchPerson(
