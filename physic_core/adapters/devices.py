@@ -56,6 +56,16 @@ def has_gpu() -> bool:
 
 
 @contextmanager
+def limited_blas(count: int = 1) -> Iterator[None]:
+    """Limit the BLAS of NumPy and SciPy to ``count`` threads inside the block."""
+    import scipy.linalg  # noqa: F401 -- threadpoolctl limits the libraries that are loaded
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=count, user_api="blas"):
+        yield
+
+
+@contextmanager
 def limited_threads(count: int = 1) -> Iterator[None]:
     """Limit torch and BLAS to ``count`` threads inside the block.
 
@@ -67,9 +77,6 @@ def limited_threads(count: int = 1) -> Iterator[None]:
     Args:
         count: threads, at least 1.
     """
-    import scipy.linalg  # noqa: F401 -- threadpoolctl limits the libraries that are loaded
-    from threadpoolctl import threadpool_limits
-
     before = list[int]()
 
     def limit_torch() -> None:
@@ -86,7 +93,7 @@ def limited_threads(count: int = 1) -> Iterator[None]:
     else:
         limiting.start()
     try:
-        with threadpool_limits(limits=count, user_api="blas"):
+        with limited_blas(count):
             yield
     finally:
         if limiting.ident is not None:

@@ -17,7 +17,8 @@ from torch import Tensor
 
 from physic_core.body.joints import NUM_JOINTS, PARENTS, ROTATION_FIELDS
 from physic_core.errors import BodyModelError
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from physic_core.geometry.rotations import rotmat_to_rotvec
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:

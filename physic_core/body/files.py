@@ -16,10 +16,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from physic_core.body.array_pickle import (
@@ -30,8 +29,8 @@ from physic_core.body.array_pickle import (
     escape_unprintable,
     read_pickle,
 )
+from physic_core.body.arrays import BodyArrays, VertexSets
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
-from physic_core.body.model import BodyArrays, BodyModel, VertexSets, build_body_model
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import (
     ArrayHeader,
@@ -41,6 +40,11 @@ from physic_core.files.npz import (
     read_names,
 )
 from physic_core.types import RestMesh
+
+if TYPE_CHECKING:
+    import torch
+
+    from physic_core.body.model import BodyModel
 
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
 """Number of vertices -> family of the body model."""
@@ -405,6 +409,14 @@ def load_smplx(
         BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer
             components.
     """
+    from physic_core.body.model import build_body_model
+
+    arrays = smplx_arrays(path, num_betas=num_betas, num_expression=num_expression)
+    return build_body_model(arrays, device)
+
+
+def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int = 10) -> BodyArrays:
+    """Read the arrays of a SMPL-X file; arguments and errors as of :func:`load_smplx`."""
     arrays = read_model_file(Path(path), SMPLX)
     columns = arrays["shapedirs"].shape[2]
     num_shape, num_faces = _COLUMNS[columns]
@@ -421,26 +433,24 @@ def load_smplx(
     regressor = arrays["J_regressor"].astype(np.float64)
     weights = arrays["weights"].astype(np.float32)
     eyes = [JOINT_INDEX["left_eye"], JOINT_INDEX["right_eye"]]
-    return build_body_model(
-        BodyArrays(
-            name="smplx",
-            topology="smplx",
-            template=arrays["v_template"].astype(np.float32),
-            directions=np.concatenate(
-                [shapedirs, arrays["posedirs"].astype(np.float32)], 2
-            ).transpose(2, 0, 1),
-            joint_template=regressor @ arrays["v_template"],
-            joint_directions=np.einsum("jv,vck->kjc", regressor, shapedirs, optimize=True),
-            bind_rot=None,
-            weights=weights,
-            faces=arrays["f"].astype(np.int64),
-            num_betas=num_betas,
-            num_expression=num_expression,
-            outer=~np.isin(weights.argmax(1), eyes),
-            info="SMPL-X model file of the user; its licence is between the user and the Max "
-            "Planck Society.",
+    joint_directions = np.einsum("jv,vck->kjc", regressor, shapedirs, optimize=True)
+    return BodyArrays(
+        name="smplx",
+        topology="smplx",
+        template=arrays["v_template"].astype(np.float32),
+        directions=np.concatenate([shapedirs, arrays["posedirs"].astype(np.float32)], 2).transpose(
+            2, 0, 1
         ),
-        device,
+        joint_template=(regressor @ arrays["v_template"]).astype(np.float32),
+        joint_directions=joint_directions.astype(np.float32),
+        bind_rot=None,
+        weights=weights,
+        faces=arrays["f"].astype(np.int64),
+        num_betas=num_betas,
+        num_expression=num_expression,
+        outer=~np.isin(weights.argmax(1), eyes),
+        info="SMPL-X model file of the user; its licence is between the user and the Max Planck "
+        "Society.",
     )
 
 
@@ -454,11 +464,34 @@ def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
     Raises:
         BodyModelError: the asset does not match its checksum.
     """
-    return _load(Path(str(files("physic_core.body"))), torch.device(device))
+    import torch
+
+    return _load(_folder(), torch.device(device))
 
 
 @cache
 def _load(folder: Path, device: torch.device) -> BodyModel:
+    from physic_core.body.model import build_body_model
+
+    return build_body_model(_read(folder), device)
+
+
+def embedded_arrays() -> BodyArrays:
+    """Return the arrays of the embedded body; callers share them.
+
+    Raises:
+        BodyModelError: the asset does not match its checksum.
+    """
+    return _read(_folder())
+
+
+def _folder() -> Path:
+    """Return the folder of the asset."""
+    return Path(str(files("physic_core.body")))
+
+
+@cache
+def _read(folder: Path) -> BodyArrays:
     data = folder.joinpath(_ASSET).read_bytes()
     wanted = folder.joinpath(_DIGEST).read_text(encoding="ascii").split()[0]
     found = hashlib.sha256(data).hexdigest()
@@ -469,13 +502,13 @@ def _load(folder: Path, device: torch.device) -> BodyModel:
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    return build_body_model(_decode(arrays), device)
+    return _decode(arrays)
 
 
 def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
     """Convert the arrays of the asset file to BodyArrays."""
     template = arrays["v_template"]
-    directions = arrays["shapedirs"]
+    directions = arrays["shapedirs"].astype(np.float32)
     weights = np.zeros((len(template), 55), dtype=np.float32)
     sparse = arrays["skin_weights"].astype(np.float32)
     np.put_along_axis(weights, arrays["skin_joints"].astype(np.int64), sparse, axis=1)
@@ -489,7 +522,7 @@ def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
         joint_directions=arrays["J_shapedirs"],
         bind_rot=arrays["bind_rot"],
         weights=weights,
-        faces=arrays["faces"],
+        faces=arrays["faces"].astype(np.int64),
         num_betas=len(directions),
         num_expression=0,
         outer=arrays["outer"],

@@ -19,6 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from physic_core.body.arrays import label_parts
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, PART_NAMES
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
@@ -175,36 +176,6 @@ _SOLE_DEPTH = 0.02
 """Maximum height of a downward-facing sole vertex over the lowest point of the foot, metres."""
 _FOOT_DEPTH = 0.045
 """Maximum height of the lower half of a foot over its lowest point, metres."""
-
-
-def _part_of_joint(name: str) -> str:
-    """Return the name of the body part of a joint."""
-    side, _, rest = name.partition("_")
-    limb = {
-        "hip": "upper_leg",
-        "knee": "lower_leg",
-        "ankle": "foot",
-        "foot": "foot",
-        "shoulder": "upper_arm",
-        "elbow": "lower_arm",
-        "wrist": "hand",
-    }.get(rest, "hand" if rest[-1:].isdigit() else "")
-    if limb:
-        return f"{side}_{limb}"
-    return "head" if name in ("neck", "head", "jaw", "left_eye", "right_eye") else "torso"
-
-
-def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into
-    PART_NAMES.
-    """
-    member = np.zeros((len(JOINT_NAMES), len(PART_NAMES)))
-    for joint, name in enumerate(JOINT_NAMES):
-        member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
-    # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the
-    # first part.
-    labels: NDArray[np.int64] = np.argmax((weights @ member).round(6), axis=1)
-    return labels
 
 
 def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:

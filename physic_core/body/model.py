@@ -12,12 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from physic_core.body.arrays import BodyArrays, VertexSets, label_parts
 from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS, PART_NAMES
 from physic_core.body.landmarks import (
     LandmarkRegressor,
     TPoseMesh,
     contact_set_vertices,
-    label_parts,
     pick_surface_points,
     skeleton_regressor,
 )
@@ -344,55 +344,6 @@ _NUM_GROUND = 400
 """Number of candidate vertices for the highest and for the lowest point of any shape."""
 
 
-@dataclass(frozen=True)
-class VertexSets:
-    """Named vertex sets of one mesh topology; all ids int64, ascending.
-
-    Attributes:
-        part_of_vertex: (V,) index into PART_NAMES.
-        contact_sets: name in CONTACT_SETS -> ids.
-        surface_points: name in SURFACE_POINTS -> ids.
-        extremes: ids that can be the highest or the lowest point in the T-pose.
-    """
-
-    part_of_vertex: _Array
-    contact_sets: Mapping[str, _Array]
-    surface_points: Mapping[str, _Array]
-    extremes: _Array
-
-
-@dataclass(frozen=True)
-class BodyArrays:
-    """Arrays of a body model asset, in metres; named as in BodyModel, Kinematics and Skin.
-
-    Attributes:
-        template: (V, 3).
-        directions: (D, V, 3): K shape rows, E expression rows, then 486 pose rows or none.
-        joint_template: (55, 3).
-        joint_directions: (K + E, 55, 3).
-        bind_rot: (55, 3, 3), or None.
-        weights: (V, 55).
-        faces: (F, 3).
-        outer: (V,) bool.
-        picks: None to derive them from the geometry.
-    """
-
-    name: str
-    topology: str
-    template: _Array
-    directions: _Array
-    joint_template: _Array
-    joint_directions: _Array
-    bind_rot: _Array | None
-    weights: _Array
-    faces: _Array
-    num_betas: int
-    num_expression: int
-    outer: _Array
-    picks: VertexSets | None = None
-    info: str = ""
-
-
 def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
     """Build a BodyModel, float32, on a device."""
     picks = derive_vertex_sets(arrays) if arrays.picks is None else arrays.picks
@@ -400,11 +351,11 @@ def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> 
     model = BodyModel(
         name=arrays.name,
         topology=arrays.topology,
-        faces=torch.as_tensor(arrays.faces.astype(np.int64)),
+        faces=torch.as_tensor(arrays.faces),
         num_betas=arrays.num_betas,
         num_expression=arrays.num_expression,
         part_names=PART_NAMES,
-        part_of_vertex=torch.as_tensor(picks.part_of_vertex.astype(np.int64)),
+        part_of_vertex=torch.as_tensor(arrays.part_of_vertex),
         contact_sets=_ids(picks.contact_sets),
         outer=torch.as_tensor(arrays.outer),
         surface_points=_ids(picks.surface_points),
@@ -427,7 +378,7 @@ def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
     )
     mesh = TPoseMesh(
         vertices=skin.pose(none, skinning)[0].double().numpy(),
-        faces=arrays.faces.astype(np.int64),
+        faces=arrays.faces,
         joints=world[0, :, :, 3].double().numpy(),
         weights=arrays.weights.astype(np.float64),
         outer=arrays.outer,

@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
-from physic_core.adapters.devices import limited_threads
-from physic_core.body import load_body
-from physic_core.body.bones import rotations_from_parameters
-from physic_core.body.joints import JOINT_NAMES, PARENTS
+from physic_core.adapters.devices import limited_blas
+from physic_core.body.joints import JOINT_NAMES, PARENTS, ROTATION_FIELDS
 from physic_core.errors import InputError
+from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
+from physic_core.geometry.upright import transform_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.arrays import BodyArrays
     from physic_core.types import Person, Reconstruction
     from physic_core.visual.export.request import ExportFrame, ExportRequest
 
@@ -66,6 +65,12 @@ class Rig:
             poses[joint] = own if parent < 0 else poses[parent] @ own
         return poses
 
+    def posed(self) -> Array:
+        """Return the posed vertices (V, 3) in the frame, metres."""
+        motions = (self.world() @ self.inverse_bind)[:, :3]
+        blended = (self.weights @ motions.reshape(len(motions), -1)).reshape(-1, 3, 4)
+        return np.asarray((blended[..., :3] @ self.vertices[..., None])[..., 0] + blended[..., 3])
+
 
 def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
     """Return a rig whose mesh is bound in the pose, so that readers without skinning show it there.
@@ -79,8 +84,8 @@ def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
     )
 
 
-def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyModel:
-    """Load the body model of a result's parameters, float64.
+def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArrays:
+    """Read the body model of a result's parameters.
 
     Args:
         result: of any body model.
@@ -90,8 +95,10 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
         InputError: the result has SMPL-X bodies and no file is known, or bodies of another model.
         BodyModelError: the file is not an SMPL-X model.
     """
+    from physic_core.body.files import embedded_arrays, smplx_arrays
+
     if result.body_model == "embedded":
-        return load_body("embedded").to(dtype=torch.float64)
+        return embedded_arrays()
     if result.body_model != "smplx":
         raise InputError(f"no skeleton is known for bodies of the model '{result.body_model}'")
     named = (result.config.get("body_model") or {}).get("path") if file is None else file
@@ -106,75 +113,73 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
             f"give its path "
             "(--body-model FILE, or body_model= in Python)"
         )
-    from physic_core.body.files import load_smplx
-
     parameters = result.people[0].parameters
-    sizes = {
-        "num_betas": parameters.betas.shape[1],
-        "num_expression": parameters.expression.shape[1],
-    }
-    return load_smplx(named, **sizes).to(dtype=torch.float64)
+    return smplx_arrays(
+        named,
+        num_betas=parameters.betas.shape[1],
+        num_expression=parameters.expression.shape[1],
+    )
 
 
-def pose_rig(model: BodyModel, person: Person, frame: ExportFrame) -> Rig:
+def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     """Return skeleton, skin and pose of a person in a frame.
 
     Raises:
-        InputError: the model does not give the vertices of the person.
+        InputError: the body model does not give the vertices of the person.
     """
     p = person.parameters
-    rotations = rotations_from_parameters(p, dtype=torch.float64)
-    betas, expression = (torch.from_numpy(np.array(v, np.float64)) for v in (p.betas, p.expression))
-    transl = torch.from_numpy(np.array(p.transl, np.float64))
-    shape = torch.cat([betas, expression], 1) if model.num_expression else betas
-    posed = model(rotations, betas, transl, expression if model.num_expression else None)
-    made = posed.vertices[0].numpy()
+    turns = [getattr(p, name).reshape(count, 3) for name, count in ROTATION_FIELDS]
+    local = rotvec_to_rotmat_numpy(np.concatenate(turns).astype(np.float64))
+    shape = np.concatenate([p.betas[0], p.expression[0]]).astype(np.float64)
     give_file = "give the SMPL-X file that the result was made with (--body-model FILE)"
-    if made.shape != person.vertices.shape:
+    if len(body.template) != len(person.vertices):
         raise InputError(
-            f"the body model has {len(made)} vertices, a body of the result "
+            f"the body model has {len(body.template)} vertices, a body of the result "
             f"{len(person.vertices)}: {give_file}"
         )
-    apart = float(np.abs(made - person.vertices).max())
+    if len(body.joint_directions) != len(shape):
+        raise InputError(
+            f"the body model has {len(body.joint_directions)} components of shape, a body of the "
+            f"result {len(shape)}: {give_file}"
+        )
+    rest = body.rest_joints(shape)
+    coefficients = shape
+    if len(body.directions) > len(shape):
+        coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
+    vertices = body.template + np.tensordot(coefficients, body.directions, 1)
+    count = len(JOINT_NAMES)
+    bind = (
+        np.tile(np.eye(3), (count, 1, 1))
+        if body.bind_rot is None
+        else body.bind_rot.astype(np.float64)
+    )
+    inverse = np.tile(np.eye(4), (count, 1, 1))
+    inverse[:, :3, :3] = bind
+    inverse[:, :3, 3] = -(bind @ rest[..., None])[..., 0]
+    offsets = rest.copy()
+    parents = np.array(PARENTS[1:])
+    offsets[1:] = (bind[parents] @ (rest[1:] - rest[parents])[..., None])[..., 0]
+    matrix = frame.from_camera
+    local[0] = matrix[:3, :3] @ local[0]
+    offsets[0] = matrix[:3, :3] @ (rest[0] + p.transl[0]) + matrix[:3, 3]
+    weights = body.weights.astype(np.float64)
+    rig = Rig(JOINT_NAMES, PARENTS, vertices, body.faces, weights, inverse, local, offsets)
+    apart = float(np.abs(rig.posed() - transform_points(matrix, person.vertices)).max())
     rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
     if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(
             f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
             f"{give_file}"
         )
-    rest = model.kinematics.rest_joints(shape)[0].numpy()
-    coefficients = model.skin.with_correctives(shape, rotations)
-    directions = model.skin.directions[: coefficients.shape[1]]
-    vertices = (
-        model.skin.template + torch.einsum("d,dcv->cv", coefficients[0], directions)
-    ).T.numpy()
-    bind = (
-        np.tile(np.eye(3), (55, 1, 1))
-        if model.kinematics.bind_rot is None
-        else model.kinematics.bind_rot.numpy()
-    )
-    inverse = np.tile(np.eye(4), (55, 1, 1))
-    inverse[:, :3, :3] = bind
-    inverse[:, :3, 3] = -(bind @ rest[..., None])[..., 0]
-    offsets = rest.copy()
-    parents = np.array(PARENTS[1:])
-    offsets[1:] = (bind[parents] @ (rest[1:] - rest[parents])[..., None])[..., 0]
-    local = rotations[0].numpy().copy()
-    matrix = frame.from_camera
-    local[0] = matrix[:3, :3] @ local[0]
-    offsets[0] = matrix[:3, :3] @ (rest[0] + transl[0].numpy()) + matrix[:3, 3]
-    weights = model.skin.weights.T.numpy()
-    return Rig(
-        JOINT_NAMES, PARENTS, vertices, model.faces.numpy(), weights, inverse, local, offsets
-    )
+    return rig
 
 
 def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
     """Return index and rig of the people of a request."""
     if not request.people:
         return []
-    model = body_of_result(request.result, request.body_file)
-    with limited_threads():
+    body = body_of_result(request.result, request.body_file)
+    with limited_blas():
         return [
-            (index, pose_rig(model, person, request.frame)) for index, person in request.chosen()
+            (index, pose_rig(body, person, request.frame)) for index, person in request.chosen()
         ]

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
-from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
 

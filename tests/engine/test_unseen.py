@@ -15,7 +15,7 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import ContactTerm
 from physic_core.engine.limbs import keypoints_of_observed_limbs
-from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
 from .adjusted import adjusted, part_of, with_scene

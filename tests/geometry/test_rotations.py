@@ -10,7 +10,8 @@ import pytest
 import roma
 import torch
 
-from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat, rotvec_to_rotmat
+from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
 

@@ -15,7 +15,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 from physic_core.errors import PhysicError
-from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
 PARAMETER_GROUPS: tuple[str, ...] = (

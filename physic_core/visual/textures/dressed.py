@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import load_body
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.files import embedded_arrays
+from physic_core.body.joints import JOINT_INDEX, PART_NAMES
 from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.upright import up_in_camera
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.arrays import BodyArrays
     from physic_core.types import Reconstruction, UInt8Array
 
     Array = NDArray[np.float64]
@@ -186,7 +186,7 @@ def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
 @lru_cache(maxsize=1)
 def embedded_coordinates() -> TextureCoordinates:
     """Return the texture coordinates of the embedded body."""
-    return load_texture_coordinates("embedded", load_body("embedded").faces.numpy())
+    return load_texture_coordinates("embedded", embedded_arrays().faces)
 
 
 @lru_cache(maxsize=len(SIZES))
@@ -195,17 +195,17 @@ def embedded_raster(size: int) -> TextureRaster:
     return rasterize_texture(embedded_coordinates(), size)
 
 
-def _model(result: Reconstruction) -> BodyModel | None:
+def _model(result: Reconstruction) -> BodyArrays | None:
     """Return the body model of a result; None if it is not at hand, or has another mesh."""
     try:
         model = body_of_result(result)
     except PhysicError:
         return None
-    return model if np.array_equal(model.faces.numpy(), result.faces) else None
+    return model if np.array_equal(model.faces, result.faces) else None
 
 
 def _sides_and_parts(
-    model: BodyModel | None, count: int
+    model: BodyArrays | None, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight
     (V,) of its mean.
@@ -217,11 +217,11 @@ def _sides_and_parts(
 
     if model is None:
         return np.arange(count), np.zeros(count, np.int64), np.full(count, PART_WEIGHT)
-    rest = model.skin.template.T.double().numpy()
-    parts = model.part_of_vertex.numpy().astype(np.int64)
+    rest = model.template.astype(np.float64)
+    parts = model.part_of_vertex
     others = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
-    _, up, ahead = (rest - model.kinematics.template[JOINT_INDEX["head"]].double().numpy()).T
-    scalp = (parts == model.part_names.index("head")) & (
+    _, up, ahead = (rest - model.joint_template[JOINT_INDEX["head"]]).T
+    scalp = (parts == PART_NAMES.index("head")) & (
         ((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M)
     )
     return (
@@ -232,7 +232,7 @@ def _sides_and_parts(
 
 
 def _hair(
-    result: Reconstruction, index: int, vertices: Array, model: BodyModel, parts: NDArray[np.int64]
+    result: Reconstruction, index: int, vertices: Array, model: BodyArrays, parts: NDArray[np.int64]
 ) -> Array | None:
     """Return the colour (3,) of a person's hair: of their pixels around the upper head that the
     face does not cover.
@@ -251,7 +251,7 @@ def _hair(
     person = result.people[index]
     matrix = result.intrinsics.matrix
     joints = person.joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]].astype(np.float64)
-    face = vertices[parts == model.part_names.index("head")]
+    face = vertices[parts == PART_NAMES.index("head")]
     if min(joints[:, 2].min(), face[:, 2].min()) <= 0:
         return None
     (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import joint_pair
+from physic_core.body.joints import PART_NAMES, joint_pair
 from physic_core.visual.textures.photo import SHOWN, photo_colors
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.arrays import BodyArrays
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ _LEAST_CHROMA = 6.0  # of skin; in a photo without colours, nothing has that of 
 
 
 def worn_shoes(
-    result: Reconstruction, index: int, vertices: Array, normals: Array, model: BodyModel
+    result: Reconstruction, index: int, vertices: Array, normals: Array, model: BodyArrays
 ) -> Sequence[Array]:
     """Return, for each foot with a shoe, how far each vertex (V,) moves with the toes, in 0-1; none
     of bare feet.
@@ -64,11 +64,11 @@ def worn_shoes(
     hues = cv2.cvtColor((photo[None] / 255).astype(np.float32), cv2.COLOR_RGB2Lab)[0, :, 1:].astype(
         np.float64
     )
-    part = model.part_of_vertex.numpy()
+    part = model.part_of_vertex
 
     def colors(*names: str) -> Array:
         chosen: Array = hues[
-            (seen > SHOWN) & np.isin(part, [model.part_names.index(name) for name in names])
+            (seen > SHOWN) & np.isin(part, [PART_NAMES.index(name) for name in names])
         ]
         return chosen
 
@@ -77,7 +77,7 @@ def worn_shoes(
     skins = [SKIN_AB, np.median(face, 0)] if len(face) else [SKIN_AB]
     if len(feet) and max(_share_like(feet, skin) for skin in skins) > BARE:
         return ()
-    return list(model.skin.weights[joint_pair("foot")].double().numpy())
+    return list(model.weights[:, joint_pair("foot")].T.astype(np.float64))
 
 
 def _share_like(colors: Array, skin: Array) -> float:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
@@ -22,7 +21,7 @@ from physic_core.visual.rig import body_of_result, pose_rig
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.arrays import BodyArrays
     from physic_core.visual.export.request import ExportFrame
 
 _FRAMES = 2
@@ -134,12 +133,13 @@ def _smplx_file(request: ExportRequest) -> Path:
 
 def _smplx_parameters(
     request: ExportRequest, file: Path
-) -> tuple[BodyModel, BodyParameters, NDArray[np.float64]]:
+) -> tuple[BodyArrays, BodyParameters, NDArray[np.float64]]:
     """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
     errors in metres.
     """
     from physic_core.body.convert.bodies import convert_with_residuals
-    from physic_core.body.files import load_smplx
+    from physic_core.body.files import smplx_arrays
+    from physic_core.body.model import build_body_model
     from physic_core.cache.correspondences import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]
@@ -155,20 +155,20 @@ def _smplx_parameters(
         raise InputError(
             f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X"
         )
-    model = load_smplx(file)
-    found = convert_with_residuals(Bodies(stacked, "embedded"), model, cached_correspondence)
+    model = smplx_arrays(file)
+    found = convert_with_residuals(
+        Bodies(stacked, "embedded"), build_body_model(model), cached_correspondence
+    )
     errors = found.joints_m if found.surface_m is None else found.surface_m
-    return model.to(dtype=torch.float64), found.bodies.parameters, errors
+    return model, found.bodies.parameters, errors
 
 
 def _arrays(
-    model: BodyModel, person: BodyParameters, frame: ExportFrame, gender: str
+    model: BodyArrays, person: BodyParameters, frame: ExportFrame, gender: str
 ) -> dict[str, NDArray[Any]]:
     """Return the arrays of the file of one person."""
-    shape = torch.from_numpy(
-        np.concatenate([person.betas, person.expression], 1).astype(np.float64)
-    )
-    pelvis = model.kinematics.rest_joints(shape)[0, 0].numpy()
+    shape = np.concatenate([person.betas[0], person.expression[0]]).astype(np.float64)
+    pelvis = model.rest_joints(shape)[0]
     turn = frame.from_camera[:3, :3]
     shift = frame.from_camera[:3, 3]
     orient = rotmat_to_rotvec(

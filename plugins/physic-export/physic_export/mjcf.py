@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.joints import JOINT_NAMES, PART_NAMES
 from physic_core.errors import InputError
 from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.arrays import BodyArrays
     from physic_core.types import Person
 
 RGBA = "0.77 0.75 0.73 1"
@@ -362,25 +362,25 @@ def _person(
     world: ElementTree.Element,
     name: str,
     person: Person,
-    model: BodyModel,
+    model: BodyArrays,
     matrix: NDArray[np.float64],
 ) -> None:
     """Add a mocap body with a visual mesh and one convex collision mesh for each body part."""
-    if model.num_vertices != len(person.vertices):
+    if len(model.template) != len(person.vertices):
         raise InputError(
             f"{name} has {len(person.vertices)} vertices, but the body model has "
-            f"{model.num_vertices}"
+            f"{len(model.template)}"
         )
     pelvis = transform_points(matrix, person.joints[0])
     vertices = transform_points(matrix, person.vertices) - pelvis
     body = ElementTree.SubElement(world, "body", name=name, mocap="true", pos=numbers(pelvis))
-    add_mesh(asset, name, vertices, model.faces.numpy())
+    add_mesh(asset, name, vertices, model.faces)
     skin = ElementTree.SubElement(
         body, "geom", name=f"{name}_skin", type="mesh", mesh=name, rgba=RGBA
     )
     skin.attrib.update(contype="0", conaffinity="0", group="2", mass="0")
-    parts = model.part_of_vertex.numpy()
-    for number, part in enumerate(model.part_names):
+    parts = model.part_of_vertex
+    for number, part in enumerate(PART_NAMES):
         own = f"{name}_{part}"
         add_mesh(asset, own, *convex_hull(vertices[parts == number]))
         shape = ElementTree.SubElement(body, "geom", name=own, type="mesh", mesh=own, rgba=RGBA)

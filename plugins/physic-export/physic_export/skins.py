@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import load_body
+from physic_core.body.files import embedded_arrays, smplx_arrays
 from physic_core.errors import InputError, PhysicError
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
@@ -87,9 +86,9 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
     """
     result = request.result
     model = body_of_result(result, request.body_file)
-    if any(len(person.vertices) != model.num_vertices for _, person in request.chosen()):
+    if any(len(person.vertices) != len(model.template) for _, person in request.chosen()):
         raise InputError(
-            f"the bodies of the result do not have the {model.num_vertices} vertices of its body "
+            f"the bodies of the result do not have the {len(model.template)} vertices of its body "
             f"model"
         )
     source = (
@@ -111,8 +110,8 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
 
 @lru_cache(maxsize=2)
 def _mesh(source: str, size: int) -> tuple[TextureCoordinates, TextureRaster]:
-    faces = load_body(source if source == "embedded" else Path(source)).faces.numpy()
-    mesh = load_texture_coordinates(source, faces)
+    body = embedded_arrays() if source == "embedded" else smplx_arrays(source)
+    mesh = load_texture_coordinates(source, body.faces)
     return mesh, rasterize_texture(mesh, size)
 
 

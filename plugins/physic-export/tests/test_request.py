@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +45,23 @@ def test_the_list_names_every_format_with_suffix_and_needs(physic):
         *sorted(each.name for each in physic_exporters()),
     ]
     assert "SMPL-X file of yours (--body-model)" in lines[1]
+
+
+def test_embedded_bodies_are_exported_without_torch(saved_pair, tmp_path):
+    names = sorted({each.name for each in physic_exporters()} - {"amass", "rrd"})
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from physic_core import Reconstruction, export_reconstruction\n"
+        f"result = Reconstruction.load({str(saved_pair)!r})\n"
+        f"for name in {names}:\n"
+        f"    export_reconstruction(result, Path({str(tmp_path)!r}, name), name)\n"
+        "print('torch' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(("suffix", "name"), [(".npz", "amass"), (".PLY", "ply"), (".usdz", "usd")])

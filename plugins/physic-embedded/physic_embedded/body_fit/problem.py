@@ -13,7 +13,7 @@ import torch
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.engine.stance import touch_in_picture
-from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
