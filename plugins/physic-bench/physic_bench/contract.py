@@ -33,12 +33,10 @@ class Picture:
     Attributes:
         path: of the file.
         mirrored: whether the file is the mirror image of what the camera saw.
-        crop: (x0, y0, x1, y1) px that the camera is for, or None for all; after mirroring.
     """
 
     path: Path
     mirrored: bool = False
-    crop: tuple[int, int, int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,7 +181,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
             f"calibrated for "
             f"{camera.width} x {camera.height} px"
         )
-    if not picture.mirrored and picture.crop is None:
+    if not picture.mirrored:
         return picture.path
     path = folder / f"{frame.id.replace('/', '_')}.png"
     if not path.exists():
@@ -195,14 +195,11 @@ def picture_file(frame: Frame, folder: Path) -> Path:
 
 
 def _pixels(picture: Picture) -> NDArray[np.uint8]:
-    """Return the pixels (H, W, 3) RGB, upright and cropped."""
+    """Return the pixels (H, W, 3) RGB, upright."""
     with open_picture(picture.path) as file:
         pixels = np.array(file.convert("RGB"))
     if picture.mirrored:
         pixels = pixels[:, ::-1]
-    if picture.crop is not None:
-        x0, y0, x1, y1 = picture.crop
-        pixels = pixels[y0:y1, x0:x1]
     return np.ascontiguousarray(pixels)
 
 

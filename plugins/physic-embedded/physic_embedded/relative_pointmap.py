@@ -26,7 +26,7 @@ from physic_embedded.single_view.focal import (
     focal_of_segments,
     manhattan_frame,
 )
-from physic_embedded.single_view.gravity import gravity_from_segments
+from physic_embedded.single_view.pitch import pitch_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 
 if TYPE_CHECKING:
@@ -248,17 +248,17 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         walls = labelled("wall", "cabinet")
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
         seen = np.ones(raw.shape, bool) if hole is None else ~hole
-        gravity = None
+        pitch = None
         frame = None
         if segments is not None:
             view = segments, camera.width, camera.height, camera.fx
-            gravity = gravity_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
+            pitch = pitch_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
             frame = manhattan_frame(*view)
         return disparity_at_infinity(
             raw,
             fit_disparity_floor(raw, hole, ground),
             focal,
-            gravity=gravity,
+            pitch=pitch,
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
             frame=frame,

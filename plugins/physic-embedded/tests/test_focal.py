@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
-from physic_embedded.single_view.gravity import gravity_from_segments
+from physic_embedded.single_view.pitch import pitch_from_segments
 
 WIDTH = 800
 HEIGHT = 600
@@ -121,32 +121,31 @@ def test_edges_of_any_direction_or_too_few_give_no_directions():
 
 
 @pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
-def test_upright_edges_give_gravity(pitch):
+def test_upright_edges_give_the_pitch(pitch):
     # down is the second column
     turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
-    gravity = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
+    found, sigma = pitch_from_segments(segments, WIDTH, HEIGHT, 700.0)
     down = turn[:, 1]
-    assert gravity.pitch_deg == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
-    assert 1.5 <= gravity.sigma_deg < 3
+    assert found == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
+    assert 1.5 <= sigma < 3
 
 
-def test_the_mirrored_picture_has_the_mirrored_gravity():
+def test_the_mirrored_picture_has_the_same_pitch():
     turn = Rotation.from_euler("xz", [8.0, 3.0], degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=1.0, clutter=40, seed=7)
-    gravity, other = (
-        gravity_from_segments(s, WIDTH, HEIGHT, 700.0) for s in (segments, mirrored(segments))
+    own, other = (
+        pitch_from_segments(s, WIDTH, HEIGHT, 700.0) for s in (segments, mirrored(segments))
     )
-    assert other.pitch_deg == pytest.approx(gravity.pitch_deg, abs=1e-6)
-    assert other.sigma_deg == pytest.approx(gravity.sigma_deg, abs=1e-6)
+    assert other == pytest.approx(own, abs=1e-6)
 
 
 def test_a_default_focal_length_makes_a_steep_pitch_less_sure():
     turn = Rotation.from_euler("x", 15.0, degrees=True).as_matrix()
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.2, clutter=0, seed=8)
-    known = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
-    default = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_sigma=0.25)
-    assert default.sigma_deg > known.sigma_deg + 2
+    _, known = pitch_from_segments(segments, WIDTH, HEIGHT, 700.0)
+    _, default = pitch_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_sigma=0.25)
+    assert default > known + 2
 
 
 def test_segments_in_the_made_up_part_are_left_out():

@@ -20,7 +20,6 @@ from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.gravity import Gravity
 from physic_embedded.single_view.upright import axes_cost, body_planes, wall_planes
 
 
@@ -98,9 +97,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     floor = fit_disparity_floor(disparity)
     down = turn[:, 1]
     pitch = float(np.degrees(np.arctan2(down[2], down[1])))
-    found = disparity_at_infinity(
-        disparity, floor, FOCAL, gravity=Gravity(pitch, 1.5, "upright edges")
-    )
+    found = disparity_at_infinity(disparity, floor, FOCAL, pitch=(pitch, 1.5))
     assert gap_of(found, disparity) == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
     assert "farthest pixels are taken as a wall" in found.rule

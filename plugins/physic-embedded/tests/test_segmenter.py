@@ -30,7 +30,7 @@ from physic_embedded.segmentation.people import (
     mask_overlap,
     merge_candidates,
 )
-from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
+from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
 
@@ -284,8 +284,8 @@ def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():
     right[50:200, 100:230] = 1.0
     masks = resolve_overlaps(
         [
-            PersonMask(left, np.array([[60.0, 100.0]])),
-            PersonMask(right, np.array([[180.0, 100.0]])),
+            (left, np.array([[60.0, 100.0]])),
+            (right, np.array([[180.0, 100.0]])),
         ],
         embedding,
     )

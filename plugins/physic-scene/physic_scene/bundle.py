@@ -31,7 +31,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from physic_core.types.skeletons import SIDES
-from physic_scene.measured import KeypointErrors, keypoint_class, measured_errors
+from physic_scene.measured import keypoint_class, measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
@@ -391,7 +391,7 @@ def _person_blocks(
     """
     views, people, joints = (*observations.shown.shape, state.points.shape[1])
     errors = measured_errors()
-    of_keypoints = _errors_of(observations.names)
+    share, landmark_m = _errors_of(observations.names)
     each = np.broadcast_to(np.eye(3), (joints, 3, 3))
     turned = state.points[p] @ state.rotation[v].T
     local = turned + state.translation[v]
@@ -405,7 +405,7 @@ def _person_blocks(
     uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
     confidence = observations.confidence[v, p]
     unit = settings.keypoint * errors.keypoint_sigma(confidence) * observations.size_px[v, p]
-    weight = np.sqrt(of_keypoints.share) * (confidence > 0) / unit
+    weight = np.sqrt(share) * (confidence > 0) / unit
     seen = weight > 0
     columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
     jacobian = weight[:, None, None] * np.concatenate(
@@ -420,7 +420,7 @@ def _person_blocks(
     body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
     turn = 7 * views + state.points.size + 3 * (v * people + p) + np.arange(3)
     own = np.broadcast_to(np.concatenate([turn, state.place.size + turn]), (joints, 6))
-    scaled = _along_and_across(middle, 1 / of_keypoints.along_m, 1 / of_keypoints.across_m)
+    scaled = _along_and_across(middle, *(1 / landmark_m).T)
     residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
     jacobian = scaled @ np.concatenate([moves, _cross(body), -each], axis=2)
     yield ResidualBlock(
@@ -433,7 +433,7 @@ def _person_blocks(
 
 
 @cache
-def _errors_of(names: tuple[str, ...]) -> KeypointErrors:
+def _errors_of(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     return measured_errors().of(names)
 
 

@@ -34,23 +34,6 @@ _CLASSES = {
 
 
 @dataclass(frozen=True)
-class KeypointErrors:
-    """Errors of J keypoints of a skeleton.
-
-    Attributes:
-        share: (J,) factor on the information of a detected keypoint: those of a cluster have a part
-            of their errors in common.
-        along_m: (J,) standard deviation of a landmark on a single photo's body along the line of
-            sight, metres, up to the body's place and turn.
-        across_m: (J,) the same across the line of sight, about each axis.
-    """
-
-    share: FloatArray
-    along_m: FloatArray
-    across_m: FloatArray
-
-
-@dataclass(frozen=True)
 class MeasuredErrors:
     """Content of ``measured_errors.json``.
 
@@ -86,16 +69,19 @@ class MeasuredErrors:
         found: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
         return found
 
-    def of(self, names: Sequence[str]) -> KeypointErrors:
-        """Return the errors of the keypoints of a skeleton."""
+    def of(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return two numbers for each keypoint of a skeleton.
+
+        Returns:
+            Factor (J,) on the information of a detected keypoint: those of a cluster have a part of
+            their errors in common. Standard deviations (J, 2) of a landmark on a single photo's
+            body along the line of sight and about each axis across it, metres, up to the body's
+            place and turn.
+        """
         cluster = keypoint_clusters(names)
         size = np.bincount(cluster)[cluster]
         sigmas = np.array([self.landmark_m[keypoint_class(name)] for name in names])
-        return KeypointErrors(
-            1 / (1 + (size - 1) * self.keypoint_correlation),
-            along_m=sigmas[:, 0],
-            across_m=sigmas[:, 1],
-        )
+        return 1 / (1 + (size - 1) * self.keypoint_correlation), sigmas
 
 
 def keypoint_class(name: str) -> str:

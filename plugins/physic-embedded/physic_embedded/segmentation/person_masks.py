@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,26 +28,13 @@ MIN_WRIST_CONFIDENCE = 0.9
 """Confidence from which a joint, or a thin joint, is a prompt."""
 
 
-@dataclass(frozen=True)
-class PersonMask:
-    """Mask of one person before overlaps are resolved.
-
-    Attributes:
-        logits: (rows, columns) on the grid of the embedding, above 0 inside.
-        points: (P, 2) photo px that are surely on the person.
-    """
-
-    logits: Float
-    points: Float
-
-
 def person_mask(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
     pose: Pose,
     others: Sequence[Pose],
     most_others: int = 8,
-) -> PersonMask:
+) -> tuple[Float, Float]:
     """Segment one person: select the mask proposal that agrees best with the pose network's mask
     and with the joints.
 
@@ -62,6 +48,10 @@ def person_mask(
         pose: of the person.
         others: poses of the other people.
         most_others: number of points on other people.
+
+    Returns:
+        Logits (rows, columns) on the grid of the embedding, above 0 inside, before overlaps are
+        resolved; and pixels (P, 2) of the photo that are surely on the person.
     """
     cells = embedding.grid_points()
     soft = pose.mask_at(cells)
@@ -74,7 +64,7 @@ def person_mask(
     # A joint hidden behind another person would prompt for that person.
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
-        return PersonMask(soft, inside)
+        return soft, inside
     outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
     near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[
         :most_others
@@ -99,14 +89,14 @@ def person_mask(
     k, value = _best(answer.logits, rough, joints, outside, embedding)
     if value > fit:
         best = answer.logits[k]
-    return PersonMask(best, inside)
+    return best, inside
 
 
 def resolve_overlaps(
-    masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float = 0.1
+    masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding, speck: float = 0.1
 ) -> Bool:
     """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo
-    size.
+    size of people by :func:`person_mask`.
 
     A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times
     the whole mask counts as part of another person.
@@ -126,7 +116,7 @@ def resolve_overlaps(
 
 
 def _drop_stray_pieces(
-    masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float
+    masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding, speck: float
 ) -> Float:
     """Return the mask logits (N, rows, columns), negative on small pieces without a point of the
     person.
@@ -134,18 +124,18 @@ def _drop_stray_pieces(
     import cv2
 
     logits = (
-        np.stack([m.logits for m in masks])
+        np.stack([own for own, _ in masks])
         if masks
         else np.zeros((0, *embedding.grid_shape), np.float32)
     )
     if not len(logits):
         return logits
     mine = (logits > 0) & (logits == logits.max(axis=0))
-    for i, m in enumerate(masks):
+    for i, (_, points) in enumerate(masks):
         count, pieces, stats, _ = cv2.connectedComponentsWithStats(
             mine[i].astype(np.uint8), connectivity=8
         )
-        x, y = _cells(m.points, embedding)
+        x, y = _cells(points, embedding)
         held = set(pieces[y, x])
         least = speck * mine[i].sum()
         for piece in range(1, count):

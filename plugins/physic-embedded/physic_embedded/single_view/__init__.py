@@ -1,1 +1,1 @@
-"""Focal length, gravity and disparity offset estimated from a single photo."""
+"""Focal length, pitch and disparity offset estimated from a single photo."""

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_embedded.single_view.disparity_floor import DisparityFloor
-    from physic_embedded.single_view.gravity import Gravity
 
     FloatArray = NDArray[np.floating]
 
@@ -63,7 +62,7 @@ def disparity_at_infinity(
     floor: DisparityFloor | None,
     focal_px: float,
     *,
-    gravity: Gravity | None = None,
+    pitch: tuple[float, float] | None = None,
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
     frame: tuple[FloatArray, float] | None = None,
@@ -78,7 +77,7 @@ def disparity_at_infinity(
         disparity: (H, W), larger is nearer; the network answers 0 for the sky.
         floor: of the same map, or None.
         focal_px: focal length at the resolution of ``disparity``, px.
-        gravity: direction of gravity, or None.
+        pitch: how far the camera looks down by upright edges and its standard deviation, degrees.
         walls: (M, 3) local planes of walls, see
             :func:`~physic_embedded.single_view.upright.wall_planes`.
         bodies: (N, 3) planes of standing people, see
@@ -116,9 +115,7 @@ def disparity_at_infinity(
     cost = cost + level
     cues = ["the horizon"] if trust else []
     if floor is not None and share > _FLOOR_SHARE:
-        more, names = _floor_cues(
-            floor, candidates, focal, gravity=gravity, walls=walls, bodies=bodies
-        )
+        more, names = _floor_cues(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
         cost = cost + more
         cues += names
     if frame is not None and surfaces is not None and len(surfaces):
@@ -146,7 +143,7 @@ def _floor_cues(
     candidates: FloatArray,
     focal: float,
     *,
-    gravity: Gravity | None,
+    pitch: tuple[float, float] | None,
     walls: FloatArray | None,
     bodies: FloatArray | None,
 ) -> tuple[FloatArray, list[str]]:
@@ -156,10 +153,10 @@ def _floor_cues(
     down = np.array([floor.normal(c, focal) for c in candidates])
     cost = np.zeros(len(candidates))
     cues = []
-    if gravity is not None:
-        pitch = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
-        cost = cost + _robust((pitch - gravity.pitch_deg) / gravity.sigma_deg)
-        cues.append(gravity.source)
+    if pitch is not None:
+        of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
+        cost = cost + _robust((of_floor - pitch[0]) / pitch[1])
+        cues.append("upright edges")
     if walls is not None and len(walls):
         cost = cost + walls_cost(walls, candidates, down)
         cues.append("upright walls")

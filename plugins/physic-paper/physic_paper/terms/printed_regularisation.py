@@ -16,6 +16,8 @@ from physic_core.engine.joint.terms.body import parameter_energy, vertex_weights
 from physic_core.engine.joint.variables import Variables
 from physic_core.types.bounds import NotNegative
 
+_OCCLUDED_WEIGHT = 12.0  # of hidden vertices
+
 
 @dataclass(frozen=True)
 class PrintedRegularisationSettings:
@@ -27,8 +29,6 @@ class PrintedRegularisationSettings:
     """Lambda_reg of Eq. 5; also of the scene's scale."""
     visible_weight: NotNegative = 1.0
     """Weight of visible vertices."""
-    occluded_weight: NotNegative = 12.0
-    """Weight of hidden vertices."""
 
 
 def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
@@ -65,7 +65,7 @@ class PrintedRegularisationTerm(Term):
         weight = vertex_weights(
             snapshot,
             s.visible_weight,
-            s.occluded_weight,
+            _OCCLUDED_WEIGHT,
             area,
             occlusion_aware=self._occlusion_aware,
         )

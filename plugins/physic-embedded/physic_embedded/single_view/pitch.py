@@ -1,8 +1,7 @@
-"""Estimate the direction of gravity from upright edges."""
+"""Estimate the pitch of the camera from upright edges."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,25 +20,10 @@ _PARTS = 5  # of the segments, from left to right by turns
 _LEFT_OUT = (0, 2)  # of each search
 
 
-@dataclass(frozen=True)
-class Gravity:
-    """Direction of gravity with its uncertainty.
-
-    Attributes:
-        pitch_deg: how far the camera looks down.
-        sigma_deg: standard deviation of the pitch.
-        source: the evidence, in words.
-    """
-
-    pitch_deg: float
-    sigma_deg: float
-    source: str
-
-
-def gravity_from_segments(
+def pitch_from_segments(
     segments: FloatArray, width: int, height: int, focal_px: float, *, focal_sigma: float = 0.0
-) -> Gravity | None:
-    """Estimate gravity from the vanishing point of near-vertical segments.
+) -> tuple[float, float] | None:
+    """Estimate the pitch of the camera from the vanishing point of near-vertical segments.
 
     Searches on parts of the segments must agree: their spread is part of the uncertainty, and so is
     the focal length, because the tangent of the pitch is the focal length over the distance of that
@@ -53,8 +37,8 @@ def gravity_from_segments(
         focal_sigma: standard deviation of the logarithm of the focal length.
 
     Returns:
-        Gravity, or None when there are too few upright segments or the searches disagree by more
-        than 6 degrees.
+        How far the camera looks down and the standard deviation, degrees; None when there are too
+        few upright segments or the searches disagree by more than 6 degrees.
     """
 
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
@@ -81,8 +65,7 @@ def gravity_from_segments(
     pitch = float(np.median(pitches))
     if spread > 6.0:
         return None
-    sigma = float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch))
-    return Gravity(pitch, sigma, "upright edges")
+    return pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch))
 
 
 def _vertical_direction(rays: FloatArray, size: FloatArray) -> FloatArray | None:
