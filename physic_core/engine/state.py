@@ -144,7 +144,6 @@ class Contact(ShortRepr):
     """Contact of N people.
 
     Attributes:
-        touches: (N, V) bool.
         probability: (N, V) of contact with anything; None if the method estimates none.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
         partner: (N, V) int16, index into ``partners``; -1 without contact.
@@ -155,7 +154,6 @@ class Contact(ShortRepr):
             if the method estimates none.
     """
 
-    touches: Tensor
     probability: Tensor | None
     distance: Tensor
     partner: Tensor

@@ -37,7 +37,7 @@ from physic_core.types import (
     Reconstruction,
     Scene,
 )
-from physic_core.types.contacts import has_sole_on_floor
+from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
@@ -84,7 +84,7 @@ def _people(
     rows = {
         "vertices": state.vertices.float().cpu().numpy(),
         "joints": state.joints.float().cpu().numpy(),
-        "contact": touch.touches.cpu().numpy(),
+        "contact": (touch.partner != NO_PARTNER).cpu().numpy(),
         "distance": touch.distance.float().cpu().numpy(),
         "contact_partner": touch.partner.cpu().numpy(),
     }

@@ -58,7 +58,7 @@ def pair_energy(distance, apart, touch):
 def pairs_of(stage, vertices):
     model = stage.state.model
     ids = model.coarse.ids
-    probes = select_probes(model, ids, torch.ones(len(vertices), len(ids)))
+    probes, _ = select_probes(model, ids, torch.ones(len(vertices), len(ids)))
     normals = vertex_normals(vertices, model.faces)[:, ids]
     found = find_people_pairs(probes, vertices[:, ids], normals, REACH_M)
     return probes, vertices[:, ids], normals, found
@@ -96,7 +96,7 @@ def test_pairs_are_those_of_an_exhaustive_search(crossing):
     probes, vertices, normals, found = pairs_of(crossing, crossing.vertices)
     expected = set()
     for i, j in ((0, 1), (1, 0)):
-        for probe, row in enumerate(probes.rows.tolist()):
+        for probe, row in enumerate(probes.tolist()):
             distance = (vertices[j] - vertices[i, row]).norm(dim=-1)
             nearest = int(distance.argmin())
             offset = vertices[i, row] - vertices[j, nearest]

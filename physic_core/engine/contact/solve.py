@@ -272,7 +272,6 @@ def _describe_contacts(
         bearing = body_contacts(own, None, dents[i], partners, regions, assumed=assumed)
         supports.append(None if one is None else support_record(one, bearing, listed))
     return Contact(
-        touches=touch.kind >= 0,
         probability=touch.probability,
         distance=near.surface.nearest,
         partner=index,

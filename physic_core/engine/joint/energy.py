@@ -40,7 +40,6 @@ class JointEnergy:
         terms: summands of the energy.
         scene: search structure of the scene points near the people.
         snapshot: visibility, nearest points and distances that the terms were refreshed with.
-        evaluations: number of calls.
 
     Raises:
         PhysicError: data of a term is missing, or the energy does not use the views of the state.
@@ -49,7 +48,6 @@ class JointEnergy:
     def __init__(self, state: State, settings: JointMethod) -> None:
         self.state = state
         self._settings = settings
-        self.evaluations = 0
         self.sampling = precompute(state, settings)
         self.variables = settings.initial_variables(self.sampling)
         weights = self.sampling.person_weights
@@ -119,7 +117,6 @@ class JointEnergy:
 
         Differentiable.
         """
-        self.evaluations += 1
         bodies = self._posed_bodies()
         if self._settings.nearest_every_step:
             scale = float(bodies.estimate.log_scale.detach().exp())

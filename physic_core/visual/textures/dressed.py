@@ -77,7 +77,6 @@ class DressedBodies:
         colors: person -> (V, 3) uint8 sRGB of each vertex.
         fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not
             darkened.
-        tone: person -> (V,) brightness of the guess.
         filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
         shown: person -> share of the body's surface that a photo shows.
         shoes: person -> for each foot with a shoe, see :func:`with_shoes`.
@@ -90,7 +89,6 @@ class DressedBodies:
 
     colors: Mapping[int, UInt8Array]
     fill: Mapping[int, Array]
-    tone: Mapping[int, Array]
     filled: Mapping[int, NDArray[np.float32]]
     shown: Mapping[int, float]
     shoes: Mapping[int, Sequence[Array]]
@@ -122,7 +120,6 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
     colors = dict[int, "UInt8Array"]()
     fill = dict[int, "Array"]()
-    tone = dict[int, "Array"]()
     filled = dict[int, "NDArray[np.float32]"]()
     shown = dict[int, float]()
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
@@ -131,12 +128,11 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         photo, seen, near = photo_colors(result, index, vertices, normals[index], caster)
         hair = None if model is None else _hair(result, index, vertices, model, parts)
         fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
-        tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals[index] @ _light(result))
-        colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
+        colors[index] = _mixed(photo, near, _darkened(fill[index], normals[index], result))
         filled[index] = (1 - seen).astype(np.float32)
         areas = vertex_areas(vertices, faces)
         shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
-    return DressedBodies(colors, fill, tone, filled, shown, shoes, posed, normals, mesh, bodies)
+    return DressedBodies(colors, fill, filled, shown, shoes, posed, normals, mesh, bodies)
 
 
 @kept_for_next_picture
@@ -169,7 +165,9 @@ def dressed_texture(
     )
     caster = None if dressed.bodies is None else dressed.bodies.caster
     photo, seen, near = photo_colors(result, index, points, normals, caster)
-    guess = dressed.fill[index] * dressed.tone[index][:, None] if darken else dressed.fill[index]
+    guess = dressed.fill[index]
+    if darken:
+        guess = _darkened(guess, dressed.normals[index], result)
     image: UInt8Array = raster.image(_mixed(photo, near, raster.interpolate(faces, guess)))
     return image, raster.image(np.round(255 * (1 - seen)).astype(np.uint8))
 
@@ -326,14 +324,15 @@ def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
     return np.clip(np.round(blend * photo + (1 - blend) * beside), 0, 255).astype(np.uint8)
 
 
-def _light(result: Reconstruction) -> Array:
-    """Return the direction (3,) towards the light of what is guessed, from above and the left,
-    camera frame.
+def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
+    """Return guessed colours (V, 3) of skin with normals (V, 3) under a light from above and the
+    left.
     """
     up = np.asarray(up_in_camera(result.scene.floor), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
-    unit: Array = light / np.linalg.norm(light)
-    return unit
+    light = light / np.linalg.norm(light)
+    darkened: Array = colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
+    return darkened
 
 
 def _size(result: Reconstruction, index: int) -> int:

@@ -29,19 +29,6 @@ _MAX_SLANT = 0.5  # the same, as a share of the distance along the normal
 
 
 @dataclass(frozen=True)
-class PeopleProbes:
-    """Vertices compared with the skin of other people.
-
-    Attributes:
-        rows: (m,) int64, into the n subsampled vertices.
-        area: (B, m) surface per probe, in the unit of the vertices' areas.
-    """
-
-    rows: Tensor
-    area: Tensor
-
-
-@dataclass(frozen=True)
 class PeoplePairs:
     """p pairs of a probe and the nearest vertex on another person.
 
@@ -71,23 +58,26 @@ class PeoplePairs:
         return PeoplePairs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
-def select_probes(model: BodyModel, ids: Tensor, area: Tensor) -> PeopleProbes:
-    """Select one vertex per 3 cm cell and body part in the T-pose, with the summed area of its
-    group.
+def select_probes(model: BodyModel, ids: Tensor, area: Tensor) -> tuple[Tensor, Tensor]:
+    """Select the vertices that are compared with the skin of other people: one per 3 cm cell and
+    body part in the T-pose.
 
     Args:
         ids: (n,) int64, the subsampled vertices.
         area: (B, n) of these.
+
+    Returns:
+        Rows (m,) int64 of the n vertices, and summed area (B, m) of the group of each.
     """
     part = model.part_of_vertex[ids]
     rest = model(*model.zero_pose(1), vertex_ids=ids).vertices[0]
     group, rows = cluster_points(rest, part, _SPACING_M)
-    return PeopleProbes(rows, area.new_zeros(len(area), len(rows)).index_add(1, group, area))
+    return rows, area.new_zeros(len(area), len(rows)).index_add(1, group, area)
 
 
 @torch.no_grad()
 def find_people_pairs(
-    probes: PeopleProbes, vertices: Tensor, normals: Tensor, reach: float
+    probes: Tensor, vertices: Tensor, normals: Tensor, reach: float
 ) -> PeoplePairs:
     """Find the nearest vertex of each probe on each other person.
 
@@ -95,6 +85,7 @@ def find_people_pairs(
     side of a limb that is inside another body would be pulled deeper.
 
     Args:
+        probes: (m,) int64, rows of the vertices.
         vertices: (B, n, 3) subsampled vertices, metres.
         normals: (B, n, 3) unit, out of the bodies.
         reach: largest distance of a pair, metres.
@@ -104,8 +95,8 @@ def find_people_pairs(
     close = ((low[:, None] < high) & (low < high[:, None])).all(-1).tolist()
     people = [(i, j) for i, j in permutations(range(len(vertices)), 2) if close[i][j]]
     pairs = [_nearest(i, j, probes, vertices, reach) for i, j in people]
-    person, probe, other, other_row = torch.cat([probes.rows.new_zeros(4, 0), *pairs], 1)
-    row = probes.rows[probe]
+    person, probe, other, other_row = torch.cat([probes.new_zeros(4, 0), *pairs], 1)
+    row = probes[probe]
     normal = normals[other, other_row]
     offset = vertices[person, row] - vertices[other, other_row]
     along = (offset * normal).sum(-1)
@@ -126,11 +117,11 @@ def connected_groups(links: Tensor, people: int) -> Tensor:
     return torch.tensor(group)
 
 
-def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> Tensor:
+def _nearest(i: int, j: int, probes: Tensor, vertices: Tensor, reach: float) -> Tensor:
     """Return person i, probes of this person, person j, and their nearest rows of person j: (4, p)
     int64.
     """
-    points = vertices[i, probes.rows]
+    points = vertices[i, probes]
     body = vertices[j]
     rows = inside_body_boxes(body, points[None], reach).nonzero(as_tuple=True)[0]
     if not len(rows):
@@ -210,7 +201,7 @@ class PeopleTerm(Term):
         self.touch: RobustSum
         if self._is_on:
             model = sampling.state.model
-            self._probes = select_probes(model, sampling.ids, sampling.area)
+            self._probes, self._area = select_probes(model, sampling.ids, sampling.area)
             touching = torch.tensor(
                 [name in _TOUCHING_PARTS for name in model.part_names], device=sampling.ids.device
             )
@@ -236,7 +227,7 @@ class PeopleTerm(Term):
         kept = touches | (found.distance < _NEARLY_INSIDE_M)
         self.pairs = found.select(kept)
         touches = touches[kept]
-        area = self._probes.area[self.pairs.person, self.pairs.probe]
+        area = self._area[self.pairs.person, self.pairs.probe]
         self.apart = robust_depths(self._apart_weight * area)
         self.touch = RobustSum.of(
             "geman_mcclure", _GAP_SIGMAS, SURFACE_SIGMA_M, self._touch_weight * area * touches
