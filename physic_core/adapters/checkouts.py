@@ -94,7 +94,8 @@ class Checkout:
         missing = [need for need in self.needs if need not in sys.modules and not _exists(need)]
         if missing:
             messages.append(
-                f"{self.name} needs {_listed(missing)} of the environment: "
+                f"{self.name} needs the package{'s' * (len(missing) > 1)} {', '.join(missing)} of "
+                f"the environment: "
                 f"pip install {' '.join(PIP_NAMES.get(need, need) for need in missing)}"
             )
         return tuple(messages)
@@ -334,8 +335,3 @@ def _pop_modules(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
     """Remove the modules with these top-level names from ``sys.modules`` and return them."""
     found = [key for key in sys.modules if key.partition(".")[0] in names]
     return {key: sys.modules.pop(key) for key in found}
-
-
-def _listed(names: list[str]) -> str:
-    """Return "the package A" or "the packages A, B"."""
-    return "the package " + names[0] if len(names) == 1 else "the packages " + ", ".join(names)

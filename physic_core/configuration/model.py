@@ -103,10 +103,6 @@ def _depth_unit(text: str) -> str:
 _DepthUnit = Annotated[str, AfterValidator(_depth_unit)]
 
 
-def _unit_m(text: str) -> float:
-    return _UNITS_M[text] if text in _UNITS_M else 1 / int(text.removeprefix("1/"))
-
-
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
 _Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
@@ -382,7 +378,9 @@ class Config(_Table):
         if interface == "metric_depth":
             usual = _PNG_UNIT if path.lower().endswith(".png") and not is_kept else None
             unit = self.photo.depth_unit or usual
-            options |= {"scale": _unit_m(unit)} if unit else {}
+            if unit:
+                known = _UNITS_M.get(unit)
+                options |= {"scale": known or 1 / int(unit.removeprefix("1/"))}
         return BackendChoice(
             backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options}
         )

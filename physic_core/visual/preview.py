@@ -173,7 +173,8 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
         overlay_panel(reconstruction, geometry, mesh.width, mesh.height),
     )
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
-    _name_people(pen, mesh, reconstruction)
+    heads = heads_in_photo(reconstruction, mesh.width, mesh.height)
+    draw_numbers(pen, (mesh.x, mesh.y), heads, (mesh.width, mesh.height))
     depths = depth_panel(reconstruction, depth.width, depth.height)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
@@ -287,11 +288,6 @@ def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Arra
         (frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height),
         outline=(206, 206, 202),
     )
-
-
-def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
-    heads = heads_in_photo(reconstruction, frame.width, frame.height)
-    draw_numbers(pen, (frame.x, frame.y), heads, (frame.width, frame.height))
 
 
 def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:

@@ -119,10 +119,10 @@ def licence_text(sets: Iterable[WeightSet]) -> str:
     """Return the licences of weight sets, each once, and where one forbids commercial use; ""
     without sets.
     """
-    licences = [
-        f"{one.license}, no commercial use" if _hides_its_terms(one) else one.license
-        for one in sets
-    ]
+    licences = []
+    for one in sets:
+        hidden = one.commercial is False and not NON_COMMERCIAL.search(one.license)
+        licences.append(f"{one.license}, no commercial use" if hidden else one.license)
     return "; ".join(dict.fromkeys(licences))
 
 
@@ -130,8 +130,3 @@ def _sets(offer: Offer) -> Mapping[str, WeightSet]:
     from physic_core.weights.manifest import read_manifest
 
     return read_manifest(weights_folder(offer))
-
-
-def _hides_its_terms(weights: WeightSet) -> bool:
-    """Return whether a licence forbids commercial use without a word for it in its name."""
-    return weights.commercial is False and not NON_COMMERCIAL.search(weights.license)

@@ -99,7 +99,11 @@ class Detector:
         stay &= scores >= score
         found = Detections(boxes[stay], scores[stay].clip(0, 1), None)
         if joints is not None:
-            found = Detections(found.boxes, found.scores, _coco17(joints[stay]))
+            from physic_core.types import Keypoints
+
+            own = joints[stay]
+            keypoints = Keypoints(own[..., :2], own[..., 2].clip(0, 1), "coco17")
+            found = Detections(found.boxes, found.scores, keypoints)
         return found[nms(found.boxes, found.scores, overlap)]
 
 
@@ -213,13 +217,6 @@ def _decode_rt_detr(
         score,
         None,
     )
-
-
-def _coco17(joints: NDArray[Any]) -> Any:
-    """Convert joints to COCO-17 keypoints."""
-    from physic_core.types import Keypoints
-
-    return Keypoints(joints[..., :2], joints[..., 2].clip(0, 1), "coco17")
 
 
 _DECODERS: Mapping[str, Callable[[PortMatch, Network, UInt8Array, tuple[int, ...]], Answer]] = {

@@ -167,15 +167,9 @@ class Lama(OnnxBackend, Inpainter):
         known = ~covered
         answer = self._ask(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
         colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
-        back = resize_image(
-            colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale)
-        )
+        shown = colours[: inner[0], : inner[1]].astype(np.float32)
+        back = resize_image(shown, height, width, "bicubic" if scale < 1 else "area")
         return np.asarray(back.round().clip(0, 255), np.uint8)
-
-
-def _back(scale: float) -> Any:
-    """Return the interpolation for resizing back."""
-    return "bicubic" if scale < 1 else "area"
 
 
 def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:

@@ -17,8 +17,7 @@ from physic_scene.matching import compare_places
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyParameters, IntArray
-    from physic_scene.photos import ScenePhoto
+    from physic_core.types import BodyParameters
     from physic_scene.solution import SolvedScene
 
 
@@ -51,7 +50,9 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
     photos = solved.photos
     matched = [
         PersonOfScene(
-            _indices(row, photos), solved.bodies.parameters([p], model), solved.statures[p]
+            {v: photos[v].rows[row[v]] for v in np.flatnonzero(row >= 0).tolist()},
+            solved.bodies.parameters([p], model),
+            solved.statures[p],
         )
         for p, row in enumerate(solved.rows)
     ]
@@ -107,11 +108,6 @@ def _may_be_same(
         one, two, motion, np.broadcast_to(np.eye(3), (len(one), len(two), 3, 3))
     )
     return bool((place[row, candidates] < _SAME_PLACE).any())
-
-
-def _indices(row: IntArray, photos: Sequence[ScenePhoto]) -> dict[int, int]:
-    """Return photo -> index in its result, from the row of a person (V,) in each photo."""
-    return {v: photos[v].rows[row[v]] for v in np.flatnonzero(row >= 0).tolist()}
 
 
 def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:

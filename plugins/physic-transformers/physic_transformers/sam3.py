@@ -77,7 +77,10 @@ class Sam3(PretrainedBackend, Segmenter):
 
         options = self.options
         size = (image.shape[0], image.shape[1])
-        side = int(_vision(self.model().config).image_size)
+        config = self.model().config
+        side = int(
+            (getattr(config, "detector_config", None) or config).image_size
+        )  # of a video model
         pixels = picture_tensor(
             resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device
         )
@@ -134,8 +137,3 @@ class Sam3(PretrainedBackend, Segmenter):
         )
         ids = {name: np.asarray(text[name], np.int64) for name in ("input_ids", "attention_mask")}
         return network.run(vision_embeds=seen, **ids)
-
-
-def _vision(config: Any) -> Any:
-    """Return the part of a config with the input size, for the image model or the video model."""
-    return getattr(config, "detector_config", None) or config

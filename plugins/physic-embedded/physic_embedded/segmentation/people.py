@@ -244,7 +244,11 @@ def _add_hidden_people(
             person = DetectedPose(
                 pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box
             )
-            if all(_is_other_person(person, other) for other in kept):
+            if all(
+                not is_same_person(person, other)
+                and mask_overlap(pose, other.pose) <= MAX_SHARED_MASK
+                for other in kept
+            ):
                 kept.append(person)
                 break
         else:
@@ -273,10 +277,6 @@ def _poses_of_hidden_person(
         and _iou(mask_box(upper), box) > MIN_MASK_FIT
     ):
         yield upper
-
-
-def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
-    return not is_same_person(a, b) and mask_overlap(a.pose, b.pose) <= MAX_SHARED_MASK
 
 
 def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:

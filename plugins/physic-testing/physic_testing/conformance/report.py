@@ -137,7 +137,8 @@ class Report:
             shortened = {
                 shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()
             }
-            words[-1] += f" ({'; '.join(_counted(reason, n) for reason, n in shortened.items())})"
+            counted = (f"{reason}: {n}" if n > 1 else reason for reason, n in shortened.items())
+            words[-1] += f" ({'; '.join(counted)})"
         return (
             f"{self.interface}:{self.backend}  {len(self.results)} checks: "
             f"{', '.join(words) or 'none ran'}"
@@ -192,7 +193,3 @@ class Report:
         """
         if not self.ok:
             raise AssertionError(self.text)
-
-
-def _counted(reason: str, times: int) -> str:
-    return f"{reason}: {times}" if times > 1 else reason
