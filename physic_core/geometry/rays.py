@@ -51,6 +51,10 @@ class RayCaster:
     Embree finds the face in float32. The distance to the face's plane is computed in float64, so
     that large, distant faces are as exact as near ones.
 
+    Attributes:
+        vertices: (V, 3) float64 metres.
+        faces: (F, 3) int64.
+
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3) int.
@@ -60,18 +64,20 @@ class RayCaster:
     def __init__(
         self, vertices: ArrayLike, faces: ArrayLike, library: RayLibrary | None = None
     ) -> None:
-        points = np.asarray(vertices, np.float64)
-        triangles = np.asarray(faces, np.int64)
-        corners = points[triangles]
-        self.low = points.min(0, initial=np.inf)
-        self.high = points.max(0, initial=-np.inf)
+        self.vertices = np.asarray(vertices, np.float64)
+        self.faces = np.asarray(faces, np.int64)
+        corners = self.vertices[self.faces]
+        self.low = self.vertices.min(0, initial=np.inf)
+        self.high = self.vertices.max(0, initial=-np.inf)
         self._corner = corners[:, 0]
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the
         face.
         """
         self._embree = (
-            _embree_scene(points, triangles) if (library or _installed()) == "embree" else None
+            _embree_scene(self.vertices, self.faces)
+            if (library or _installed()) == "embree"
+            else None
         )
         self._tree: _TriangleTree | None = None
         if self._embree is None:

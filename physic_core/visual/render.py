@@ -104,21 +104,6 @@ class View:
 
 
 @dataclass(frozen=True)
-class RayCastMesh:
-    """Concatenated meshes of several bodies, prepared for ray casting.
-
-    Attributes:
-        vertices: (N * V, 3) metres.
-        faces: (N * F, 3), counter-clockwise from outside.
-        caster: of the faces.
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    caster: RayCaster
-
-
-@dataclass(frozen=True)
 class RenderedLayer:
     """Rendered image with transparency and distance.
 
@@ -135,7 +120,7 @@ class RenderedLayer:
 
 def prepare_meshes(
     bodies: Sequence[Array], faces: NDArray[Any], *, longest_edge: float = math.inf
-) -> RayCastMesh | None:
+) -> RayCaster | None:
     """Concatenate N bodies with common faces for ray casting; None without bodies.
 
     Args:
@@ -161,10 +146,10 @@ def prepare_meshes(
         triangles = triangles[np.logical_and.reduce(short)]
         if not len(triangles):
             return None
-    return RayCastMesh(vertices, triangles, RayCaster(vertices, triangles))
+    return RayCaster(vertices, triangles)
 
 
-def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLayer:
+def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer:
     """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
 
     Args:
@@ -250,13 +235,13 @@ def render_points(
 
 
 def _cast_rays(
-    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
+    shapes: RayCaster, viewer: View, colors: Array, columns: Array, rows: Array
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance
     (...), inf there.
     """
     origins, directions = viewer.rays(columns.ravel(), rows.ravel())
-    hits = shapes.caster.first(origins, directions)
+    hits = shapes.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
     corners = shapes.faces[hits.face[hit]]
     weights = hits.corners[hit]

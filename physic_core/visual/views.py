@@ -15,7 +15,6 @@ from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types.results import main_people
 from physic_core.visual.palette import person_color
 from physic_core.visual.render import (
-    RayCastMesh,
     View,
     blend_over,
     picture_bytes,
@@ -29,6 +28,7 @@ from physic_core.visual.textures.dressed import dressed_bodies
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, Scene, UInt8Array
 
     Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class PreviewGeometry:
         assumed: supports that the photo does not show.
     """
 
-    people: RayCastMesh | None
+    people: RayCaster | None
     people_colors: Array
     dress: Array
     crowns: Mapping[int, Array]

@@ -222,14 +222,17 @@ def join_results(
     )
 
 
-@dataclass(frozen=True)
 class Optimiser(ABC):
-    """Minimiser that updates visibility after every block of steps, and its settings."""
+    """Minimiser that updates visibility after every block of steps; a subclass is a frozen
+    dataclass of its settings.
 
-    steps: Count
-    """At most."""
-    refresh_steps: PositiveCount
-    """Steps between two updates of visibility and nearest points."""
+    Attributes:
+        steps: at most.
+        refresh_steps: steps between two updates of visibility and nearest points.
+    """
+
+    steps: int
+    refresh_steps: int
 
     @abstractmethod
     def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:

@@ -21,7 +21,7 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.palette import BODY_RGB
-from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
+from physic_core.visual.render import LONGEST_BODY_EDGE_M, prepare_meshes
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import kept_for_next_picture
 from physic_core.visual.textures.photo import SHOWN, photo_colors
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from physic_core.body.arrays import BodyArrays
+    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
 
     Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ class DressedBodies:
     vertices: Mapping[int, Array]
     normals: Mapping[int, Array]
     mesh: TextureCoordinates | None
-    bodies: RayCastMesh | None
+    bodies: RayCaster | None
 
 
 @kept_for_next_picture
@@ -116,7 +117,6 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     for index, toes in shoes.items():
         posed[index], normals[index] = with_shoes(posed[index], normals[index], toes)
     bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
-    caster = None if bodies is None else bodies.caster
     mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
     colors = dict[int, "UInt8Array"]()
     fill = dict[int, "Array"]()
@@ -125,7 +125,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
     laplacian = _laplacian(faces, len(others)) if posed else None
     for index, vertices in posed.items():
-        photo, seen, near = photo_colors(result, index, vertices, normals[index], caster)
+        photo, seen, near = photo_colors(result, index, vertices, normals[index], bodies)
         hair = None if model is None else _hair(result, index, vertices, model, parts)
         fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
         colors[index] = _mixed(photo, near, _darkened(fill[index], normals[index], result))
@@ -163,8 +163,7 @@ def dressed_texture(
     points, normals = (
         raster.interpolate(faces, of[index]) for of in (dressed.vertices, dressed.normals)
     )
-    caster = None if dressed.bodies is None else dressed.bodies.caster
-    photo, seen, near = photo_colors(result, index, points, normals, caster)
+    photo, seen, near = photo_colors(result, index, points, normals, dressed.bodies)
     guess = dressed.fill[index]
     if darken:
         guess = _darkened(guess, dressed.normals[index], result)
