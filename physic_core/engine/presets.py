@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
+from torch import Tensor
 
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.joint.method import JointMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
+from physic_core.engine.joint.sampling import Sampling, with_static_contacts
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import (
     STATED_WEIGHT,
@@ -34,8 +35,8 @@ from physic_core.engine.joint.terms.picture import (
     ReprojectionSettings,
     ViewsTerm,
     depth_offset_sigmas,
+    keypoint_weights,
     robust_reprojection,
-    weighted_keypoints,
 )
 from physic_core.engine.joint.terms.scene import (
     CONTACT_RANGE_M,
@@ -107,9 +108,9 @@ class DefaultOptimisation(JointMethod):
         """Return the state with static contacts if these are selected."""
         return with_static_contacts(state) if self.contact.source == "static" else state
 
-    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
-        """Return the keypoints, weighted by confidence, with less weight on invisible limbs."""
-        return weighted_keypoints(state)
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return weights by confidence, with less weight on invisible limbs."""
+        return keypoint_weights(state)
 
     def initial_variables(self, sampling: Sampling) -> Variables:
         """Return whitened parameters, with a depth offset for each person."""

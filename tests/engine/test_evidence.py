@@ -89,7 +89,7 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     energy = JointEnergy(
         replace(standing.state, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS
     )
-    weight = energy.sampling.keypoints.weight[0]
+    weight = energy.sampling.keypoint_weights[0]
     assert weight[:4].tolist() == pytest.approx([0, 0, 0, 1])
 
 

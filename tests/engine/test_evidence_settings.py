@@ -18,7 +18,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.robust import robust_loss
 from physic_paper.released.reprojection import near_mask
-from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
+from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confidence_weights
 
 from .adjusted import adjusted, term_of
 
@@ -48,15 +48,14 @@ def test_near_mask_equals_its_slow_reference(seed, reach):
 def test_confidence_counts_by_its_power(standing):
     confidence = torch.full_like(standing.state.keypoint_confidence, 0.6)
     state = replace(standing.state, keypoint_confidence=confidence)
-    once, twice = (confident_keypoints(state, power=power).weight for power in (1.0, 2.0))
+    once, twice = (confidence_weights(state, power=power) for power in (1.0, 2.0))
     torch.testing.assert_close(twice, 0.6 * once)
-    assert torch.equal(JointEnergy(state, PROX).sampling.keypoints.weight, twice)
+    assert torch.equal(JointEnergy(state, PROX).sampling.keypoint_weights, twice)
     plain, halved = (
         replace(state.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5})
     )
     full, half = (
-        confident_keypoints(replace(state, skeleton=skeleton)).weight
-        for skeleton in (plain, halved)
+        confidence_weights(replace(state, skeleton=skeleton)) for skeleton in (plain, halved)
     )
     torch.testing.assert_close(
         half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names])
@@ -99,7 +98,7 @@ def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing
     robust = partial(robust_loss, "geman_mcclure", c=100.0)
     want = (
         sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0))
-        * energy.sampling.keypoints.weight
+        * energy.sampling.keypoint_weights
     )
     assert energy()["reprojection"].item() == pytest.approx(float(want.sum()), rel=1e-3)
 

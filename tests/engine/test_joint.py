@@ -187,7 +187,7 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
         result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
     # knees, ankles, heels, toes
-    assert (JointEnergy(cut, SETTINGS).sampling.keypoints.weight[0, 25:] == 0).all()
+    assert (JointEnergy(cut, SETTINGS).sampling.keypoint_weights[0, 25:] == 0).all()
 
 
 def test_unseen_feet_just_under_the_floor_are_lifted_and_the_scale_stays(standing):

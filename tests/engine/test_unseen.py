@@ -102,7 +102,7 @@ def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
     expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(
         [0.5 if name.endswith("_hip") else 1.0 for name in NAMES]
     )
-    torch.testing.assert_close(sampling.keypoints.weight.to(expected), expected)
+    torch.testing.assert_close(sampling.keypoint_weights.to(expected), expected)
 
 
 def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):

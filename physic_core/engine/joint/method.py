@@ -15,7 +15,6 @@ from physic_core.engine.joint.optimiser import Optimiser
 from physic_core.engine.joint.sampling import (
     Sampling,
     VisibilitySettings,
-    WeightedKeypoints,
     select_surface,
 )
 from physic_core.engine.joint.snapshot import (
@@ -88,8 +87,8 @@ class JointMethod(ABC):
         return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
 
     @abstractmethod
-    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
-        """Return the keypoints and their weights.
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return the weights (B, J) of the keypoints, 0 for those that are skipped.
 
         Args:
             state: from :meth:`prepare`, with finite people only.

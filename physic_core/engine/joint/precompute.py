@@ -54,7 +54,7 @@ def precompute(state: State, method: JointMethod) -> Sampling:
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         soles=_sole_rows(model, ids),
-        keypoints=method.weigh_keypoints(state),
+        keypoint_weights=method.weigh_keypoints(state),
         person_px=_person_px(state, start.joints[:, 0]),
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
@@ -74,7 +74,7 @@ def _sampling_of_view(sampling: Sampling, view: OtherView, method: JointMethod) 
     return replace(
         sampling,
         state=state,
-        keypoints=method.weigh_keypoints(state),
+        keypoint_weights=method.weigh_keypoints(state),
         person_px=_person_px(state, view.to_camera(sampling.start.joints[:, 0])),
         log_depth=None,
         fronts=None,

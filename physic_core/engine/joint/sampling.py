@@ -45,19 +45,6 @@ class VisibilitySettings:
 
 
 @dataclass(frozen=True)
-class WeightedKeypoints:
-    """Detected keypoints and their weights.
-
-    Attributes:
-        points: (B, J, 2) px, finite.
-        weight: (B, J), 0 for keypoints that are skipped.
-    """
-
-    points: Tensor
-    weight: Tensor
-
-
-@dataclass(frozen=True)
 class Sampling:
     """Constants of one joint optimisation. B people, n subsampled vertices.
 
@@ -78,7 +65,7 @@ class Sampling:
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
-        keypoints: with their weights.
+        keypoint_weights: (B, J), 0 for keypoints that are skipped.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
@@ -105,7 +92,7 @@ class Sampling:
     is_contact: Tensor
     on_visible_part: Tensor
     soles: tuple[Tensor, Tensor]
-    keypoints: WeightedKeypoints
+    keypoint_weights: Tensor
     person_px: Tensor
     start: BodyOutput
     relative: Tensor

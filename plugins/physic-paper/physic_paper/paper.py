@@ -57,7 +57,6 @@ from physic_core.engine.joint.method import TermWeight
 from physic_core.engine.joint.sampling import (
     Sampling,
     VisibilitySettings,
-    WeightedKeypoints,
     with_static_contacts,
 )
 from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility, update_visibility
@@ -79,7 +78,7 @@ from physic_paper.terms.printed_regularisation import (
     PrintedRegularisationSettings,
     PrintedRegularisationTerm,
 )
-from physic_paper.terms.reprojection import confident_keypoints
+from physic_paper.terms.reprojection import confidence_weights
 
 CONTACT_RANGE_M = 0.15
 """Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not
@@ -148,13 +147,13 @@ class PaperOptimisation(PublishedOptimisation):
         around = sampling.around
         return GridSearch(around.points, around.normals, sampling.search_radius_m)
 
-    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
-        """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
-        found = confident_keypoints(state, _MIN_CONFIDENCE)
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return weights from confidence; a low confidence gives weight 0."""
+        weight = confidence_weights(state, _MIN_CONFIDENCE)
         if self.reprojection.reduction == "sum":
-            return found
-        total = found.weight.sum(1, keepdim=True)
-        return replace(found, weight=found.weight / torch.where(total > 0, total, 1.0))
+            return weight
+        total = weight.sum(1, keepdim=True)
+        return weight / torch.where(total > 0, total, 1.0)
 
     def update_visibility(
         self,

@@ -18,9 +18,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
+from torch import Tensor
+
 from physic_core.engine.joint.method import TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints, with_static_contacts
+from physic_core.engine.joint.sampling import Sampling, with_static_contacts
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.body import LimitTerm
 from physic_core.engine.joint.variables import Variables
@@ -31,7 +33,7 @@ from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import ParameterPriorTerm
-from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
+from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confidence_weights
 
 # long side of PROX's images, which define the scale of its robust reprojection loss
 _FULL_HD_PX = 1920
@@ -85,9 +87,9 @@ class ProxOptimisation(PublishedOptimisation):
         """Return the state with all limbs visible, and with static contacts."""
         return with_static_contacts(super().prepare(state))
 
-    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
-        """Return the keypoints, weighted by squared confidence."""
-        return confident_keypoints(state, power=2.0)
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return weights by squared confidence."""
+        return confidence_weights(state, power=2.0)
 
     def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the first steps, without bending prior: see :meth:`late_terms`."""

@@ -35,7 +35,7 @@ from typing import Literal
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.sampling import Sampling, VisibilitySettings, WeightedKeypoints
+from physic_core.engine.joint.sampling import Sampling, VisibilitySettings
 from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.body import SceneScaleTerm
@@ -48,7 +48,7 @@ from physic_paper.paper import (
     PaperReprojectionSettings,
 )
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
-from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
+from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_weights
 from physic_paper.released.visibility import update_released_visibility
 from physic_paper.terms.chamfer import ChamferDepthTerm, human_points_of
 from physic_paper.terms.point_contact import PointContactTerm
@@ -91,9 +91,9 @@ class ReleaseOptimisation(PaperOptimisation):
         masks = state.masks.any(0, keepdim=True).expand_as(state.masks)
         return replace(super().prepare(state), masks=masks, human_points=human_points_of(state))
 
-    def weigh_keypoints(self, state: State) -> WeightedKeypoints:
-        """Return the keypoints with the keypoint weights of the released code."""
-        return released_keypoints(state)
+    def weigh_keypoints(self, state: State) -> Tensor:
+        """Return the keypoint weights of the released code."""
+        return released_weights(state)
 
     def update_visibility(
         self,

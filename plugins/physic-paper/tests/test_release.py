@@ -185,7 +185,7 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published):
         skeleton=SKELETONS["blazepose33"],
     )
     sampling = JointEnergy(given, RELEASE.joint).sampling
-    assert sampling.keypoints.weight[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
+    assert sampling.keypoint_weights[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
 
 def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest(

@@ -10,7 +10,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.snapshot import sample_mask_neighbours
 from physic_core.engine.joint.term import (
     PosedBodies,
@@ -74,18 +74,18 @@ class ReprojectionTerm(Term):
         self._sampling = sampling
         self._unit = unit
         self._rho = rho
-        self.weights = {"reprojection": sampling.keypoints.weight}
-        self._weight = weight * sampling.keypoints.weight if weight else None
+        self._observed, _ = finite_keypoints(sampling.state)
+        self.weights = {"reprojection": sampling.keypoint_weights}
+        self._weight = weight * sampling.keypoint_weights if weight else None
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
         if self._weight is None:
             return {}
         projected = project(bodies.keypoints, self._sampling.state.K)
-        observed = self._sampling.keypoints.points
         return {
             "reprojection": reprojection_energy(
-                projected, observed, self._weight, self._unit, self._rho
+                projected, self._observed, self._weight, self._unit, self._rho
             )
         }
 
@@ -108,16 +108,15 @@ def finite_keypoints(state: State) -> tuple[Tensor, Tensor]:
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(state: State) -> WeightedKeypoints:
-    """Return the keypoints of finite people, with less weight on limbs that are not visible in any
-    photo.
+def keypoint_weights(state: State) -> Tensor:
+    """Return the weights (B, J) of keypoints by confidence, with less weight on limbs that are not
+    visible in any photo.
     """
     points, confidence = finite_keypoints(state)
     seen = keypoints_of_observed_limbs(state.skeleton, state.observed_anywhere)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
-    weight = weights_inside_image(state, points, weight)
-    return WeightedKeypoints(points, weight)
+    return weights_inside_image(state, points, weight)
 
 
 def weights_inside_image(state: State, points: Tensor, weight: Tensor) -> Tensor:

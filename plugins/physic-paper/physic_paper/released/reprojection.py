@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.picture import finite_keypoints
 from physic_core.engine.state import State
@@ -81,11 +81,10 @@ def released_reprojection(
     return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
 
 
-def released_keypoints(state: State) -> WeightedKeypoints:
-    """Return the detected keypoints, with the weights of :func:`released_keypoint_weights`."""
+def released_weights(state: State) -> Tensor:
+    """Return the weights (B, J) of :func:`released_keypoint_weights`."""
     points, confidence = finite_keypoints(state)
-    weight = released_keypoint_weights(state.skeleton, points, confidence, state.masks)
-    return WeightedKeypoints(points, weight)
+    return released_keypoint_weights(state.skeleton, points, confidence, state.masks)
 
 
 class ReleasedReprojectionTerm(Term):
@@ -98,15 +97,15 @@ class ReleasedReprojectionTerm(Term):
         self._weight = weight
         height, width = sampling.state.masks.shape[-2:]
         self._size = sampling.person_px.new_tensor([width, height])
-        self.weights = {"reprojection": sampling.keypoints.weight}
+        self._observed, _ = finite_keypoints(sampling.state)
+        self.weights = {"reprojection": sampling.keypoint_weights}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
-        keypoints = self._sampling.keypoints
         projected = project(bodies.keypoints, self._sampling.state.K)
         people = len(projected)
         error = released_reprojection(
-            projected, keypoints.points, keypoints.weight, self._size, people
+            projected, self._observed, self._sampling.keypoint_weights, self._size, people
         )
         return {"reprojection": self._weight * error} if self._weight else {}
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling, WeightedKeypoints
+from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.engine.joint.terms.picture import finite_keypoints, weights_inside_image
 from physic_core.engine.state import State
 from physic_core.geometry.camera import project
 
 
-def confident_keypoints(
-    state: State, min_confidence: float = 0.0, power: float = 1.0
-) -> WeightedKeypoints:
-    """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
+def confidence_weights(state: State, min_confidence: float = 0.0, power: float = 1.0) -> Tensor:
+    """Return the weights (B, J) of the keypoints: a power of their confidence, 0 below
+    ``min_confidence``.
+    """
     points, confidence = finite_keypoints(state)
     weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
-    return WeightedKeypoints(points, weights_inside_image(state, points, weight))
+    return weights_inside_image(state, points, weight)
 
 
 def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:
@@ -43,13 +43,13 @@ class ReprojectionByAxisTerm(Term):
         self._weight = weight
         self._unit = unit
         self._rho = rho
-        self.weights = {"reprojection": sampling.keypoints.weight}
+        self._observed, _ = finite_keypoints(sampling.state)
+        self.weights = {"reprojection": sampling.keypoint_weights}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
         if not self._weight:
             return {}
-        keypoints = self._sampling.keypoints
-        error = (project(bodies.keypoints, self._sampling.state.K) - keypoints.points) / self._unit
+        error = (project(bodies.keypoints, self._sampling.state.K) - self._observed) / self._unit
         loss = offset_loss(error.square(), self._rho, per_axis=True)
-        return {"reprojection": self._weight * (keypoints.weight * loss).sum(-1)}
+        return {"reprojection": self._weight * (self._sampling.keypoint_weights * loss).sum(-1)}
