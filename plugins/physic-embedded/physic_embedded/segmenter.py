@@ -21,12 +21,12 @@ from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.people import UnposedBox, detect_poses, mask_box
+from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, PeoplePrompt, SurfaceLabels, UInt8Array
+    from physic_core.types import BoolArray, PeoplePrompt, SurfaceLabels, UInt8Array, UnposedPerson
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
     from physic_embedded.segmentation.people import DetectedPose
@@ -188,7 +188,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
 
     def _leave_out_low(
         self, found: list[DetectedPose], masks: BoolArray
-    ) -> tuple[list[DetectedPose], BoolArray, list[UnposedBox]]:
+    ) -> tuple[list[DetectedPose], BoolArray, list[UnposedPerson]]:
         """Omit people whose mask is lower than ``min_height_px``, and return them as boxes without
         a pose.
         """
@@ -196,7 +196,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         edges = boxes_from_masks(masks)
         tall = edges[:, 3] - edges[:, 1] >= least
         low = [
-            UnposedBox(
+            unposed_person(
                 mask_box(person.pose) if person.box is None else person.box,
                 person.score,
                 f"lower than {least:g} px",

@@ -11,14 +11,14 @@ import pytest
 from physic_core.adapters.people import Detections
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Segmenter, SegmenterRequest
-from physic_core.types import PeoplePrompt, SurfaceLabels
+from physic_core.types import PeoplePrompt, SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
 from physic_embedded.networks.pose import Pose
 from physic_embedded.segmentation import people as people_module
 from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
-from physic_embedded.segmentation.people import UnposedBox, square_from_upper_half
+from physic_embedded.segmentation.people import square_from_upper_half
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
@@ -99,11 +99,11 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
     labels[:, 150:] = 1
     surfaces = SurfaceLabels(labels, ("seat", "person"))
     boxes = [
-        UnposedBox(np.array([10.0, 0.0, 60.0, 90.0]), 0.9, "somebody with a pose"),
-        UnposedBox(np.array([80.0, 10.0, 120.0, 90.0]), 0.6, "a chair"),
-        UnposedBox(np.array([80.0, 10.0, 120.0, 90.0]), 0.7, "sure"),
-        UnposedBox(np.array([150.0, 10.0, 190.0, 90.0]), 0.4, "labelled"),
-        UnposedBox(np.array([152.0, 12.0, 190.0, 90.0]), 0.39, "the same again"),
+        UnposedPerson((10.0, 0.0, 60.0, 90.0), 0.9, "somebody with a pose"),
+        UnposedPerson((80.0, 10.0, 120.0, 90.0), 0.6, "a chair"),
+        UnposedPerson((80.0, 10.0, 120.0, 90.0), 0.7, "sure"),
+        UnposedPerson((150.0, 10.0, 190.0, 90.0), 0.4, "labelled"),
+        UnposedPerson((152.0, 12.0, 190.0, 90.0), 0.39, "the same again"),
     ]
     found, mask = segment_unposed(None, embedding, boxes, people, surfaces)
     assert [one.reason for one in found] == ["sure", "labelled"]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from physic_core.adapters.people import box_iou, boxes_from_masks
 from physic_core.interfaces import Segmenter
-from physic_core.types import SurfaceLabels
+from physic_core.types import SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
@@ -23,7 +23,6 @@ from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_p
 from physic_embedded.segmentation.people import (
     DETECTOR_LAYERS,
     DetectedPose,
-    UnposedBox,
     box_fit,
     is_person,
     is_same_person,
@@ -80,13 +79,8 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, head
     mask[0, 50:250, 50:110] = mask[0, 60:250, 110:170] = True
     pose = pose_at((80, 150))
     pose.points[:11] = pose.points[0]
-    assert count_heads(
-        [UnposedBox(np.array(box, float), score, "no pose")], [pose], mask
-    ).tolist() == [heads]
-    assert (
-        count_heads([UnposedBox(np.array(box, float), score, "no pose")], [], mask[:0]).tolist()
-        == []
-    )
+    assert count_heads([UnposedPerson(box, score, "no pose")], [pose], mask).tolist() == [heads]
+    assert count_heads([UnposedPerson(box, score, "no pose")], [], mask[:0]).tolist() == []
 
 
 def test_decode_puts_boxes_and_keypoints_at_their_anchor():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from physic_core.adapters.people import box_iou
+from physic_core.types import UnposedPerson
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import (
     average_agreeing,
@@ -102,19 +103,10 @@ class DetectedPose:
     box: Float | None = None
 
 
-@dataclass(frozen=True)
-class UnposedBox:
-    """Box of a person, by YOLOX, without a pose.
-
-    Attributes:
-        box: (4,) x0 y0 x1 y1 px.
-        score: in [0, 1].
-        reason: why there is no pose.
-    """
-
-    box: Float
-    score: float
-    reason: str
+def unposed_person(box: Float, score: float, reason: str) -> UnposedPerson:
+    """Return a person in a box (4,) x0 y0 x1 y1 px, by YOLOX, without a pose."""
+    x0, y0, x1, y1 = (float(edge) for edge in box)
+    return UnposedPerson((x0, y0, x1, y1), score, reason)
 
 
 class FoundPeople(NamedTuple):
@@ -128,7 +120,7 @@ class FoundPeople(NamedTuple):
     """
 
     posed: list[DetectedPose]
-    unposed: list[UnposedBox]
+    unposed: list[UnposedPerson]
     left_out: list[str]
     carriers: tuple[Carrier, ...]
 
@@ -192,7 +184,7 @@ def detect_poses(
             kept.append(person)
     unposed = _add_hidden_people(landmarker, image, boxes, kept, box_score)
     unposed += [
-        UnposedBox(person.box, person.score, f"more than {max_people} people")
+        unposed_person(person.box, person.score, f"more than {max_people} people")
         for person in kept[max_people:]
         if person.box is not None
     ]
@@ -224,7 +216,7 @@ def _add_hidden_people(
     boxes: Detections,
     kept: list[DetectedPose],
     box_score: float,
-) -> list[UnposedBox]:
+) -> list[UnposedPerson]:
     """Add to ``kept`` the people of boxes that gave no pose of their own, with the others in grey.
 
     Returns:
@@ -253,7 +245,7 @@ def _add_hidden_people(
                 break
         else:
             if score >= box_score:
-                unposed.append(UnposedBox(box, float(score), "no pose fits the box"))
+                unposed.append(unposed_person(box, float(score), "no pose fits the box"))
     return unposed
 
 

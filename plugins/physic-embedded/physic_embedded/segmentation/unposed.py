@@ -4,23 +4,22 @@ of two people.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.adapters.people import boxes_from_masks
-from physic_core.types import UnposedPerson
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.types import BoolArray, SurfaceLabels
+    from physic_core.types import BoolArray, SurfaceLabels, UnposedPerson
     from physic_core.types.arrays import IntArray
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
-    from physic_embedded.segmentation.people import UnposedBox
 
 SURE_SCORE = 0.65
 """A box of lower score may be of a chair or a tree, unless its pixels are labelled as a person."""
@@ -46,7 +45,7 @@ it.
 def segment_unposed(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
-    boxes: Sequence[UnposedBox],
+    boxes: Sequence[UnposedPerson],
     people: BoolArray,
     surfaces: SurfaceLabels | None,
 ) -> tuple[tuple[UnposedPerson, ...], BoolArray]:
@@ -79,12 +78,12 @@ def segment_unposed(
         if not mask.any() or own.sum() < MIN_OWN_SHARE * mask.sum():
             continue
         x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(own[None])[0])
-        found.append(UnposedPerson((x0, y0, x1, y1), one.score, one.reason))
+        found.append(replace(one, box=(x0, y0, x1, y1)))
         taken |= own
     return tuple(found), taken
 
 
-def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
+def _person_share(surfaces: SurfaceLabels, one: UnposedPerson) -> float:
     """Return the share of the middle two thirds of a box that is labelled as a person."""
     x0, y0, x1, y1 = np.rint(one.box).astype(int)
     across = (x1 - x0) // 6
@@ -95,7 +94,9 @@ def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
     return float(middle.mean()) if middle.size else 0.0
 
 
-def count_heads(boxes: Sequence[UnposedBox], poses: Sequence[Pose], masks: BoolArray) -> IntArray:
+def count_heads(
+    boxes: Sequence[UnposedPerson], poses: Sequence[Pose], masks: BoolArray
+) -> IntArray:
     """Return the number of heads (N,) in each of the masks (N, H, W) of people with poses.
 
     A box without a pose shows another head if the mask begins at its top, and no head of a pose is
