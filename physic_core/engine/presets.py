@@ -89,7 +89,7 @@ class DefaultOptimisation(JointMethod):
     limits: TermWeight = TermWeight(1.0)
     """Flexion of knees and elbows outside 0 to 2.7 rad."""
     lean: TermWeight = TermWeight(STATED_WEIGHT)
-    """Lean towards the camera of people who stand or walk, like a change as large as the error that
+    """Change of the lean towards the camera of people who stand or walk, in units of the error that
     the body estimator states.
     """
     stature: TermWeight = TermWeight(STATED_WEIGHT)

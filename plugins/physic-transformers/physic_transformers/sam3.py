@@ -78,9 +78,8 @@ class Sam3(PretrainedBackend, Segmenter):
         options = self.options
         size = (image.shape[0], image.shape[1])
         config = self.model().config
-        side = int(
-            (getattr(config, "detector_config", None) or config).image_size
-        )  # of a video model
+        config = getattr(config, "detector_config", None) or config  # of a model for videos
+        side = int(config.image_size)
         pixels = picture_tensor(
             resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device
         )
