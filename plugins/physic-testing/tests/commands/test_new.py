@@ -58,10 +58,8 @@ def test_a_new_package_names_nothing_that_an_index_does_not_have_yet():
     """
     text = plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0")["pyproject.toml"]
     own = tomllib.loads(text)["project"]
-    assert (own["dependencies"], own["optional-dependencies"]) == (
-        ["numpy>=2.0", "pydantic>=2.9"],
-        {"test": ["pytest>=8.2"]},
-    )
+    assert own["dependencies"] == ["numpy>=2.0", "pydantic>=2.9"]
+    assert own["optional-dependencies"] == {"test": ["pytest>=8.2"]}
     released = tomllib.loads(re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", text))[
         "project"
     ]
@@ -69,19 +67,18 @@ def test_a_new_package_names_nothing_that_an_index_does_not_have_yet():
     assert "physic-testing>=0.1.0" in released["optional-dependencies"]["test"]
 
 
-def refusal(*arguments):
-    done = CliRunner().invoke(main, list(arguments))
-    assert (done.exit_code, done.stdout) == (2, ""), done.output
-    return done.stderr.removeprefix("Error: ").rstrip("\n")
-
-
-def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "interface", "says"),
+    [
+        ("my-depth", "metric_dept", "Did you mean 'metric_depth'?"),
+        ("telea", "inpainter", "(physic-opencv 0.1.0) is installed already"),
+        ("My Depth", "metric_depth", "a-z, 0-9 and hyphens"),
+        ("mine", "inpainter", "physic-mine exists already"),
+    ],
+)
+def test_names_that_do_not_serve_are_refused(name, interface, says, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    new = ("plugins", "new")
-    assert "Did you mean 'metric_depth'?" in refusal(*new, "my-depth", "--interface", "metric_dept")
-    assert "(physic-opencv 0.1.0) is installed already" in refusal(
-        *new, "telea", "--interface", "inpainter"
-    )
-    assert "a-z, 0-9 and hyphens" in refusal(*new, "My Depth", "--interface", "metric_depth")
     Path("physic-mine").mkdir()
-    assert "physic-mine exists already" in refusal(*new, "mine", "--interface", "inpainter")
+    done = CliRunner().invoke(main, ["plugins", "new", name, "--interface", interface])
+    assert (done.exit_code, done.stdout) == (2, ""), done.output
+    assert says in done.stderr

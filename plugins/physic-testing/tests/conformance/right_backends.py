@@ -97,13 +97,10 @@ class RightMetricDepth(Knowing, interfaces.MetricDepth):
 class RightPointmap(Knowing, interfaces.RelativePointmap):
     def infer(self, image, hints):
         case, there, poor = self.look_up(image)
-        points = (case.original if there else case.scene).points * (
-            bent(image.shape)[..., None] if poor else 1
-        )
+        points = (case.original if there else case.scene).points
+        points = (points * (bent(image.shape)[..., None] if poor else 1)).astype(np.float32)
         valid = np.isfinite(points).all(axis=2)
-        return Pointmap(
-            points.astype(np.float32), valid, "scale", hints.intrinsics or case.intrinsics
-        )
+        return Pointmap(points, valid, "scale", hints.intrinsics or case.intrinsics)
 
 
 class RightKeypoints(Knowing, interfaces.KeypointDetector):
@@ -126,11 +123,9 @@ class RightBodies(Knowing, interfaces.BodyEstimator):
     def infer(self, image, people, intrinsics, keypoints, hints):
         case, _, _ = self.look_up(image)
         rows = self.rows(case, people)
-        parameters = replace(
-            case.bodies.parameters,
-            **{name: value[rows] for name, value in vars(case.bodies.parameters).items()},
-        )
-        return Bodies(parameters, "embedded", case.bodies.observed[rows])
+        every = case.bodies.parameters
+        own = {name: value[rows] for name, value in vars(every).items()}
+        return Bodies(replace(every, **own), "embedded", case.bodies.observed[rows])
 
 
 class RightHands(Knowing, interfaces.HandEstimator):
@@ -138,9 +133,10 @@ class RightHands(Knowing, interfaces.HandEstimator):
         case, _, _ = self.look_up(image)
         rows = self.rows(case, people)
         truth = case.bodies.parameters
-        both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
-        seen = case.bodies.observed[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]]
-        return Hands(both[rows], np.where(seen, 0.9, 0.2)[rows])
+        both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1)[rows]
+        wrists = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
+        seen = case.bodies.observed[np.ix_(rows, wrists)]
+        return Hands(both.reshape(-1, 2, 15, 3), np.where(seen, 0.9, 0.2))
 
 
 class RightContact(Knowing, interfaces.ContactPrior):

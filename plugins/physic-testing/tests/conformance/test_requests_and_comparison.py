@@ -19,16 +19,12 @@ DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
 def test_rounding_is_no_difference():
     assert describe_difference(DepthMap(DEPTH), DepthMap(DEPTH + 1e-5)) == ""
     assert describe_difference(DepthMap(DEPTH), DepthMap(1.01 * DEPTH)).startswith("depth: ")
-    holes = np.where(DEPTH > 3, np.nan, DEPTH)
-    assert describe_difference(DepthMap(holes), DepthMap(holes)) == ""
-    assert (
-        describe_difference(DepthMap(DEPTH), DepthMap(DEPTH[:10]))
-        == "depth: shapes (20, 30) and (10, 30)"
-    )
-    assert (
-        describe_difference(DepthMap(DEPTH, scale_sigma=0.1), DepthMap(DEPTH))
-        == "scale_sigma: 0.1 and None"
-    )
+    holes = DepthMap(np.where(DEPTH > 3, np.nan, DEPTH))
+    assert describe_difference(holes, holes) == ""
+    cut = describe_difference(DepthMap(DEPTH), DepthMap(DEPTH[:10]))
+    assert cut == "depth: shapes (20, 30) and (10, 30)"
+    sure = describe_difference(DepthMap(DEPTH, scale_sigma=0.1), DepthMap(DEPTH))
+    assert sure == "scale_sigma: 0.1 and None"
 
 
 def test_a_few_pixels_are_no_difference_but_more_are():

@@ -87,9 +87,9 @@ def test_another_size_shows_the_same(name):
     for world in (small, large):
         pixels = project(world.vertices, world.intrinsics)
         for mask, uv in zip(world.masks, pixels, strict=True):
-            rows, columns = np.nonzero(mask)
-            assert (uv.min(axis=0) - 1 < [columns.min(), rows.min()]).all()
-            assert (uv.max(axis=0) + 1 > [columns.max(), rows.max()]).all()
+            seen = np.argwhere(mask)[:, ::-1]
+            assert (uv.min(axis=0) - 1 < seen.min(axis=0)).all()
+            assert (uv.max(axis=0) + 1 > seen.max(axis=0)).all()
     reduced = cv2.resize(large.image, small.image.shape[1::-1], interpolation=cv2.INTER_AREA)
     assert np.abs(reduced.astype(int) - small.image).mean() < 1
 
