@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,10 +35,9 @@ def turned(seen, masks, quarters):
     """Turn the image to the left by quarters."""
     points = seen.points
     for _ in range(quarters):
-        width = masks.shape[2]
-        points = np.stack([points[..., 1], width - 1 - points[..., 0]], axis=-1)
+        points = np.stack([points[..., 1], masks.shape[2] - 1 - points[..., 0]], axis=-1)
         masks = np.rot90(masks, axes=(1, 2))
-    return Keypoints(points, seen.confidence, seen.skeleton), masks
+    return replace(seen, points=points), masks
 
 
 @pytest.mark.parametrize("quarters", range(4))

@@ -27,8 +27,7 @@ def test_an_object_in_front_of_a_wall_is_removed(inpainter):
     red = image.copy()
     red[mask] = (255, 0, 0)
     filled = inpainter.infer(red, mask).astype(float)
-    error = np.abs(filled - image)[mask].mean()
-    assert error < 4
+    assert np.abs(filled - image)[mask].mean() < 4
 
 
 def test_a_mask_that_leaves_one_pixel_is_still_filled(inpainter):

@@ -15,27 +15,23 @@ CAMERA = Intrinsics.from_focal(150.0, 3, 2)
 IMAGE = np.zeros((2, 3, 3), np.uint8)
 
 
-def hints():
+def hints(shift=0.0):
     points = np.ones((2, 3, 3), np.float32)
     points[..., 2] = [[1.0, 2.0, 4.0], [1.0, 2.0, -1.0]]
     scene = Pointmap(points, points[..., 2] > 0, "inverse_scale_shift", CAMERA)
-    return Hints(scene=scene, scale=SceneScale(3.0, 0.0, 0.1, ("a note",)))
+    return Hints(scene=scene, scale=SceneScale(3.0, shift, 0.1, ("a note",)))
 
 
-def test_the_depth_is_that_of_the_scene_in_metres():
-    answer = EmbeddedMetricDepth().infer(IMAGE, hints())
-    assert answer.depth[0].tolist() == pytest.approx([3, 6, 12])
+@pytest.mark.parametrize(
+    ("shift", "expected"),
+    [(0.0, [3.0, 6.0, 12.0]), (0.25, [2.4, 4.0, 6.0]), (-0.25, [4.0, 12.0, np.nan])],
+    ids=["no shift", "farther points moved more", "the farthest at infinity"],
+)
+def test_the_depth_is_that_of_the_scene_at_its_scale_and_shift(shift, expected):
+    answer = EmbeddedMetricDepth().infer(IMAGE, hints(shift))
+    assert answer.depth[0].tolist() == pytest.approx(expected, nan_ok=True)
     assert np.isnan(answer.depth[1, 2])
     assert (answer.intrinsics, answer.scale_sigma, answer.notes) == (CAMERA, 0.1, ("a note",))
-
-
-def test_a_shift_of_the_inverse_depth_moves_far_points_more_and_may_put_them_at_infinity():
-    given = hints()
-    for shift, expected in ((0.25, [2.4, 4.0, 6.0]), (-0.25, [4.0, 12.0, np.nan])):
-        answer = EmbeddedMetricDepth().infer(
-            IMAGE, replace(given, scale=SceneScale(3.0, shift, 0.1))
-        )
-        assert answer.depth[0].tolist() == pytest.approx(expected, nan_ok=True)
 
 
 @pytest.mark.parametrize("missing", ["scene", "scale"])

@@ -18,6 +18,8 @@ from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_sess
 
 MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
 MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
+SMALL = "palm_detection_full"
+DEPTH = "depth_anything_v2_vits_int8"
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
@@ -35,16 +37,13 @@ def test_every_network_has_an_attribution_and_its_licence_text():
     for name, model in MODELS.items():
         assert name in notice
         assert f"{model['source']['name']} {model['source']['version']}" in notice
-    assert (
-        "Version 2.0, January 2004" in (WEIGHTS_FOLDER / "LICENSES" / "Apache-2.0.txt").read_text()
-    )
-    for owner, who in {
-        "MI-GAN": "Picsart AI Research (PAIR)",
-        "TinyViT": "Microsoft Corporation",
-    }.items():
-        text = (WEIGHTS_FOLDER / "LICENSES" / f"MIT-{owner}.txt").read_text()
-        assert "Permission is hereby granted" in text
-        assert who in text
+    for licence, *words in (
+        ("Apache-2.0", "Version 2.0, January 2004"),
+        ("MIT-MI-GAN", "Picsart AI Research (PAIR)", "Permission is hereby granted"),
+        ("MIT-TinyViT", "Microsoft Corporation", "Permission is hereby granted"),
+    ):
+        text = (WEIGHTS_FOLDER / "LICENSES" / f"{licence}.txt").read_text()
+        assert all(word in text for word in words)
 
 
 @pytest.fixture
@@ -58,8 +57,8 @@ def damaged_folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "file"),
     [
-        ("palm_detection_full", "palm_detection_full.onnx"),
-        ("depth_anything_v2_vits_int8", "depth_anything_v2_vits.weights"),
+        (SMALL, f"{SMALL}.onnx"),
+        (DEPTH, "depth_anything_v2_vits.weights"),
     ],
 )
 def test_a_network_with_one_other_bit_is_refused(damaged_folder, name, file):
@@ -67,19 +66,17 @@ def test_a_network_with_one_other_bit_is_refused(damaged_folder, name, file):
     content = bytearray((WEIGHTS_FOLDER / file).read_bytes())
     content[1_000_000] ^= 1
     (damaged_folder / file).write_bytes(content)
-    with pytest.raises(
-        BackendError, match=f"{file} is damaged: .*{hashlib.sha256(content).hexdigest()}"
-    ):
+    found = hashlib.sha256(content).hexdigest()
+    with pytest.raises(BackendError, match=f"{file} is damaged: .*{found}"):
         open_packaged_session(name)
 
 
 def test_the_weights_that_were_compared_are_those_that_are_used(damaged_folder, monkeypatch):
-    name = "depth_anything_v2_vits_int8"
     weights = damaged_folder / "depth_anything_v2_vits.weights"
-    for file in (f"{name}.onnx", weights.name):
+    for file in (f"{DEPTH}.onnx", weights.name):
         shutil.copy(WEIGHTS_FOLDER / file, damaged_folder)
     image = {"image": np.random.default_rng(0).random((1, 3, 126, 126), np.float32)}
-    [expected] = open_packaged_session(name, threads=1).run(["depth"], image)
+    [expected] = open_packaged_session(DEPTH, threads=1).run(["depth"], image)
     real = onnxruntime.InferenceSession
 
     def overwrite_and_open(*arguments, **options):
@@ -88,22 +85,21 @@ def test_the_weights_that_were_compared_are_those_that_are_used(damaged_folder, 
         return real(*arguments, **options)
 
     monkeypatch.setattr(onnxruntime, "InferenceSession", overwrite_and_open)
-    np.testing.assert_array_equal(
-        open_packaged_session(name, threads=1).run(["depth"], image)[0], expected
-    )
+    [found] = open_packaged_session(DEPTH, threads=1).run(["depth"], image)
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_a_manifest_without_the_network_is_refused(damaged_folder):
-    shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
+    shutil.copy(WEIGHTS_FOLDER / f"{SMALL}.onnx", damaged_folder)
     (damaged_folder / "MANIFEST.json").write_text(
         '{"models": [{"file": "other.onnx"}], "weights": []}'
     )
-    with pytest.raises(BackendError, match="no SHA-256 of palm_detection_full"):
-        open_packaged_session("palm_detection_full")
+    with pytest.raises(BackendError, match=f"no SHA-256 of {SMALL}"):
+        open_packaged_session(SMALL)
 
 
 def test_memory_is_released_while_a_network_is_open():
-    session = open_packaged_session("palm_detection_full", threads=1)
+    session = open_packaged_session(SMALL, threads=1)
     image = {"image": np.random.default_rng(0).random((1, 192, 192, 3), np.float32)}
     before = session.run(["scores"], image)[0]
     release_memory()
