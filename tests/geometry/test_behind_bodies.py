@@ -9,6 +9,7 @@ import torch
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torch.testing import assert_close
 
 from physic_core.geometry.visibility import move_behind_bodies
 
@@ -23,6 +24,10 @@ def ball(*centre):
     return torch.from_numpy(_BALL.vertices.copy()) + torch.tensor(centre, dtype=torch.float64)
 
 
+CENTRE = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
+BODY = ball(*CENTRE.tolist())[None]
+
+
 def nowhere(points, bodies=1):
     return torch.zeros((bodies, len(points)), dtype=torch.bool)
 
@@ -31,25 +36,22 @@ def points(seed, count=400):
     """Round a ball at (0.1, 0, 3), within and without."""
     generator = torch.Generator().manual_seed(seed)
     spread = 2 * torch.rand(count, 3, generator=generator, dtype=torch.float64) - 1
-    return torch.tensor([0.1, 0.0, 3.0]) + 0.4 * spread
+    return CENTRE + 0.4 * spread
 
 
 @given(st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
 def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed):
-    centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     before = points(seed)
-    after, moved = move_behind_bodies(
-        before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0
-    )
-    off = (before - centre).norm(dim=-1)
+    after, moved = move_behind_bodies(before, BODY, FACES, nowhere(before), 1.0)
+    off = (before - CENTRE).norm(dim=-1)
     sure = (off - RADIUS).abs() > 1e-3  # the mesh is a millimetre off the ball
     assert torch.equal(moved[sure], (off < RADIUS)[sure])
     assert torch.equal(after[~moved], before[~moved])
-    assert ((after[moved] - centre).norm(dim=-1) - RADIUS).abs().max() < 1.5e-3
+    assert ((after[moved] - CENTRE).norm(dim=-1) - RADIUS).abs().max() < 1.5e-3
     farther = after[moved].norm(dim=-1) / before[moved].norm(dim=-1)
     assert (farther > 1).all()
-    torch.testing.assert_close(after[moved], before[moved] * farther[:, None])
+    assert_close(after[moved], before[moved] * farther[:, None])
 
 
 def test_out_of_one_body_and_into_the_next_is_out_of_both():
@@ -61,27 +63,25 @@ def test_out_of_one_body_and_into_the_next_is_out_of_both():
 
 
 def test_what_hides_a_body_that_the_photo_shows_moves_behind_it():
-    centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     rays = (points(1) - torch.tensor([0.0, 0.0, 0.1])) / 3.0
     before = rays * 2.2
     shown = torch.arange(400) % 2 == 0
-    nearest = rays * (rays @ centre / rays.square().sum(-1))[:, None]
-    off = (nearest - centre).norm(dim=-1)
+    nearest = rays * (rays @ CENTRE / rays.square().sum(-1))[:, None]
+    off = (nearest - CENTRE).norm(dim=-1)
     sure = (off - RADIUS).abs() > 5e-3  # at the rim a ray may miss the mesh
-    after, moved = move_behind_bodies(before, ball(*centre.tolist())[None], FACES, shown[None], 2.0)
+    after, moved = move_behind_bodies(before, BODY, FACES, shown[None], 2.0)
     assert torch.equal(moved[sure], ((off < RADIUS) & shown)[sure])
     assert torch.equal(after[~moved], before[~moved])
-    assert ((after[moved] - centre).norm(dim=-1) - RADIUS).abs().max() < 5e-3
+    assert ((after[moved] - CENTRE).norm(dim=-1) - RADIUS).abs().max() < 5e-3
     assert (after[moved].norm(dim=-1) > nearest[moved].norm(dim=-1)).all()
 
 
 def test_what_would_have_to_move_too_far_stays():
-    front = torch.tensor([[0.0, 0.0, 2.8]], dtype=torch.float64)
-    assert move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.5)[1].all()
-    after, moved = move_behind_bodies(front, ball(0.0, 0.0, 3.0)[None], FACES, nowhere(front), 0.4)
-    assert not moved.any()
-    assert torch.equal(after, front)
-    far = torch.tensor([[0.0, 0.0, 2.0]], dtype=torch.float64)
-    everywhere = ~nowhere(far)
-    assert move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.3)[1].all()
-    assert not move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.2)[1].any()
+    body = ball(0.0, 0.0, 3.0)[None]
+    for z, shown, least in ((2.8, False, 0.45), (2.0, True, 1.25)):
+        point = torch.tensor([[0.0, 0.0, z]], dtype=torch.float64)
+        seen = torch.full((1, 1), shown)
+        assert move_behind_bodies(point, body, FACES, seen, least + 0.05)[1].all()
+        after, moved = move_behind_bodies(point, body, FACES, seen, least - 0.05)
+        assert not moved.any()
+        assert torch.equal(after, point)

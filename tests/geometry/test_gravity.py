@@ -8,6 +8,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torch.nn.functional import normalize
 
 from physic_core.geometry.plane import estimate_up
 
@@ -59,7 +60,7 @@ def surfaces(
         flat.shape, dtype=torch.float64, generator=generator
     )
     random = torch.randn(clutter, 3, dtype=torch.float64, generator=generator)
-    return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
+    return normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 
 
 def angle_deg(a, b):
@@ -76,13 +77,12 @@ def test_up_is_found_for_any_camera_held_by_hand(pitch, roll, seed):
     assert 0 < estimate.confidence < 1
 
 
-def test_up_is_found_from_the_floor_alone():
-    estimate = estimate_up(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
-    assert angle_deg(estimate.up, up(20.0)) < 0.5
+FLOOR_ALONE = {"ceiling": 0, "facing": 0, "side": 0}
 
 
-def test_up_is_found_from_walls_alone():
-    estimate = estimate_up(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
+@pytest.mark.parametrize("lacking", [FLOOR_ALONE, {"floor": 0, "ceiling": 0}])
+def test_up_is_found_from_the_floor_or_walls_alone(lacking):
+    estimate = estimate_up(surfaces(camera(20.0, -10.0), clutter=0, **lacking))
     assert angle_deg(estimate.up, up(20.0, -10.0)) < 0.5
     assert estimate.confidence > 0.2
 

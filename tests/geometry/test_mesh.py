@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 import torch
 import trimesh
+from numpy.testing import assert_allclose
+from torch.testing import assert_close
 
 from physic_core.geometry.mesh import (
     faces_around_vertices,
@@ -24,37 +24,19 @@ def array(request):
     return request.param
 
 
-def icosphere(array, radius=0.3, fineness=3):
-    mesh = trimesh.creation.icosphere(fineness, radius)
-    return array(np.array(mesh.vertices)), array(np.array(mesh.faces, np.int64))
-
-
-def test_normals_of_a_sphere_point_outward(array):
-    vertices, faces = icosphere(array)
-    normals = vertex_normals(vertices + 3, faces)
-    assert type(normals) is type(vertices)
-    np.testing.assert_allclose(np.asarray(normals), np.asarray(vertices) / 0.3, atol=0.02)
-    np.testing.assert_allclose(np.linalg.norm(np.asarray(normals), axis=-1), 1.0, rtol=1e-12)
-
-
-def test_normals_are_weighted_by_area(array):
+def test_normals_point_outward_weighted_by_area(array):
     # Corner of a box of 1 x 2 x 3, with a diagonal through the corner on one side only.
     vertices = array(np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]))
     faces = array(np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
-    np.testing.assert_allclose(
-        np.asarray(vertex_normals(vertices, faces)[0]),
-        np.array([-6.0, -3.0, -2.0]) / 7.0,
-        rtol=1e-12,
-    )
+    normals = vertex_normals(vertices, faces)
+    assert type(normals) is type(vertices)
+    assert_allclose(np.asarray(normals[0]), np.array([-6.0, -3.0, -2.0]) / 7.0, rtol=1e-12)
 
 
 def test_areas_add_up_to_the_surface(array):
     box = trimesh.creation.box((1.0, 2.0, 3.0))
-    assert float(
-        vertex_areas(array(np.array(box.vertices)), array(np.array(box.faces))).sum()
-    ) == pytest.approx(22)
-    vertices, faces = icosphere(array, fineness=4)
-    assert float(vertex_areas(vertices, faces).sum()) == pytest.approx(4 * math.pi * 0.09, rel=5e-3)
+    areas = vertex_areas(array(np.array(box.vertices)), array(np.array(box.faces)))
+    assert float(areas.sum()) == pytest.approx(22)
 
 
 def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
@@ -65,25 +47,19 @@ def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
 
 
 def test_the_faces_around_a_vertex_give_the_same_normals():
-    vertices, faces = icosphere(torch.tensor, fineness=2)
+    ball = trimesh.creation.icosphere(2, 0.3)
+    vertices = torch.tensor(ball.vertices)
+    faces = torch.tensor(ball.faces)
     around = faces_of_vertices(faces, len(vertices))
-    assert (
-        sorted(set(around[7].tolist()) - {len(faces)})
-        == (faces == 7).any(1).nonzero().flatten().tolist()
-    )
+    of_seven = (faces == 7).any(1).nonzero().flatten().tolist()
+    assert set(around[7].tolist()) - {len(faces)} == set(of_seven)
     batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
-    torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
-    torch.testing.assert_close(
-        vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5]
-    )
+    assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
+    assert_close(vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5])
     some, around_some = faces_around_vertices(faces, around[3:5])
     assert len(some) < len(faces)
     assert torch.equal(
         vertex_normals(batch, some, around_some), vertex_normals(batch, faces, around[3:5])
     )
     lonely = torch.cat([vertices, vertices[:1]])
-    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [
-        0.0,
-        0.0,
-        0.0,
-    ]
+    assert not vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].any()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core.errors import PhysicError
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
@@ -14,17 +15,11 @@ pytestmark = pytest.mark.quick
 def room(count=20_000, seed=0):
     """Points of a floor and a wall, with their normals."""
     g = torch.Generator().manual_seed(seed)
-    floor = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 0.0, 4.0]) + torch.tensor(
-        [-2.0, 1.2, 2.0]
-    )
-    wall = torch.rand(count // 2, 3, generator=g) * torch.tensor([4.0, 3.0, 0.0]) + torch.tensor(
-        [-2.0, -1.8, 6.0]
-    )
-    up = torch.tensor([0.0, -1.0, 0.0])
-    back = torch.tensor([0.0, 0.0, -1.0])
-    return torch.cat([floor, wall]), torch.cat(
-        [up.expand(count // 2, 3), back.expand(count // 2, 3)]
-    )
+    size = torch.tensor([[4.0, 0.0, 4.0], [4.0, 3.0, 0.0]])
+    corner = torch.tensor([[-2.0, 1.2, 2.0], [-2.0, -1.8, 6.0]])
+    points = torch.rand(count // 2, 2, 3, generator=g) * size + corner
+    normals = torch.tensor([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]).expand_as(points)
+    return points.reshape(-1, 3), normals.reshape(-1, 3)
 
 
 def vertices(count=500, seed=1):
@@ -45,13 +40,9 @@ def test_tree_equals_plain_search(scale):
     assert not got.found.all()
     assert torch.equal(got.found, every < 0.15)
     assert torch.isinf(got.distance[~got.found]).all()
-    torch.testing.assert_close(
-        got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0
-    )
+    assert_close(got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0)
     near = points[got.index] * scale - query
-    torch.testing.assert_close(
-        near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0
-    )
+    assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
 
 
 def test_a_vertex_that_is_not_a_number_is_near_nothing():

@@ -8,6 +8,8 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from torch.nn.functional import normalize
+from torch.testing import assert_close
 
 from physic_core.geometry.plane import height_over_plane, plane_basis, sample_plane
 
@@ -25,7 +27,7 @@ def cloud(count=4000, seed=0):
 
 
 def unit(x, y, z):
-    return torch.nn.functional.normalize(torch.tensor([x, y, z], dtype=torch.float64), dim=0)
+    return normalize(torch.tensor([x, y, z], dtype=torch.float64), dim=0)
 
 
 def test_height_is_positive_above_and_the_camera_is_at_the_offset():
@@ -41,8 +43,8 @@ def test_basis_is_right_handed_and_orthonormal(direction):
     normal = unit(*direction)
     first, second = plane_basis(normal)
     frame = torch.stack((first, second, normal))
-    torch.testing.assert_close(frame @ frame.T, torch.eye(3, dtype=torch.float64))
-    torch.testing.assert_close(torch.linalg.cross(first, second), normal)
+    assert_close(frame @ frame.T, torch.eye(3, dtype=torch.float64))
+    assert_close(torch.linalg.cross(first, second), normal)
 
 
 @given(directions, st.floats(-2, 2))
@@ -60,7 +62,7 @@ def test_spacing_is_fine_near_the_people_and_the_count_bounded():
     close = points[(points - centres[0]).norm(dim=-1) < 0.5]
     between = torch.cdist(close, close)
     between.fill_diagonal_(math.inf)
-    torch.testing.assert_close(between.amin(1), torch.full((len(close),), 0.025), atol=1e-4, rtol=0)
+    assert_close(between.amin(1), torch.full((len(close),), 0.025), atol=1e-4, rtol=0)
     assert len(points.unique(dim=0)) == len(points)
 
 

@@ -10,6 +10,7 @@ import pytest
 import roma
 import torch
 import trimesh
+from numpy.testing import assert_allclose
 
 from physic_core.body import load_body
 from physic_core.geometry.rays import RayCaster
@@ -77,11 +78,11 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
     assert same.mean() > 0.998
     hit = same & (by_numpy.face >= 0)
     assert hit.sum() > 800
-    np.testing.assert_allclose(by_numpy.distance[hit], by_embree.distance[hit], rtol=1e-6)
-    np.testing.assert_allclose(by_numpy.corners[hit], by_embree.corners[hit], atol=2e-3)
+    assert_allclose(by_numpy.distance[hit], by_embree.distance[hit], rtol=1e-6)
+    assert_allclose(by_numpy.corners[hit], by_embree.corners[hit], atol=2e-3)
     on_face = (by_numpy.corners[hit][..., None] * vertices[faces[by_numpy.face[hit]]]).sum(1)
     along = origins[hit] + by_numpy.distance[hit][:, None] * directions[hit]
-    np.testing.assert_allclose(on_face, along, atol=1e-9 * np.abs(along).max())
+    assert_allclose(on_face, along, atol=1e-9 * np.abs(along).max())
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core.errors import PhysicError
 from physic_core.geometry.robust import loss_with_slope, robust_loss
@@ -17,7 +18,7 @@ LOSSES = ("geman_mcclure", "cauchy", "pseudo_huber")
 @pytest.mark.parametrize("c", [0.015, 100.0])
 def test_a_loss_is_the_square_near_zero(kind, c):
     x = torch.tensor([1e-3, -1e-3], dtype=torch.float64) * c
-    torch.testing.assert_close(robust_loss(kind, x**2, c), x**2, rtol=1e-5, atol=0)
+    assert_close(robust_loss(kind, x**2, c), x**2, rtol=1e-5, atol=0)
 
 
 @pytest.mark.parametrize("kind", ["square", "absolute", "barron", *LOSSES])
@@ -30,8 +31,8 @@ def test_the_slope_is_exact_also_in_units_of_the_scale(kind):
     loss = robust_loss(kind, squared, c)
     (slope,) = torch.autograd.grad(loss.sum(), squared)
     unit, derivative = loss_with_slope(kind, squared.detach() / c**2, c)
-    torch.testing.assert_close(c**2 * unit, loss.detach())
-    torch.testing.assert_close(derivative, slope)
+    assert_close(c**2 * unit, loss.detach())
+    assert_close(derivative, slope)
     assert loss_with_slope(kind, torch.zeros(1), c)[0].item() == 0
     assert torch.isfinite(loss_with_slope(kind, torch.zeros(1), c)[1])
 
@@ -47,7 +48,7 @@ def test_far_outliers_stop_pulling_only_where_the_loss_redescends(kind, pull):
 
 def test_barrons_loss_keeps_its_published_height_and_another_name_is_refused():
     squared = torch.linspace(0, 50, 40, dtype=torch.float64)
-    torch.testing.assert_close(robust_loss("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
+    assert_close(robust_loss("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
     with pytest.raises(
         PhysicError, match=r"^unknown robust loss 'huber': use square, absolute, barron, cauchy"
     ):

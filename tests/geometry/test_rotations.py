@@ -9,6 +9,8 @@ import math
 import pytest
 import roma
 import torch
+from torch.nn.functional import normalize
+from torch.testing import assert_close
 
 from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
@@ -20,7 +22,7 @@ ANGLES = [0.0, 1e-8, 1e-4, 0.03, 0.04, 0.49, 0.51, 1.0, 3.0, math.pi, 5.0]
 
 def turns(angle, dtype):
     axes = torch.randn(20, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    return (angle * torch.nn.functional.normalize(axes, dim=-1)).to(dtype).requires_grad_()
+    return (angle * normalize(axes, dim=-1)).to(dtype).requires_grad_()
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -30,12 +32,12 @@ def test_value_and_gradient_agree_with_roma(angle, dtype, tolerance):
     weights = torch.randn(20, 3, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     got = rotvec_to_rotmat(rotvec)
     want = roma.rotvec_to_rotmat(rotvec.double())
-    torch.testing.assert_close(got.double(), want, atol=tolerance, rtol=0)
+    assert_close(got.double(), want, atol=tolerance, rtol=0)
     (slope,) = torch.autograd.grad((got * weights.to(dtype)).sum(), rotvec)
     (expected,) = torch.autograd.grad((want * weights).sum(), rotvec)
     # roma's own series begin so near to zero that its slope loses half of the digits there.
     near_zero = 0 < angle < 1e-3
-    torch.testing.assert_close(
+    assert_close(
         slope.double(), expected.double(), atol=max(5 * tolerance, 1e-7 * near_zero), rtol=0
     )
 
