@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 
 from physic_core import find_exporter
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
@@ -54,16 +55,13 @@ def plugin(site):
 
 
 def test_a_plugin_adds_a_format(plugin, saved_pair, result, tmp_path, physic):
-    (line,) = [
-        line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")
-    ]
+    lines = physic("export", "--list").output.splitlines()
+    (line,) = [line for line in lines if line.startswith("box ")]
     assert line.split("  ")[-1].strip() == "a ruler"
     file = tmp_path / "a.box"
     done = physic("export", saved_pair, "-o", file)
-    assert (done.exit_code, done.output.splitlines()) == (
-        0,
-        ["note: corners are round", f"{file}  (0 kB)"],
-    )
+    assert done.exit_code == 0
+    assert done.output.splitlines() == ["note: corners are round", f"{file}  (0 kB)"]
     count = len(result.people[0].vertices)
     assert file.read_text() == f"0 y {count}\n1 y {count}"
     assert result.export(str(tmp_path), "box").files == (tmp_path / "box.box",)
@@ -114,10 +112,8 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
     assert done.exit_code == 2
-    assert (
-        "choose one of glb; further formats are in physic-export, which is not installed"
-        in done.output
-    )
+    message = "choose one of glb; further formats are in physic-export, which is not installed"
+    assert message in done.output
 
 
 def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair, physic):
@@ -146,14 +142,11 @@ def test_frames_stand_on_the_floor(result, up, axis):
     frame = export_frame(floor, up)
     points = np.random.default_rng(0).normal(size=(5, 3))
     heights = points @ floor.normal + floor.offset
-    np.testing.assert_allclose(
-        transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6
-    )
+    assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)
     # The camera looks along its -z: a point ahead of it in the photo is there.
-    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(
-        transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1
-    )
-    np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
+    ahead = transform_points(frame.from_camera, np.array([[0, 0, 2.0]]))
+    to_camera = np.linalg.inv(camera_pose(frame))
+    assert_allclose(transform_points(to_camera, ahead), [[0, 0, -2]], atol=1e-9)
 
 
 def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
@@ -44,23 +45,19 @@ def test_a_slab_lies_level_under_the_skin_on_it(result, heights):
     (slab,) = assumed_supports(assumed(result, "seat", on))
     assert slab.name == "assumed seat"
     levels = slab.vertices @ up_in_camera(result.scene.floor)
-    np.testing.assert_allclose(sorted(levels)[4:], np.median(heights[on]), atol=1e-6)
+    assert_allclose(sorted(levels)[4:], np.median(heights[on]), atol=1e-6)
     assert np.ptp(levels) < 0.05
     mesh = trimesh.Trimesh(slab.vertices, SLAB_FACES, process=False)
     assert mesh.is_watertight
     assert mesh.volume > 0
-    level = result.people[0].vertices[on] - np.outer(
-        heights[on] - levels.mean(), up_in_camera(result.scene.floor)
-    )
-    assert mesh.contains(level).all()
+    lowered = np.outer(heights[on] - levels.mean(), up_in_camera(result.scene.floor))
+    assert mesh.contains(result.people[0].vertices[on] - lowered).all()
 
 
 def test_a_slab_has_the_name_of_what_it_carries(result, heights):
     on = lowest(result, heights)
-    assert (
-        assumed_supports(assumed(result, "left_foot", on))[0].name
-        == "assumed support under the feet"
-    )
+    (slab,) = assumed_supports(assumed(result, "left_foot", on))
+    assert slab.name == "assumed support under the feet"
     assert not assumed_supports(result)
 
 
@@ -69,7 +66,5 @@ def test_a_glb_has_a_node_for_each_assumed_support(result, heights):
     tree = json.loads(content[20 : 20 + struct.unpack("<I", content[12:16])[0]])
     (node,) = (one for one in tree["nodes"] if one["name"].startswith("assumed"))
     assert node["name"] == "assumed_seat_of_person_0"
-    assert (
-        tree["materials"][tree["meshes"][node["mesh"]]["primitives"][0]["material"]]["alphaMode"]
-        == "BLEND"
-    )
+    (primitive,) = tree["meshes"][node["mesh"]]["primitives"]
+    assert tree["materials"][primitive["material"]]["alphaMode"] == "BLEND"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from physic_core.body import load_body
 from physic_core.errors import BodyModelError
@@ -17,8 +18,8 @@ from physic_core.visual.textures.raster import (
 def test_split_vertices_keep_the_vertex_of_the_body():
     faces = load_body("embedded").faces.numpy()
     mesh = load_texture_coordinates("embedded", faces)
-    np.testing.assert_array_equal(mesh.vertex[:13348], np.arange(13348))
-    np.testing.assert_array_equal(mesh.vertex[mesh.faces], faces)
+    assert_array_equal(mesh.vertex[:13348], np.arange(13348))
+    assert_array_equal(mesh.vertex[mesh.faces], faces)
     assert len(mesh.uv) == len(mesh.vertex) == 14485
     assert 0 <= mesh.uv.min() < mesh.uv.max() <= 1
 
@@ -29,8 +30,8 @@ def test_the_corners_of_faces_keep_their_coordinates():
     corners = np.array([[0, 1, 2], [3, 1, 4]])
     uv = rng.random((5, 2))
     mesh = split_at_seams(faces, corners, uv)
-    np.testing.assert_allclose(mesh.uv[mesh.faces], uv[corners], atol=1e-7)
-    np.testing.assert_array_equal(mesh.vertex, [0, 1, 2, 3, 2])
+    assert_allclose(mesh.uv[mesh.faces], uv[corners], atol=1e-7)
+    assert_array_equal(mesh.vertex, [0, 1, 2, 3, 2])
 
 
 def test_a_smplx_file_without_texture_coordinates_is_refused(tmp_path):
@@ -42,7 +43,7 @@ def test_a_smplx_file_without_texture_coordinates_is_refused(tmp_path):
 def test_texture_coordinates_come_from_the_smplx_file(tmp_path):
     np.savez(tmp_path / "a.npz", vt=np.eye(3, 2), ft=np.array([[2, 1, 0]]))
     mesh = load_texture_coordinates(tmp_path / "a.npz", np.array([[0, 1, 2]]))
-    np.testing.assert_allclose(mesh.uv[mesh.faces], [np.eye(3, 2)[[2, 1, 0]]])
+    assert_allclose(mesh.uv[mesh.faces], [np.eye(3, 2)[[2, 1, 0]]])
 
 
 def test_the_texels_of_a_triangle_are_those_inside():
@@ -53,6 +54,4 @@ def test_the_texels_of_a_triangle_are_those_inside():
     u = (raster.columns + 0.5) / 8
     v = 1 - (raster.rows + 0.5) / 8
     assert len(u) == 8 * 9 / 2
-    np.testing.assert_allclose(
-        raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7
-    )
+    assert_allclose(raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7)
