@@ -5,16 +5,13 @@ contact__weight=0.0)``.
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TypeVar
 
 import torch
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.settings import with_overrides
 from physic_core.geometry.tensors import to_device
-
-Settings = TypeVar("Settings")
-T = TypeVar("T")
 
 
 def adjusted(settings, **changes):
@@ -27,6 +24,18 @@ def adjusted(settings, **changes):
             place = place.setdefault(table, {})
         place[name] = value
     return with_overrides(settings, overrides)
+
+
+def shifted(state, *metres):
+    """Return the state with its people moved in x, y and z."""
+    return replace(state, transl=state.transl + torch.tensor(metres))
+
+
+def without_joints(state, *names, sides=("left", "right")):
+    """Return the state of a photo that does not show some joints."""
+    observed = state.observed.clone()
+    observed[:, [JOINT_INDEX[f"{side}_{name}"] for side in sides for name in names]] = False
+    return replace(state, observed=observed)
 
 
 def without_photo(state):

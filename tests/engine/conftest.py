@@ -11,20 +11,21 @@ import pytest
 import roma
 import torch
 import trimesh
-from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.scene.state import SceneState
 from physic_core.engine.state import State
+from physic_core.geometry.camera import project
 from physic_core.geometry.floor import PlaneFit
+from physic_core.types import Intrinsics
 from physic_testing.worlds import BLAZEPOSE
+
+from .seen import rays_of, seen
 
 UP = torch.tensor([0.0, -1.0, 0.0])
 FLOOR_Y = 1.3  # the camera looks level, this high over the floor
-WIDTH = 320
-HEIGHT = 240
-FOCAL = 280.0
+CAMERA = Intrinsics.from_focal(280.0, 320, 240)
 
 
 @dataclass(frozen=True)
@@ -60,88 +61,68 @@ def box(low, high):
     return mesh
 
 
-def cast(mesh):
-    """Depth (H, W), inf where nothing, and the face that is hit (H, W), by one ray a pixel."""
-    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
-    ray = np.stack(
-        [(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1
-    ).reshape(-1, 3)
-    face = RayMeshIntersector(mesh).intersects_first(
-        np.zeros_like(ray), ray / np.linalg.norm(ray, axis=1)[:, None]
+def state_of(body, rotations, betas, transl, *, depth, floor, normals=None, **people):
+    """The state of people before a scene of a depth (H, W), NaN where it is unknown."""
+    count = len(transl)
+    camera = people.pop("camera", CAMERA)
+    K = torch.from_numpy(camera.matrix)
+    known = torch.from_numpy(np.isfinite(depth))
+    points = np.where(known[..., None], rays_of(camera) * depth[..., None], 0.0)
+    points = torch.from_numpy(points).float()
+    scene = SceneState(
+        points=points,
+        normals=torch.zeros_like(points) if normals is None else normals,
+        valid=known,
+        floor_points=torch.zeros(0, 3),
+        K=K,
+        floor=None if floor is None else PlaneFit(*floor, known, 1.0, 0.0, "floor mask"),
     )
-    normal = mesh.face_normals[face]
-    corner = mesh.triangles[face, 0]
-    depth = (normal * corner).sum(1) / (normal * ray).sum(1)
-    depth = np.where(face >= 0, depth, np.inf)
-    return depth.reshape(HEIGHT, WIDTH), face.reshape(HEIGHT, WIDTH)
+    given = {
+        "model": body,
+        "expression": torch.zeros(count, body.num_expression),
+        "observed": torch.ones(count, 55, dtype=torch.bool),
+    }
+    return State(
+        rotations=rotations, betas=betas, transl=transl, K=K.float(), scene=scene, **given | people
+    )
 
 
 @pytest.fixture(scope="session")
 def make_stage(body):
-    def build(
-        people,
-        boxes=(),
-        stands_at=FLOOR_Y,
-    ):
+    def build(people, boxes=(), stands_at=FLOOR_Y):
         """People as (bends, place x, y, z), lowered or raised until their lowest vertex is at
         ``stands_at``; boxes as (low, high) corners.
         """
         rotations = torch.stack([upright(bends) for bends, _ in people])
-        count = len(people)
         transl = torch.tensor([list(t) for _, t in people], dtype=torch.float32)
-        betas = torch.zeros(count, body.num_betas)
+        betas = torch.zeros(len(people), body.num_betas)
         transl[:, 1] += stands_at - body(rotations, betas, transl).vertices[..., 1].amax(1)
         output = body(rotations, betas, transl)
         floor = box([-6, FLOOR_Y, 0.5], [6, FLOOR_Y + 0.1, 9])
         wall = box([-6, -3, 8], [6, FLOOR_Y, 8.1])
         room = trimesh.util.concatenate([floor, wall, *(box(low, high) for low, high in boxes)])
-        depth, face = cast(room)
-        owner = np.full((HEIGHT, WIDTH), -1)
-        nearest = depth.copy()
-        human = np.full((HEIGHT, WIDTH), np.nan)
-        for i in range(count):
-            mine, _ = cast(
-                trimesh.Trimesh(output.vertices[i].numpy(), body.faces.numpy(), process=False)
-            )
-            front = mine < nearest
-            nearest = np.where(front, mine, nearest)
-            owner = np.where(front, i, owner)
-            human = np.where(front, mine, human)
-        masks = torch.from_numpy(np.stack([owner == i for i in range(count)]))
-        v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
-        ray = np.stack(
-            [(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones(u.shape)], -1
-        )
-        known = np.isfinite(depth)
-        points = np.where(known[..., None], ray * depth[..., None], 0.0)
-        K = torch.tensor([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
+        depth, face = seen(room.vertices, room.faces, CAMERA)
+        surfaces = np.stack([depth, *(seen(v, body.faces, CAMERA)[0] for v in output.vertices)])
+        nearest = surfaces.argmin(0)
         landmarks = body.landmarks(output, BLAZEPOSE)
-        keypoints = landmarks[..., :2] / landmarks[..., 2:] * FOCAL + K[:2, 2]
-        contact = torch.zeros(count, body.num_vertices)
+        keypoints = project(landmarks, torch.from_numpy(CAMERA.matrix).float())
+        contact = torch.zeros(len(people), body.num_vertices)
         for ids in body.contact_sets.values():
             contact[:, ids] = 1.0
-        state = State(
-            model=body,
-            rotations=rotations,
-            betas=betas,
-            expression=torch.zeros(count, body.num_expression),
-            transl=transl,
+        state = state_of(
+            body,
+            rotations,
+            betas,
+            transl,
+            depth=depth,
+            floor=(UP, FLOOR_Y),
+            normals=torch.from_numpy(room.face_normals[face]).float(),
             keypoints=keypoints,
             keypoint_confidence=torch.ones(keypoints.shape[:2]),
             skeleton=BLAZEPOSE,
-            K=K,
-            masks=masks,
-            scene=SceneState(
-                points=torch.from_numpy(points).float(),
-                normals=torch.from_numpy(room.face_normals[face]).float(),
-                valid=torch.from_numpy(known),
-                floor_points=torch.zeros(0, 3),
-                K=K.double(),
-                floor=PlaneFit(UP, FLOOR_Y, torch.from_numpy(known), 1.0, 0.0, "floor mask"),
-            ),
+            masks=torch.from_numpy(np.stack([nearest == i + 1 for i in range(len(people))])),
             contact_prior=contact,
-            observed=torch.ones(count, 55, dtype=torch.bool),
-            photo_depth=torch.from_numpy(np.where(owner >= 0, human, np.nan)).float(),
+            photo_depth=torch.from_numpy(np.where(nearest > 0, surfaces.min(0), np.nan)).float(),
         )
         return Stage(state, output.vertices, output.joints)
 

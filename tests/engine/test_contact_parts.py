@@ -19,7 +19,7 @@ from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
 
-from .adjusted import with_scene
+from .adjusted import with_scene, without_joints
 from .test_contact_probability import alone, near_of
 
 METHOD = ContactMethod()
@@ -43,6 +43,10 @@ def touch(state, **changed):
 
 def contact(state):
     return contact_of(state, near_of(state, METHOD), METHOD)
+
+
+def beside(state, depth):
+    return replace(state, stance=replace(state.stance, beside=np.full((1, 5), depth)))
 
 
 def raised(state, height):
@@ -69,19 +73,15 @@ def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
     sole = height < 0.01
     assert vertices[foot].max() <= parts["left_foot"]
     assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
-    assert (
-        vertices[foot][sole].mean() > vertices[foot][(height > 0.04) & (height < 0.06)].mean() + 0.2
-    )
+    instep = (height > 0.04) & (height < 0.06)
+    assert vertices[foot][sole].mean() > vertices[foot][instep].mean() + 0.2
     assert vertices[contact_parts(person.model)["left_hand"]].max() <= parts["left_hand"]
     assert vertices[~person.model.outer].max() == 0
 
 
 @pytest.mark.parametrize("part", ["left_foot", "right_hand", "seat"])
 def test_parts_with_their_own_depth_beside_them_touch_more(person, part):
-    near, far = (
-        touch(replace(person, stance=replace(person.stance, beside=np.full((1, 5), b))))[1]
-        for b in (0, 0.3)
-    )
+    near, far = (touch(beside(person, depth))[1] for depth in (0, 0.3))
     assert near[part] > far[part]
 
 
@@ -111,16 +111,9 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
         for joint, sign in (("hip", -1), ("knee", 1))
     }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
-    sits = replace(
-        alone(
-            body,
-            (torch.tensor([0.0, -1.0, 0.0]), 3.0),
-            replace(Stance.unknown(1), beside=np.zeros((1, 5))),
-        ),
-        vertices=stage.vertices,
-        joints=stage.joints,
-    )
-    found = contact(sits)
+    over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), Stance.unknown(1))
+    sits = replace(over, vertices=stage.vertices, joints=stage.joints)
+    found = contact(beside(sits, 0))
     assert set(found.parts) == set(contact_parts(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
@@ -129,11 +122,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
 
 def cut_at_the_knees(given):
     """The same person, of whom a picture shows nothing below the hips but hands."""
-    observed = given.observed.clone()
-    observed[
-        :, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]
-    ] = False
-    return replace(given, observed=observed)
+    return without_joints(given, "knee", "ankle", "foot")
 
 
 def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
@@ -141,9 +130,8 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
     apart = cut_at_the_knees(raised(person, 0.1))
     found = touch(cut)[1]
     seen = touch(person)[1]
-    assert {name: found[name] for name in ("left_foot", "seat")} == {
-        name: touch(apart)[1][name] for name in ("left_foot", "seat")
-    }
+    there = touch(apart)[1]
+    assert (found["left_foot"], found["seat"]) == (there["left_foot"], there["seat"])
     assert found["left_foot"] == found["right_foot"] != seen["left_foot"]
     assert 0.5 < found["left_foot"] < 0.95
     assert found["seat"] < LEAST_PROBABILITY
@@ -154,10 +142,7 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
 
 def test_unseen_feet_touch_less_the_more_a_hand_does(person):
     cut = cut_at_the_knees(person)
-    holds, does_not = (
-        touch(replace(cut, stance=replace(cut.stance, beside=np.full((1, 5), b))))[1]
-        for b in (0, 0.3)
-    )
+    holds, does_not = (touch(beside(cut, depth))[1] for depth in (0, 0.3))
     assert holds["left_hand"] > does_not["left_hand"]
     assert holds["left_foot"] < does_not["left_foot"] - 0.02
 
@@ -178,7 +163,5 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
 
 
 def test_unseen_hands_hold_nothing(person):
-    observed = person.observed.clone()
-    observed[:, [JOINT_INDEX[f"{side}_wrist"] for side in SIDES]] = False
-    gone = replace(person, observed=observed)
+    gone = without_joints(person, "wrist")
     assert all(float(contact(gone).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY for side in SIDES)

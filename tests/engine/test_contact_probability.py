@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -16,11 +17,10 @@ from physic_core import engine_preset
 from physic_core.engine.contact.distances import KINDS, ContactSurfaces
 from physic_core.engine.contact.probability import ContactModel, part_gaps
 from physic_core.engine.contact.solve import contact_of, measure_distances
-from physic_core.engine.scene.state import SceneState
-from physic_core.engine.state import State
-from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.types import SKELETONS
+from physic_core.types import SKELETONS, Intrinsics
+
+from .conftest import state_of
 
 LINEAR = ContactModel(
     {"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {}
@@ -57,31 +57,17 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
 def alone(body, plane=None, stance=None):
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
-    nowhere = torch.zeros(2, 2, dtype=torch.bool)
-    rotations, betas, transl = body.zero_pose()
-    floor = None if plane is None else PlaneFit(*plane, nowhere, 1.0, 0.0, "floor mask")
-    K = torch.eye(3)
-    return State(
-        model=body,
+    return state_of(
+        body,
+        *body.zero_pose(),
+        depth=np.full((2, 2), np.nan),
+        floor=plane,
+        camera=Intrinsics.from_focal(1.0, 2, 2),
         skeleton=SKELETONS["coco17"],
         keypoints=torch.zeros(1, 17, 2),
         keypoint_confidence=torch.zeros(1, 17),
-        masks=nowhere[None],
-        observed=torch.ones(1, 55, dtype=torch.bool),
+        masks=torch.zeros(1, 2, 2, dtype=torch.bool),
         contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
-        rotations=rotations,
-        betas=betas,
-        expression=torch.zeros(1, body.num_expression),
-        transl=transl,
-        scene=SceneState(
-            points=torch.zeros(2, 2, 3),
-            normals=torch.zeros(2, 2, 3),
-            valid=nowhere,
-            floor_points=torch.zeros(0, 3),
-            K=K.double(),
-            floor=floor,
-        ),
-        K=K,
         stance=stance,
         vertices=posed.vertices,
         joints=posed.joints,

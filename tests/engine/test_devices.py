@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 import torch
 from torch.overrides import TorchFunctionMode
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import (
@@ -18,12 +19,13 @@ from physic_core.engine.contact.distances import (
     surface_distances,
 )
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block, total_energy
+from physic_core.engine.joint.optimiser import total_energy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.tensors import to_device
 
-from .adjusted import adjusted, with_options
+from .adjusted import adjusted, shifted, with_options
+from .drawn import normal
 
 DEFAULT = engine_preset("default").joint
 HERE = {
@@ -112,7 +114,7 @@ def test_the_host_waits_once_an_evaluation_and_once_a_step(two, steps):
     energy = JointEnergy(two.state, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
-        block = _lbfgs_block(energy, settings.tolerance, LbfgsHistory(), steps)
+        block = settings.start(energy)(steps)
     assert block.steps == steps
     assert reads.count == block.evaluations + block.steps
 
@@ -128,20 +130,17 @@ def test_cuda_has_the_cpus_energy(two, name):
     here, there = (JointEnergy(as_double(two.state, d), settings) for d in ("cpu", "cuda"))
     for energy in (here, there):
         packed = energy.variables.pack()
-        noise = torch.randn(
-            len(packed), generator=torch.Generator().manual_seed(0), dtype=packed.dtype
-        )
-        energy.variables.load(packed + 0.01 * noise.to(packed))
+        energy.variables.load(packed + 0.01 * normal(len(packed)).to(packed))
         energy.refresh()
     mine = here()
     theirs = there()
     for term, value in mine.items():
-        torch.testing.assert_close(theirs[term].cpu(), value, rtol=1e-6, atol=1e-8)
+        assert_close(theirs[term].cpu(), value, rtol=1e-6, atol=1e-8)
 
 
 @needs_cuda
 def test_cuda_ends_where_the_cpu_does(two):
-    state = replace(two.state, transl=two.state.transl + torch.tensor([0.0, -0.05, 0.1]))
+    state = shifted(two.state, 0.0, -0.05, 0.1)
     here, there = (
         optimize(as_double(state, d), adjusted(DEFAULT, optimiser__steps=30))
         for d in ("cpu", "cuda")
@@ -163,4 +162,4 @@ def test_cuda_gives_the_distances_of_the_cpu(two):
         distance = surface_distances(body.vertices, surfaces, distance_along_normal).nearest
         assert distance.device.type == device
         answers.append(distance.cpu())
-    torch.testing.assert_close(answers[1], answers[0], rtol=0, atol=1e-6)
+    assert_close(answers[1], answers[0], rtol=0, atol=1e-6)

@@ -8,6 +8,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
@@ -21,7 +22,8 @@ from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS
 from physic_paper.terms.chamfer import HumanPoints
 
-from .adjusted import adjusted, part_of, with_scene
+from .adjusted import adjusted, part_of, shifted, with_scene
+from .drawn import uniform
 
 SETTINGS = engine_preset("default").joint
 
@@ -37,19 +39,17 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
     for name in ("gluteus", "left_sole", "right_sole"):
         assert torch.isin(body.contact_sets[name], ids).all()
     outer = area[:, body.outer].sum()
-    torch.testing.assert_close(thinned.sum(), outer)
+    assert_close(thinned.sum(), outer)
     for part in range(len(body.part_names)):
         rows = body.part_of_vertex[ids] == part
         whole = (body.part_of_vertex == part) & body.outer
-        torch.testing.assert_close(thinned[:, rows].sum(), area[:, whole].sum(), rtol=1e-4, atol=0)
+        assert_close(thinned[:, rows].sum(), area[:, whole].sum(), rtol=1e-4, atol=0)
 
 
 def test_thinning_changes_the_energy_little(standing):
-    state = replace(standing.state, transl=standing.state.transl + torch.tensor([0.0, 0.04, 0.0]))
-    thin, full = (
-        JointEnergy(state, adjusted(SETTINGS, visibility__vertex_spacing_m=s))()
-        for s in (0.02, 0.0)
-    )
+    state = shifted(standing.state, 0.0, 0.04, 0.0)
+    every = adjusted(SETTINGS, visibility__vertex_spacing_m=0.0)
+    thin, full = (JointEnergy(state, settings)() for settings in (SETTINGS, every))
     for name in ("contact", "floor", "soles"):
         assert thin[name].item() == pytest.approx(full[name].item(), rel=0.05), name
 
@@ -57,11 +57,8 @@ def test_thinning_changes_the_energy_little(standing):
 def test_a_segment_is_observed_when_its_end_is(body):
     observed = torch.ones(1, 55, dtype=torch.bool)
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
-    unseen = [
-        n
-        for n, o in zip(body.part_names, observed_parts(body.part_names, observed)[0], strict=True)
-        if not o
-    ]
+    seen = observed_parts(body.part_names, observed)[0].tolist()
+    unseen = {name for name, is_seen in zip(body.part_names, seen, strict=True) if not is_seen}
     assert sorted(unseen) == ["left_foot", "left_lower_leg", "right_hand", "right_lower_arm"]
     nothing = observed_parts(body.part_names, torch.zeros(1, 55, dtype=torch.bool))
     assert not nothing.any()
@@ -97,11 +94,7 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
     occlusion = OcclusionTracker(JointEnergy(standing.state, SETTINGS).sampling)
     vertices = standing.vertices
     first = occlusion(vertices)[0].clone()
-    rough = (
-        vertices
-        + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0))
-        - 0.005
-    )
+    rough = vertices + 0.01 * uniform(*vertices.shape).float() - 0.005
     fresh = OcclusionTracker(JointEnergy(standing.state, SETTINGS).sampling)(rough)[0]
     assert not torch.equal(fresh, first)
     assert torch.equal(occlusion(rough)[0], first)
@@ -114,7 +107,7 @@ def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     state = standing.state
     cloud = HumanPoints.of_state(state, most=0)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
-    facing = torch.rand(vertices.shape[:2], generator=torch.Generator().manual_seed(0)) < 0.5
+    facing = uniform(*vertices.shape[:2]) < 0.5
     log_scale = torch.tensor(0.1)
     points = cloud.points[0].double() * log_scale.exp()
     seen = vertices[0, facing[0]].double()
@@ -156,11 +149,10 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
 
 @given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))
 def test_masks_are_sampled_at_a_pixel_and_eight_neighbours(seed, reach):
-    g = torch.Generator().manual_seed(seed)
-    uv = torch.rand(2, 50, 2, generator=g) * torch.tensor([60.0, 50.0]) - 10
+    uv = uniform(2, 50, 2, seed=seed) * torch.tensor([60.0, 50.0]) - 10
     uv[0, 0] = torch.nan
-    masks = torch.rand(2, 30, 40, generator=g) > 0.5
-    reaches = reach * torch.rand(2, generator=g)
+    masks = uniform(2, 30, 40, seed=seed) > 0.5
+    reaches = reach * uniform(2, seed=seed)
     steps = [torch.tensor([x, y]) for y in (-1.0, 0.0, 1.0) for x in (-1.0, 0.0, 1.0)]
     plain = torch.stack([inside_mask(uv + step * reaches[:, None, None], masks) for step in steps])
     assert torch.equal(sample_mask_neighbours(uv, masks, reaches), plain)

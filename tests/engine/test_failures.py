@@ -13,7 +13,7 @@ from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.variables import PARAMETER_GROUPS
 
-from .adjusted import adjusted
+from .adjusted import adjusted, shifted
 
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
 DEFAULT = adjusted(
@@ -42,7 +42,7 @@ def test_held_people_stay_where_they_were_placed(two, free):
 
 @pytest.fixture(scope="module")
 def start(two):
-    return replace(two.state, transl=two.state.transl + torch.tensor([0.02, -0.05, 0.1]))
+    return shifted(two.state, 0.02, -0.05, 0.1)
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,15 @@ import math
 
 import pytest
 import torch
+from torch.nn.functional import normalize
 
 from physic_core.engine import floor as engine_floor
 from physic_core.engine.floor import FloorEvidence, GroundAtSoles
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals
+
+from .drawn import normal
 
 ROWS = 180
 COLUMNS = 240
@@ -23,19 +26,28 @@ RAYS = pixel_rays(
     intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)),
 )
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
-NONE = torch.zeros_like(ALL)
-PERSON = NONE.clone()
-PERSON[60:165, 100:130] = True
 
 
-def fit_floor(points, valid, normals=None, **evidence):
-    return engine_floor.find_floor(points, valid, FloorEvidence(**evidence), normals)
+class Area:
+    """``Area()[rows, columns]`` is the mask (H, W) of a part of the picture."""
+
+    def __getitem__(self, part):
+        mask = torch.zeros_like(ALL)
+        mask[part] = True
+        return mask
 
 
-def noise(seed=0):
-    return torch.randn(
-        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
-    )
+area = Area()
+
+
+def fit_floor(depth, *, surfaces=False, **evidence):
+    """Of a depth (H, W); with the normals of its surfaces, if surfaces."""
+    points = RAYS * depth[..., None]
+    normals = pointmap_normals(points, ALL) if surfaces else None
+    return engine_floor.find_floor(points, ALL, FloorEvidence(**evidence), normals)
+
+
+NOISE = normal(ROWS, COLUMNS)
 
 
 def up(pitch_deg, roll_deg=0.0):
@@ -58,21 +70,27 @@ def meet(normal, offset):
 def room(normal, camera_height=1.5, wall=6.0):
     """Depth (H, W) of floor, far wall and furniture standing on it, and where the floor is seen."""
     floor = meet(normal, camera_height)
-    depth = torch.minimum(floor, torch.full_like(floor, wall))
-    on_floor = floor <= wall
-    for rows, columns, z in (
-        (slice(60, 120), slice(10, 50), 3.5),
-        (slice(80, 140), slice(180, 230), 2.5),
-    ):
-        depth[rows, columns] = torch.minimum(
-            depth[rows, columns], torch.tensor(z, dtype=torch.float64)
-        )
-        on_floor[rows, columns] &= floor[rows, columns] <= depth[rows, columns]
-    return depth, on_floor
+    depth = floor.clamp(max=wall)
+    for part, z in ((area[60:120, 10:50], 3.5), (area[80:140, 180:230], 2.5)):
+        depth = torch.where(part, depth.clamp(max=z), depth)
+    return depth, (floor <= wall) & (floor <= depth)
 
 
 def angle_deg(a, b):
     return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
+
+
+def assert_plane(plane, normal, offset, *, degrees=0.3, metres=0.02):
+    assert angle_deg(plane.normal, normal) < degrees
+    assert plane.offset == pytest.approx(offset, abs=metres)
+
+
+def assert_moved(plain, moved, before, after):
+    """The floor keeps its normal and goes from one offset to another."""
+    assert (plain.plane.offset, plain.plane.reanchored) == (pytest.approx(before, abs=0.02), 1.0)
+    assert moved.plane.offset == pytest.approx(after, abs=0.02)
+    assert moved.plane.reanchored == pytest.approx(before / after, abs=0.01)
+    assert torch.equal(plain.plane.normal, moved.plane.normal)
 
 
 @pytest.mark.parametrize("pitch", [5.0, 15.0, 35.0])
@@ -81,13 +99,10 @@ def angle_deg(a, b):
 def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked):
     normal = up(pitch, roll)
     depth, on_floor = room(normal)
-    points = RAYS * (depth * (1 + 0.01 * noise()))[..., None]
-    found = fit_floor(points.float(), ALL, mask=on_floor if masked else None)
+    found = fit_floor((depth * (1 + 0.01 * NOISE)).float(), mask=on_floor if masked else None)
     assert found.reason == "found"
     plane = found.plane
-    tilt = angle_deg(plane.normal, normal)
-    assert tilt < 0.5
-    assert plane.offset == pytest.approx(1.5, abs=0.02)
+    assert_plane(plane, normal, 1.5, degrees=0.5)
     assert float(plane.inliers[on_floor].double().mean()) > 0.6
     assert float(torch.linalg.vector_norm(plane.normal)) == pytest.approx(1.0)
 
@@ -96,32 +111,19 @@ def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked)
 def test_the_resolution_does_not_matter(factor):
     normal = up(12)
     depth, _ = room(normal)
-    points = (RAYS * depth[..., None])[::factor, ::factor]
-    found = fit_floor(points, ALL[::factor, ::factor])
-    assert angle_deg(found.plane.normal, normal) < 0.1
+    every = slice(None, None, factor)
+    points = (RAYS * depth[..., None])[every, every]
+    found = engine_floor.find_floor(points, ALL[every, every], FloorEvidence())
+    assert_plane(found.plane, normal, 1.5, degrees=0.1)
     assert found.inlier_share == pytest.approx(0.67, abs=0.05)
-
-
-def test_an_inpainted_bulge_where_the_people_were_moves_nothing():
-    normal = up(12)
-    depth, _ = room(normal)
-    filled = torch.where(
-        PERSON, torch.minimum(depth, torch.tensor(3.0, dtype=torch.float64)), depth
-    )
-    plane = fit_floor(RAYS * filled[..., None], ALL, hole=PERSON).plane
-    assert angle_deg(plane.normal, normal) < 0.3
-    assert plane.offset == pytest.approx(1.5, abs=0.02)
 
 
 def test_inpainted_pixels_weigh_less_than_visible_ones():
     normal = up(12)
-    ground = meet(normal, 1.5).clamp(max=20)
-    sunk = meet(normal, 1.9).clamp(max=20)
-    hole = NONE.clone()
-    hole[90:, :130] = True  # more than half of the lower picture is made up, and wrong
-    points = RAYS * torch.where(hole, sunk, ground)[..., None]
-    assert fit_floor(points, ALL).plane.offset == pytest.approx(1.9, abs=0.05)
-    assert fit_floor(points, ALL, hole=hole).plane.offset == pytest.approx(1.5, abs=0.05)
+    hole = area[90:, :130]  # more than half of the lower picture is made up, and wrong
+    depth = torch.where(hole, meet(normal, 1.9), meet(normal, 1.5)).clamp(max=20)
+    assert fit_floor(depth).plane.offset == pytest.approx(1.9, abs=0.05)
+    assert fit_floor(depth, hole=hole).plane.offset == pytest.approx(1.5, abs=0.05)
 
 
 def test_feet_keep_the_horizon_and_set_the_height():
@@ -131,14 +133,7 @@ def test_feet_keep_the_horizon_and_set_the_height():
     # the ground that the people stand on lies nearer
     seen[near_feet] = meet(normal, 1.5)[near_feet]
     feet = torch.tensor([[110.0, 140.0], [120.0, 142.0]])
-    plain = fit_floor(RAYS * seen[..., None], ALL).plane
-    moved = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
-    assert (plain.offset, plain.reanchored) == (pytest.approx(1.8, abs=0.02), 1.0)
-    assert (moved.offset, moved.reanchored) == (
-        pytest.approx(1.5, abs=0.02),
-        pytest.approx(1.2, abs=0.01),
-    )
-    assert torch.equal(plain.normal, moved.normal)
+    assert_moved(fit_floor(seen), fit_floor(seen, feet_px=feet), 1.8, 1.5)
 
 
 def test_feet_that_contradict_the_floor_by_far_do_not_move_it():
@@ -146,11 +141,9 @@ def test_feet_that_contradict_the_floor_by_far_do_not_move_it():
     seen = meet(normal, 1.5).clamp(max=20)
     feet = torch.tensor([[112.0, 142.0], [-50.0, 900.0]])
     seen[135:150, 100:125] = 0.3
-    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
-    assert plane.reanchored == pytest.approx(1.0, abs=1e-9)
+    assert fit_floor(seen, feet_px=feet).plane.reanchored == pytest.approx(1.0, abs=1e-9)
     seen[120:165, 90:135] = 0.3  # all that lies round the foot
-    plane = fit_floor(RAYS * seen[..., None], ALL, feet_px=feet).plane
-    assert plane.reanchored == 1.0
+    assert fit_floor(seen, feet_px=feet).plane.reanchored == 1.0
 
 
 def test_a_floor_that_furniture_mostly_hides_is_found():
@@ -160,38 +153,34 @@ def test_a_floor_that_furniture_mostly_hides_is_found():
     boxes = 1.0 + 0.3 * ((torch.arange(COLUMNS) // 12) % 5)
     crowded = torch.minimum(depth, boxes.double().expand(ROWS, COLUMNS))
     crowded[:, 90:150] = depth[:, 90:150]
-    points = RAYS * crowded[..., None]
-    found = fit_floor(points, ALL)
+    found = fit_floor(crowded)
     assert 0.15 < found.inlier_share < 0.3
-    assert angle_deg(found.plane.normal, normal) < 0.5
+    assert_plane(found.plane, normal, 1.5, degrees=0.5)
 
 
 def test_a_mask_on_a_table_is_not_followed():
     normal = up(25)
-    table = meet(normal, 0.7)
-    floor = meet(normal, 1.5).clamp(max=12)
-    on_table = NONE.clone()
-    on_table[95:140, 60:180] = True
-    points = RAYS * torch.where(on_table, table, floor)[..., None]
-    found = fit_floor(points, ALL, mask=on_table)
+    on_table = area[95:140, 60:180]
+    depth = torch.where(on_table, meet(normal, 0.7), meet(normal, 1.5).clamp(max=12))
+    found = fit_floor(depth, mask=on_table)
     assert not found.in_mask
-    assert found.plane.offset == pytest.approx(1.5, abs=0.02)
+    assert_plane(found.plane, normal, 1.5)
     assert found.plane.source == "lower image"
 
 
 def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch):
-    points = RAYS * meet(up(15, 40), 1.5).clamp(max=8)[..., None]
-    assert fit_floor(points, ALL).plane is None
+    depth = meet(up(15, 40), 1.5).clamp(max=8)
+    assert fit_floor(depth).plane is None
     monkeypatch.setattr(floor, "MAX_ROLL_DEG", 50.0)
-    assert fit_floor(points, ALL).plane is not None
+    assert fit_floor(depth).plane is not None
 
 
 def test_points_at_infinity_and_wrong_validity_change_nothing():
     normal = up(12)
-    points = RAYS * meet(normal, 1.5)[..., None]  # inf above the horizon
-    points[170:, :5] = math.nan
-    plane = fit_floor(points, ALL).plane
-    assert angle_deg(plane.normal, normal) < 0.05
+    depth = meet(normal, 1.5)  # inf above the horizon
+    depth[170:, :5] = math.nan
+    plane = fit_floor(depth).plane
+    assert_plane(plane, normal, 1.5, degrees=0.05)
     assert not plane.inliers[0].any()
 
 
@@ -202,7 +191,7 @@ def walled(normal, camera_height=1.5, askew_deg=20.0):
     askew = math.radians(askew_deg)
     floor = meet(normal, camera_height)
     ahead = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
-    ahead = torch.nn.functional.normalize(ahead - (ahead @ normal) * normal, dim=0)
+    ahead = normalize(ahead - (ahead @ normal) * normal, dim=0)
     right = torch.linalg.cross(ahead, normal)
     back = meet(-(math.cos(askew) * ahead + math.sin(askew) * right), 6.0)
     side = meet(math.sin(askew) * ahead - math.cos(askew) * right, 3.0)
@@ -215,17 +204,15 @@ def test_feet_on_the_front_of_a_counter_do_not_move_a_masked_floor(spills):
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     on_floor = depth < 20
-    counter = NONE.clone()
-    counter[100:, :110] = True
+    counter = area[100:, :110]
     depth[counter] *= 0.6
     mask = on_floor & ~counter
     if spills:
         mask[150:] = True  # the mask covers the foot of the counter, too
     feet = torch.tensor([[50.0, 150.0], [70.0, 152.0]])
-    plane = fit_floor(RAYS * depth[..., None], ALL, mask=mask, feet_px=feet).plane
+    plane = fit_floor(depth, mask=mask, feet_px=feet).plane
     assert (plane.source, plane.reanchored) == ("floor mask", 1.0)
-    assert plane.offset == pytest.approx(1.5, abs=0.01)
-    assert angle_deg(plane.normal, normal) < 0.1
+    assert_plane(plane, normal, 1.5, degrees=0.1)
 
 
 def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them():
@@ -237,16 +224,9 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them():
     mask[:, :30] = False
     mask[60:150, 150:172] = False  # the people themselves
     feet = torch.tensor([[158.0, 142.0], [164.0, 143.0]])
-    points = RAYS * depth[..., None]
-    plain = fit_floor(points, ALL, mask=mask).plane
-    moved = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
-    assert (plain.offset, plain.reanchored) == (pytest.approx(1.5, abs=0.01), 1.0)
-    assert (moved.offset, moved.reanchored) == (
-        pytest.approx(1.35, abs=0.01),
-        pytest.approx(1 / 0.9, abs=0.005),
-    )
-    assert moved.source == "floor mask"
-    assert torch.equal(plain.normal, moved.normal)
+    moved = fit_floor(depth, mask=mask, feet_px=feet)
+    assert_moved(fit_floor(depth, mask=mask), moved, 1.5, 1.35)
+    assert moved.plane.source == "floor mask"
 
 
 def test_the_floor_is_looked_at_within_a_window_round_the_feet(
@@ -257,11 +237,10 @@ def test_the_floor_is_looked_at_within_a_window_round_the_feet(
     mask = depth < 20
     mask[100:, 90:150] = False  # 30 pixels to either side of the foot
     depth[100:, 60:180] *= 0.95
-    points = RAYS * depth[..., None]
     feet = torch.tensor([[120.0, 145.0]])
-    near = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
+    near = fit_floor(depth, mask=mask, feet_px=feet).plane
     monkeypatch.setattr(floor, "FEET_WINDOW", 0.2)
-    wide = fit_floor(points, ALL, mask=mask, feet_px=feet).plane
+    wide = fit_floor(depth, mask=mask, feet_px=feet).plane
     assert near.reanchored == 1.0
     assert wide.reanchored == pytest.approx(1 / 0.95, abs=0.005)
 
@@ -270,17 +249,14 @@ def test_the_floor_is_looked_at_within_a_window_round_the_feet(
 def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch):
     normal = up(pitch)
     depth, on_floor = walled(normal)
-    on_table = NONE.clone()
-    on_table[95:, 36:] = True
+    on_table = area[95:, 36:]
     depth = torch.where(on_table, torch.minimum(depth, meet(normal, 0.7)), depth)
-    points = RAYS * depth[..., None]
-    alone = fit_floor(points, ALL)
-    fit = fit_floor(points, ALL, normals=pointmap_normals(points, ALL))
+    alone = fit_floor(depth)
+    fit = fit_floor(depth, surfaces=True)
     assert (alone.plane, alone.reason) == (None, "no_consensus")
     assert fit.reason == "found"
     assert fit.plane.source == "level surfaces"
-    assert fit.plane.offset == pytest.approx(1.5, abs=0.02)
-    assert angle_deg(fit.plane.normal, normal) < 0.3
+    assert_plane(fit.plane, normal, 1.5)
     assert not fit.plane.inliers[120:, 40:].any()
     assert float((on_floor & ~on_table)[72:].double().mean()) < 0.4
 
@@ -291,70 +267,57 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch):
 def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch, roll, masked):
     """The up direction is first looked for round the camera's own, and finds the walls' there."""
     depth, on_floor = walled(up(pitch, roll), 3.0)
-    points = RAYS * (depth + 0.004 * depth * noise())[..., None]
-    found = fit_floor(points, ALL, pointmap_normals(points, ALL), mask=on_floor if masked else None)
-    assert angle_deg(found.plane.normal, up(pitch, roll)) < 2
-    assert found.plane.offset == pytest.approx(3.0, rel=0.03)
+    noisy = depth + 0.004 * depth * NOISE
+    found = fit_floor(noisy, surfaces=True, mask=on_floor if masked else None)
+    assert_plane(found.plane, up(pitch, roll), 3.0, degrees=2, metres=0.09)
 
 
 @pytest.mark.parametrize("pitch", [80, 85])
 def test_a_wall_that_fills_the_photo_is_no_floor_seen_from_above(pitch):
-    wall = meet(up(pitch), 3.0) * (1 + 0.01 * noise())
+    wall = meet(up(pitch), 3.0) * (1 + 0.01 * NOISE)
     wall[:, :60] = wall[:, :60].clamp(max=2.0)
-    points = RAYS * wall[..., None]
-    lower = NONE.clone()
-    lower[60:] = True
-    normals = pointmap_normals(points, ALL)
-    assert fit_floor(points, ALL, normals, mask=lower).plane is not None
-    assert fit_floor(points, ALL, normals, no_ground=lower).plane is None
+    lower = area[60:]
+    assert fit_floor(wall, surfaces=True, mask=lower).plane is not None
+    assert fit_floor(wall, surfaces=True, no_ground=lower).plane is None
 
 
 def two_levels(lower=1.9):
-    """Points (H, W, 3) of sand on the right third of the picture, 1.5 m below the camera, and of a
+    """Depth (H, W) of sand on the right third of the picture, 1.5 m below the camera, and of a
     larger lower level; and the sand.
     """
     normal = up(12)
-    sand = NONE.clone()
-    sand[:, 160:] = True
-    depth = torch.where(sand, meet(normal, 1.5), meet(normal, lower)).clamp(max=20)
-    return RAYS * depth[..., None], sand
+    sand = area[:, 160:]
+    return torch.where(sand, meet(normal, 1.5), meet(normal, lower)).clamp(max=20), sand
 
 
 def beside(column, stands=0.85, real=1.0):
-    rows, columns = torch.meshgrid(
-        torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij"
-    )
-    return GroundAtSoles(rows.flatten(), columns.flatten(), stands, real)
+    rows, columns = area[130:150, column : column + 20].nonzero(as_tuple=True)
+    return GroundAtSoles(rows, columns, stands, real)
 
 
 def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label():
-    points, sand = two_levels()
-    labels = {"no_ground": sand}
+    depth, sand = two_levels()
     feet = torch.tensor([[175.0, 140.0], [205.0, 140.0]])
-    assert fit_floor(points, ALL, **labels).plane.offset == pytest.approx(1.9, abs=0.05)
-    found = fit_floor(points, ALL, **labels, feet_px=feet, soles=(beside(165), beside(195)))
-    assert found.plane.offset == pytest.approx(1.5, abs=0.05)
-
-
-def test_ground_beside_people_who_do_not_stand_moves_no_floor():
-    points, sand = two_levels()
-    labels = {"no_ground": sand}
-    found = fit_floor(
-        points, ALL, **labels, soles=(beside(165, stands=0.05), beside(195, stands=0.05))
-    )
-    assert found.plane.offset == pytest.approx(1.9, abs=0.05)
+    for seen, offset in (
+        ({}, 1.9),
+        ({"feet_px": feet, "soles": (beside(165), beside(195))}, 1.5),
+        ({"soles": (beside(165, stands=0.05), beside(195, stands=0.05))}, 1.9),
+    ):
+        plane = fit_floor(depth, no_ground=sand, **seen).plane
+        assert plane.offset == pytest.approx(offset, abs=0.05)
 
 
 def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people():
-    points, sand = two_levels(lower=3.0)
+    depth, sand = two_levels(lower=3.0)
 
     def nats(real):
         soles = (beside(165, real=real), beside(195, real=real))
         evidence = FloorEvidence(mask=~sand, soles=soles)
+        points = RAYS * depth[..., None]
         return engine_floor.floor_candidates(points, ALL, evidence)[0].evidence["soles"]
 
-    assert nats(1.0) == pytest.approx(2 * math.log(1 - 0.85), abs=0.01)
-    assert nats(0.05) == pytest.approx(2 * math.log(1 - 0.05 * 0.85), abs=0.01)
+    for real in (1.0, 0.05):
+        assert nats(real) == pytest.approx(2 * math.log(1 - real * 0.85), abs=0.01)
 
 
 def test_the_floor_is_moved_to_the_ground_beside_soles():
@@ -362,17 +325,13 @@ def test_the_floor_is_moved_to_the_ground_beside_soles():
     normal = up(12)
     depth = meet(normal, 1.8).clamp(max=20)
     depth[125:155, 80:110] = meet(normal, 1.5)[125:155, 80:110]
-    plain = fit_floor(RAYS * depth[..., None], ALL).plane
-    moved = fit_floor(RAYS * depth[..., None], ALL, soles=(beside(85),)).plane
-    assert plain.offset == pytest.approx(1.8, abs=0.02)
-    assert moved.offset == pytest.approx(1.5, abs=0.02)
-    assert torch.equal(plain.normal, moved.normal)
+    assert_moved(fit_floor(depth), fit_floor(depth, soles=(beside(85),)), 1.8, 1.5)
 
 
 def test_a_floor_is_found_again_with_another_offset_of_depth_and_none_if_it_is_upside_down():
     normal = up(20.0)
     depth, on_floor = room(normal)
-    found = fit_floor(RAYS * depth[..., None], ALL, mask=on_floor)
+    found = fit_floor(depth, mask=on_floor)
     farther = 1 / (1 / depth + 0.05)
     again = floor.refit_floor(RAYS * farther[..., None], ALL, found)
     assert angle_deg(again.plane.normal, normal) < 30

@@ -30,7 +30,6 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
 from physic_core.geometry.floor import PlaneFit
-from physic_core.geometry.rays import RayCaster
 from physic_core.types import (
     Bodies,
     CameraTrust,
@@ -38,11 +37,12 @@ from physic_core.types import (
     Intrinsics,
     Keypoints,
     People,
-    Pointmap,
     SurfaceLabels,
 )
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SKELETONS
+
+from .seen import pointmap_of, rays_of, seen
 
 HEIGHT = 180
 WIDTH = 160
@@ -54,25 +54,37 @@ ANKLES = [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", 
 NOBODY = KnownPeople()
 
 
-def rays():
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    return np.stack(
-        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1
+EMPTY = np.zeros((HEIGHT, WIDTH), bool)
+ROW = rays_of(CAMERA)[..., 1]
+"""Tangent of the angle by which each pixel looks down."""
+
+
+def in_units(depth_m, **known):
+    return pointmap_of(depth_m / UNIT, CAMERA, people_farther=(0.0, 0.1), **known)
+
+
+def level(height_m):
+    """Depth (H, W) of a level floor so far below the camera, and of a wall at 8 m."""
+    with np.errstate(divide="ignore"):
+        return np.minimum(np.where(ROW > 0, height_m / ROW, np.inf), 8.0)
+
+
+def level_floor(height_m):
+    up = torch.tensor([0.0, -1.0, 0.0])
+    fit = PlaneFit(up, height_m / UNIT, torch.tensor(EMPTY), 0.5, 0.0, "lower image")
+    return FloorCandidate(fit, {"pixels": 5.0})
+
+
+def people_of(masks, **labels):
+    return People(np.array(masks), np.zeros((len(masks), 4)), np.ones(len(masks)), **labels)
+
+
+def keypoints_of(count, skeleton="coco17"):
+    """Keypoints of people of whom none is known."""
+    joints = len(SKELETONS[skeleton].names)
+    return Keypoints(
+        np.zeros((count, joints, 2), np.float32), np.zeros((count, joints), np.float32), skeleton
     )
-
-
-def as_pointmap(depth_m):
-    points = (rays() * (depth_m / UNIT)[..., None]).astype(np.float32)
-    valid = np.isfinite(depth_m)
-    return Pointmap(points, valid, "inverse_scale_shift", CAMERA, people_farther=(0.0, 0.1))
-
-
-def level_floor(height_m, score=5.0):
-    nothing = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
-    fit = PlaneFit(
-        torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image"
-    )
-    return FloorCandidate(fit, {"pixels": score})
 
 
 NO_WITNESSES = Witnesses(*[np.zeros(0)] * 4, 0.0)
@@ -87,63 +99,75 @@ class World:
 
     def __init__(self, places, lifted=0.0):
         model = load_body("embedded")
-        rotations, betas, _ = model.zero_pose(len(places))
+        rotations, betas, transl = model.zero_pose(len(places))
         rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
-        still = model(rotations, betas, torch.zeros(len(places), 3))
-        transl = torch.tensor([[x, 0.0, z] for x, z in places])
-        transl[:, 1] = CAMERA_HEIGHT - still.vertices[..., 1].amax(1)
+        lowest = model(rotations, betas, transl).vertices[..., 1].amax(1)
+        transl[:, [0, 2]] = torch.tensor(places)
+        transl[:, 1] = CAMERA_HEIGHT - lowest
         transl[-1, 1] -= lifted
-        vertices = model(rotations, betas, transl).vertices.double().numpy()
-        with np.errstate(divide="ignore"):
-            floor = np.where(rays()[..., 1] > 0, CAMERA_HEIGHT / rays()[..., 1], np.inf)
-        self.depth = np.minimum(floor, 8.0)
-        original = self.depth.copy()
-        masks = []
-        for body in vertices:
-            hits = RayCaster(body, model.faces.numpy()).first(
-                np.zeros(3), rays().reshape(-1, 3).astype(float)
-            )
-            masks.append((hits.face >= 0).reshape(HEIGHT, WIDTH))
-            original[masks[-1]] = hits.distance.reshape(HEIGHT, WIDTH)[masks[-1]]
-        count = len(masks)
-        people = People(np.array(masks), np.zeros((count, 4)), np.ones(count))
-        bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-        keypoints = Keypoints(
-            np.zeros((count, 17, 2), np.float32), np.zeros((count, 17), np.float32), "coco17"
+        self.vertices = model(rotations, betas, transl).vertices.double().numpy()
+        self.depth = level(CAMERA_HEIGHT)
+        bodies = np.array([seen(body, model.faces, CAMERA)[0] for body in self.vertices])
+        self.original = self.depth
+        for depth in bodies:
+            self.original = np.where(np.isfinite(depth), depth, self.original)
+        self.given = PeopleInScene(
+            in_units(self.depth),
+            in_units(self.original),
+            CAMERA,
+            people_of(np.isfinite(bodies)),
+            keypoints_of(len(places)),
+            Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded"),
+            NOBODY,
         )
-        scene = as_pointmap(self.depth)
-        photo = as_pointmap(original)
-        self.given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, NOBODY)
 
-    def answer(self, candidates=FLOOR, known=NOBODY, **changed):
-        given = self.given._replace(known=known, **changed)
-        evidence = floor_evidence(
-            given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints, given.camera
-        )
-        return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
+    def answer(self, candidates=FLOOR, depth=None, **changed):
+        given = self.given._replace(**changed)
+        evidence = floor_evidence(given.people, EMPTY, given.keypoints, given.camera)
+        return find_floor_and_scale(candidates, evidence, given, load_body("embedded"), depth)
 
     def with_depth(self, factor, sigma=None, **changed):
         """The answer with a metric depth that is this many times the true one."""
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
-        hole = np.zeros((HEIGHT, WIDTH), bool)
-        evidence = floor_evidence(self.given.people, hole, self.given.keypoints, CAMERA)
-        return find_floor_and_scale(
-            FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth
-        )
+        return self.answer(depth=depth, **changed)
+
+    def candidates(self, people=None, method=None, **changed):
+        given = self.given._replace(people=people or self.given.people, **changed)
+        hole = self.given.people.masks.any(0)
+        evidence = floor_evidence(given.people, hole, given.keypoints, CAMERA)
+        return candidates_in(given.scene, evidence, method or SceneMethod())
+
+    def labelled(self, name, ground, **masks):
+        labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
+        return replace(self.given.people, surfaces=labels, **masks)
+
+    def soles(self):
+        """Heels and big toes of people with their soles in sight."""
+        keypoints = keypoints_of(len(self.vertices), "halpe26")
+        for side in ("left", "right"):
+            sole = load_body("embedded").contact_sets[f"{side}_sole"]
+            pixel = self.vertices[:, sole].mean(1) @ CAMERA.matrix.T
+            for end in ("heel", "big_toe"):
+                j = SKELETONS["halpe26"].names.index(f"{side}_{end}")
+                keypoints.points[:, j] = pixel[:, :2] / pixel[:, 2:]
+                keypoints.confidence[:, j] = 1
+        return keypoints
 
     def without_feet(self, *people):
         observed = np.ones((len(self.given.people), 55), bool)
         observed[np.ix_(people, ANKLES)] = False
         return replace(self.given.bodies, observed=observed)
 
+    def placed(self, places):
+        parameters = replace(self.given.bodies.parameters, transl=places)
+        return replace(self.given.bodies, parameters=parameters)
+
     def moved(self, person, factor):
         """The feet of one person this many times as far away, at the same pixels."""
         places = self.given.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
         places[person] += (factor - 1) * feet
-        return replace(
-            self.given.bodies, parameters=replace(self.given.bodies.parameters, transl=places)
-        )
+        return self.placed(places)
 
     def error(self, found):
         """Logarithm of the depth by an answer over the true one."""
@@ -151,9 +175,12 @@ class World:
         return float(np.log(np.nanmedian(depth / self.depth)))
 
 
+PLACES = [(-0.6, 3.0), (0.7, 3.8)]
+
+
 @pytest.fixture(scope="module")
 def world():
-    return World([(-0.6, 3.0), (0.7, 3.8)])
+    return World(PLACES)
 
 
 def test_soles_on_the_floor_give_the_scale(world):
@@ -166,7 +193,7 @@ def test_soles_on_the_floor_give_the_scale(world):
 
 
 def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
-    found = World([(-0.6, 3.0), (0.7, 3.8)], lifted=1.0).answer()
+    found = World(PLACES, lifted=1.0).answer()
     floor = found.witnesses["floor"]
     assert sum(row["probability"] for row in floor) == pytest.approx(1)
     assert [row["source"] for row in floor] == ["lower image", "no floor"]
@@ -179,15 +206,12 @@ def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
 
 
 def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
-    level = level_floor(CAMERA_HEIGHT)
-    tilted = replace(
-        level.plane, normal=torch.tensor([0.0, -math.cos(0.2), -math.sin(0.2)]), source="labels"
-    )
+    normal = torch.tensor([0.0, -math.cos(0.2), -math.sin(0.2)])
+    tilted = replace(FLOOR[0].plane, normal=normal, source="labels")
     rival = FloorCandidate(tilted, {"pixels": 7.0})
-    notes = world.answer((level, NO_FLOOR)).scale.notes
-    assert not any("another" in note for note in notes)
-    notes = world.answer((level, rival, NO_FLOOR)).scale.notes
-    assert any("11 degrees off (labels)" in note for note in notes)
+    assert "another" not in " ".join(world.answer().scale.notes)
+    notes = " ".join(world.answer((FLOOR[0], rival, NO_FLOOR)).scale.notes)
+    assert "11 degrees off (labels)" in notes
 
 
 def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
@@ -204,9 +228,9 @@ def test_the_pitch_of_the_floor_is_less_certain_if_the_shift_of_the_scene_is(wor
     sigma = 0.02 * float(torch.linalg.vector_norm(down))
     evidence = FloorEvidence(shift_sigma=sigma)
     unsure = chosen_floor((FloorCandidate(found, {}),), 0, evidence).plane.pitch_sigma
-    shifted = [down + torch.tensor([0.0, 0.0, s]) for s in (-sigma, sigma)]
-    pitches = [math.asin(float(plane[2] / torch.linalg.vector_norm(plane))) for plane in shifted]
-    moved = abs(pitches[1] - pitches[0]) / 2
+    shifted = down + torch.tensor([[0.0, 0.0, -sigma], [0.0, 0.0, sigma]])
+    pitches = torch.asin(shifted[:, 2] / torch.linalg.vector_norm(shifted, dim=1))
+    moved = float(pitches.diff().abs()) / 2
     assert unsure == pytest.approx(math.hypot(found.pitch_sigma, moved), rel=0.02)
 
 
@@ -215,14 +239,10 @@ def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(wo
     angle = math.radians(10)
     turn = torch.from_numpy(Rotation.from_euler("x", angle).as_matrix()).to(found.normal)
     other = replace(found, normal=turn @ found.normal)
-    sigmas = [
-        chosen_floor(
-            (FloorCandidate(found, {}), FloorCandidate(other, {"pixels": score})),
-            0,
-            FloorEvidence(),
-        ).plane.pitch_sigma
-        for score in (-20.0, -2.0, 0.0)
-    ]
+    sigmas = []
+    for score in (-20.0, -2.0, 0.0):
+        planes = FloorCandidate(found, {}), FloorCandidate(other, {"pixels": score})
+        sigmas.append(chosen_floor(planes, 0, FloorEvidence()).plane.pitch_sigma)
     assert sigmas[0] == pytest.approx(found.pitch_sigma, rel=0.01)
     assert sigmas[0] < sigmas[1] < sigmas[2] < angle
 
@@ -263,11 +283,11 @@ def test_two_planes_that_tie_give_the_scale_between_them_and_a_larger_sigma(worl
 @pytest.mark.parametrize("step", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 def test_no_evidence_near_a_limit_switches_the_scale(step):
     world = World([(-0.6, 2.5), (0.7, 2.8)])
-    scales = [
+    here, there = (
         math.log(world.answer(bodies=world.moved(1, 1.4 + step + more)).scale.scale)
         for more in (0, 0.02)
-    ]
-    assert abs(scales[1] - scales[0]) < 0.02
+    )
+    assert abs(there - here) < 0.02
 
 
 def test_a_small_person_hardly_moves_the_scale_of_two_large_ones():
@@ -281,9 +301,8 @@ def test_people_who_contradict_each_other_make_the_scale_unsure():
     agree = world.answer()
     contradict = world.answer(bodies=world.moved(1, 1.8))
     assert contradict.scale.sigma > 1.5 * agree.scale.sigma
-    assert any(
-        "another scale" in note or "not on the floor" in note for note in contradict.scale.notes
-    )
+    notes = " ".join(contradict.scale.notes)
+    assert "another scale" in notes or "not on the floor" in notes
 
 
 def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
@@ -298,21 +317,18 @@ def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
     assert world.answer(bodies=bodies, known=known).small == {}
 
 
-def test_a_known_stature_is_a_surer_witness(world):
-    known = KnownPeople(stature=np.array([1.7, np.nan]))
-    assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
-
-
-def test_people_of_known_age_are_surer_witnesses_than_those_who_may_be_children(world):
-    known = KnownPeople(years=np.array([40.0, 40.0]))
-    assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
+@pytest.mark.parametrize(
+    "known", [{"stature": np.array([1.7, np.nan])}, {"years": np.array([40.0, 40.0])}]
+)
+def test_people_of_known_stature_or_age_are_surer_witnesses(world, known):
+    surer = world.answer(known=KnownPeople(**known)).scale.sigma
+    assert surer < world.answer().scale.sigma
 
 
 def test_a_metric_depth_of_small_error_keeps_its_metres(world):
     """Two children with sizes of adults do not change a measured depth."""
-    places = world.given.bodies.parameters
-    bodies = replace(world.given.bodies, parameters=replace(places, transl=places.transl * 1.3))
-    found = world.with_depth(1.0, 0.01, bodies=bodies)
+    farther = 1.3 * world.given.bodies.parameters.transl
+    found = world.with_depth(1.0, 0.01, bodies=world.placed(farther))
     assert found.measured is not None
     in_result = found.depth.depth * found.measured.factor
     assert np.nanmedian(in_result / world.depth) == pytest.approx(1, abs=0.02)
@@ -339,13 +355,12 @@ def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
     witness = depth_witness(depth, world.given.scene, CAMERA, NO_WITNESSES)
     assert witness.scale == pytest.approx(UNIT)
     known = replace(depth, intrinsics=replace(estimated, trust=CameraTrust.KNOWN))
-    assert depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES).scale == pytest.approx(
-        0.8 * UNIT
-    )
+    witness = depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES)
+    assert witness.scale == pytest.approx(0.8 * UNIT)
 
 
 def test_a_metric_depth_without_a_pixel_of_the_scene_says_nothing(world):
-    nothing = DepthMap(np.full((HEIGHT, WIDTH), np.nan, np.float32))
+    nothing = DepthMap(np.full(EMPTY.shape, np.nan, np.float32))
     assert depth_witness(nothing, world.given.scene, CAMERA, NO_WITNESSES) is None
 
 
@@ -357,87 +372,47 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     length = float(np.linalg.norm(plane))
     normal = torch.from_numpy((-plane / length).astype(np.float32))
     floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
-    original = world.given.photo.points[..., 2] * UNIT
-    photo = as_pointmap(1 / (1 / original + shift / UNIT))
-    scene = replace(as_pointmap(shifted), shift_sigma=0.3)
+    photo = in_units(1 / (1 / world.original + shift / UNIT))
+    scene = in_units(shifted, shift_sigma=0.3)
     found = world.answer((floor, NO_FLOOR), scene=scene, photo=photo)
     ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
     assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.1)
-    certain = world.answer((floor, NO_FLOOR), scene=as_pointmap(shifted), photo=photo)
+    certain = world.answer((floor, NO_FLOOR), scene=in_units(shifted), photo=photo)
     assert certain.scale.shift == 0
 
 
 def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
-    nobody = People(np.zeros((0, HEIGHT, WIDTH), bool), np.zeros((0, 4)), np.zeros(0))
     bodies = replace(world.given.bodies, parameters=world.given.bodies.parameters[0:0])
-    keypoints = Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
-    found = world.answer(people=nobody, bodies=bodies, keypoints=keypoints)
+    nobody = {"people": people_of(EMPTY[None][:0]), "bodies": bodies, "keypoints": keypoints_of(0)}
+    found = world.answer(**nobody)
     assert found.scale.sigma is None
     assert "1.45 m above the floor" in found.warning
-    assert (
-        "3 m"
-        in world.answer((NO_FLOOR,), people=nobody, bodies=bodies, keypoints=keypoints).warning
-    )
-
-
-def labelled(world, floor, *others):
-    ground = np.zeros((HEIGHT, WIDTH), np.uint8)
-    ground[120:] = 1
-    surfaces = SurfaceLabels(ground, ("unknown", "floor"))
-    return replace(world.given.people, floor=floor, surfaces=surfaces, floor_candidates=others)
-
-
-def soles_of(world):
-    """Heels and big toes of people with their soles in sight."""
-    parameters = world.given.bodies.parameters
-    model = load_body("embedded")
-    rotations, betas, _ = model.zero_pose(len(world.given.people))
-    rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
-    vertices = model(rotations, betas, torch.from_numpy(parameters.transl)).vertices.double()
-    names = SKELETONS["halpe26"].names
-    points = np.zeros((len(vertices), len(names), 2), np.float32)
-    confidence = np.zeros(points.shape[:2], np.float32)
-    for side in ("left", "right"):
-        sole = vertices[:, model.contact_sets[f"{side}_sole"]].mean(1).numpy()
-        pixel = sole @ CAMERA.matrix.T
-        for end in ("heel", "big_toe"):
-            points[:, names.index(f"{side}_{end}")] = pixel[:, :2] / pixel[:, 2:]
-            confidence[:, names.index(f"{side}_{end}")] = 1
-    return Keypoints(points, confidence, "halpe26")
+    assert "3 m" in world.answer((NO_FLOOR,), **nobody).warning
 
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])
 def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
-    keypoints = soles_of(world)
-    hole = world.given.people.masks.any(0)
-    lower = np.ones((HEIGHT, WIDTH), bool)
+    lower = ~EMPTY
     lower[:, 35:125] = False
-    with np.errstate(divide="ignore"):
-        below = np.where(rays()[..., 1] > 0, (CAMERA_HEIGHT + 0.5) / rays()[..., 1], np.inf)
-    scene = as_pointmap(np.where(lower, np.minimum(below, 8.0), world.depth))
+    scene = in_units(np.where(lower, level(CAMERA_HEIGHT + 0.5), world.depth))
     answers = []
     for label in ("floor", name):
-        labels = SurfaceLabels(
-            np.where((rays()[..., 1] > 0.1) & ~lower, 1, 0).astype(np.uint8), ("unknown", label)
-        )
-        people = replace(world.given.people, surfaces=labels)
-        evidence = floor_evidence(people, hole, keypoints, CAMERA)
-        candidates = candidates_in(scene, evidence, SceneMethod())
+        people = world.labelled(label, (ROW > 0.1) & ~lower)
+        given = {"scene": scene, "people": people, "keypoints": world.soles()}
+        candidates = world.candidates(**given)
         likeliest = max(candidates, key=lambda c: c.log_score).plane
         assert likeliest.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.05)
-        answers.append(world.answer(candidates, scene=scene, people=people, keypoints=keypoints))
+        answers.append(world.answer(candidates, **given))
     as_floor, other = answers
     assert other.plane.offset == pytest.approx(as_floor.plane.offset, rel=0.01)
     assert other.stance.stands == pytest.approx(as_floor.stance.stands, abs=0.02)
 
 
 def test_masks_labels_and_other_masks_are_candidates(world):
-    rows = np.zeros((HEIGHT, WIDTH), bool)
-    rows[100:] = True
-    hole = world.given.people.masks.any(0)
-    people = labelled(world, rows, rows)
-    evidence = floor_evidence(people, hole, world.given.keypoints, CAMERA)
-    candidates = candidates_in(world.given.scene, evidence, SceneMethod())
+    rows = np.indices(EMPTY.shape)[0]
+    lower = rows >= 100
+    people = world.labelled("floor", rows >= 120, floor=lower, floor_candidates=(lower,))
+    candidates = world.candidates(people)
     sources = [c.plane.source for c in candidates if c.plane is not None]
     assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
     assert len(sources) <= 6
@@ -447,9 +422,7 @@ def test_masks_labels_and_other_masks_are_candidates(world):
 
 
 def test_a_floor_that_is_switched_off_has_no_plane(world):
-    hole = np.zeros((HEIGHT, WIDTH), bool)
-    evidence = floor_evidence(labelled(world, None), hole, world.given.keypoints, CAMERA)
-    (only,) = candidates_in(world.given.scene, evidence, SceneMethod(floor="off"))
+    (only,) = world.candidates(method=SceneMethod(floor="off"))
     assert only.plane is None
 
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.placement import method, terms
@@ -29,9 +31,12 @@ from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_core.types import Pointmap
 from physic_paper import outliers
 
+from .drawn import normal, uniform
+
 pytestmark = pytest.mark.quick
 
 DEFAULT = engine_preset("default").placement
+EVERY_POINT = replace(DEFAULT, max_points=10_000)
 PAPER = engine_preset("paper").placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
 UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
@@ -46,8 +51,8 @@ def sphere(count=2500):
 
 
 VERTICES = sphere() * AXES
-NORMALS = torch.nn.functional.normalize(sphere() / AXES, dim=-1)
-JOINTS = 2 * torch.rand(17, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) - 1
+NORMALS = normalize(sphere() / AXES, dim=-1)
+JOINTS = 2 * uniform(17, 3, seed=1) - 1
 LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
 SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
 TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
@@ -105,13 +110,7 @@ class Picture:
         )
 
     def place(
-        self,
-        settings=DEFAULT,
-        start=START,
-        *,
-        floor=None,
-        feet_seen=(True, True),
-        **changed,
+        self, settings=DEFAULT, start=START, *, floor=None, feet_seen=(True, True), **changed
     ):
         """Place both people; ``changed`` has other values (2, ...) of their problems."""
         fits = []
@@ -142,9 +141,8 @@ def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed):
     """The best fit to half of the keypoints and to points off by thousands of pixels is a body
     without a size.
     """
-    draws = torch.Generator().manual_seed(seed)
     picture = Picture()
-    picture.keypoints[1, :9] += 3000 * torch.randn(9, 2, generator=draws, dtype=torch.float64)
+    picture.keypoints[1, :9] += 3000 * normal(9, 2, seed=seed)
     placed = picture.place()
     assert error_cm(placed)[0] < 0.1
     assert error_cm(placed)[1] < 100
@@ -212,8 +210,7 @@ def test_few_points_leave_it_to_the_keypoints():
 
 def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera():
     picture = Picture()
-    mirrored = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
-    picture.keypoints = mirrored
+    picture.keypoints = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
     placed = picture.place(replace(DEFAULT, chamfer_weight=0.0))
     assert torch.isfinite(placed.transl).all()
     assert (placed.transl[:, 2] > 0.1).all()
@@ -225,29 +222,26 @@ def subject():
     return picture.person(0, START, torch.cat((UP, torch.tensor([1.3]))))
 
 
-@pytest.mark.parametrize("kind", ["reprojection", "chamfer", "standing"])
+@pytest.mark.parametrize("kind", ["reprojection_term", "chamfer_term", "floor_term"])
 def test_slopes_are_the_derivatives_of_the_errors(kind):
     person = subject()
-    term = {
-        "reprojection": lambda: DEFAULT.reprojection_term(person),
-        "chamfer": lambda: DEFAULT.chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
-        "standing": lambda: DEFAULT.floor_term(person),
-    }[kind]()
+    front = person.vertices[:, 2] < START[0, 2] - 0.02
+    given = (person, front) if kind == "chamfer_term" else (person,)
+    term = getattr(DEFAULT, kind)(*given)
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
     step = 1e-7  # small enough that no nearest point changes
     for axis in range(4):
         ahead = x.clone()
         ahead[axis] += step
         for now, then in zip(term.residuals(x), term.residuals(ahead), strict=True):
-            torch.testing.assert_close(
-                (then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5
-            )
+            difference = (then.error - now.error) / step
+            assert_close(difference, now.slope[..., axis], atol=1e-5, rtol=1e-5)
 
 
 def test_closed_form_is_exact_for_exact_keypoints():
     person = subject()
     found = closed_form_translation(person)
-    torch.testing.assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
+    assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
     assert found[3] == 0
 
 
@@ -258,13 +252,12 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(
     person = subject()
     term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
 
-    def energy(x):
-        return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
-
     values = []
     x = torch.zeros(4, dtype=torch.float64)
     for _ in range(5):
-        values.append(energy(x))
+        values.append(
+            sum((r.weight * r.error.square().sum(-1)).sum().item() for r in term.residuals(x))
+        )
         x = gauss_newton([term], x, (0, 2))
     assert values == sorted(values, reverse=True)
     assert (x[1], x[3]) == (0.0, 0.0)
@@ -275,9 +268,8 @@ COLUMNS = 120
 RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(100.0, 100.0, 59.5, 44.5, TRUE[0, 0]))
 PERSON = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
 PERSON[20:80, 45:75] = True
-BACKGROUND = torch.minimum(
-    1.5 / RAYS[..., 1].clamp(min=0.05), torch.tensor(6.0, dtype=torch.float64)
-)
+BACKGROUND = (1.5 / RAYS[..., 1].clamp(min=0.05)).clamp(max=6.0)
+SCENE = RAYS * BACKGROUND[..., None]
 EVERYWHERE = torch.ones_like(PERSON)
 
 
@@ -292,61 +284,48 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along():
     relative = RAYS * (photo / 3.0)[..., None]
     # The network smears the person's rim, beyond the mask.
     relative[18:82, 43:77] *= torch.where(PERSON[18:82, 43:77], 1.0, 0.6)[..., None]
-    found = align(relative, RAYS * BACKGROUND[..., None])
+    found = align(relative, SCENE)
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
     placed = move_photo_points_to_scene(relative, found, None)
-    torch.testing.assert_close(
-        placed[PERSON][:, 2], torch.full((int(PERSON.sum()),), 2.0, dtype=torch.float64)
-    )
+    assert_close(placed[PERSON][:, 2], torch.full_like(placed[PERSON][:, 2], 2.0))
 
 
 def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides():
-    scene = BACKGROUND.clone()
-    photo = torch.where(PERSON, 4.2, scene)
+    photo = torch.where(PERSON, 4.2, BACKGROUND)
     # the far wall, most of the picture, came out farther
     photo = torch.where(photo > 5, photo * 1.3, photo)
     assert float((photo > 5).double().mean()) > 0.5
-
-    def scale(settings):
-        scene_points = RAYS * scene[..., None]
-        return align(RAYS * photo[..., None], scene_points, method=settings).scale
-
-    assert scale(DEFAULT) == pytest.approx(1.0, abs=0.01)
-    assert scale(PAPER) == pytest.approx(1 / 1.3, abs=0.01)
+    for settings, scale in ((DEFAULT, 1.0), (PAPER, 1 / 1.3)):
+        found = align(RAYS * photo[..., None], SCENE, method=settings)
+        assert found.scale == pytest.approx(scale, abs=0.01)
 
 
 def test_far_background_takes_no_part_where_that_is_wanted():
-    scene = BACKGROUND.clone()
-    wrong = torch.where(scene > 5, scene * 1.5, scene)
-    found = align(RAYS * wrong[..., None], RAYS * scene[..., None], far=5.0)
+    wrong = torch.where(BACKGROUND > 5, BACKGROUND * 1.5, BACKGROUND)
+    found = align(RAYS * wrong[..., None], SCENE, far=5.0)
     assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
 
 
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera():
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
-    scene = RAYS * BACKGROUND[..., None]
-    found = align(scene / 2, scene)
-    placed = move_photo_points_to_scene(scene / 2, found, K)
+    found = align(SCENE / 2, SCENE)
+    placed = move_photo_points_to_scene(SCENE / 2, found, K)
     expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
-    torch.testing.assert_close(placed, expected)
+    assert_close(placed, expected)
 
 
 def test_without_a_common_background_no_person_has_points():
-    scene = RAYS * BACKGROUND[..., None]
-    found = align(scene, scene, people=EVERYWHERE)
+    found = align(SCENE, SCENE, people=EVERYWHERE)
     assert found.inlier_share == 0
-    assert (
-        len(human_points(move_photo_points_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
-    )
+    placed = move_photo_points_to_scene(SCENE, found, None)
+    assert len(human_points(placed, EVERYWHERE, PERSON)) == 0
 
 
 def test_points_that_float_at_the_rim_are_no_human_points():
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[20:80, 45] = 3.0  # mixed pixels inside the mask
-    points = human_points(
-        RAYS * depth[..., None], EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000)
-    )
+    points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, EVERY_POINT)
     assert points[:, 2].unique().tolist() == [2.0]
     assert len(points) > 0.85 * int(PERSON.sum())
 
@@ -365,6 +344,6 @@ def test_a_speck_of_background_in_the_mask_is_no_human_point(
 def test_no_more_points_than_the_limit_spread_over_the_person():
     points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
     assert points.shape == (100, 3)
-    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000))
+    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, EVERY_POINT)
     assert len(every) == int(PERSON.sum())
-    torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
+    assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)

@@ -19,15 +19,14 @@ from physic_core.engine.floor_and_scale import (
     floor_evidence,
 )
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.geometry.rays import RayCaster
-from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, Pointmap, SurfaceLabels
+from physic_core.geometry.camera import project
+from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, SurfaceLabels
 from physic_core.types.known_sizes import KnownPeople
-from physic_core.types.skeletons import SKELETONS
 from physic_testing.worlds import load_world
 
-HEIGHT = 240
-WIDTH = 180
-CAMERA = Intrinsics.from_focal(200.0, WIDTH, HEIGHT)
+from .seen import pointmap_of, rays_of, seen
+
+CAMERA = Intrinsics.from_focal(200.0, 180, 240)
 DISTANCE = 2.4
 """Of the surface behind the person, metres."""
 BED_EDGE = 14
@@ -44,45 +43,25 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None):
     model = load_body("embedded")
     rotations, betas, _ = model.zero_pose(1)
     rotations[:, 0] = torch.diag(torch.tensor([-1.0, 1.0, -1.0] if turned else [1.0, -1.0, -1.0]))
-    still = model(rotations, betas, torch.zeros(1, 3))
-    middle = (still.vertices[0, :, 1].amax() + still.vertices[0, :, 1].amin()) / 2
-    back = still.vertices[0, :, 2].amax()
-    y = -middle if floor_m is None else floor_m - still.vertices[0, :, 1].amax()
+    still = model(rotations, betas, torch.zeros(1, 3)).vertices[0]
+    _, low, back = still.amax(0)
+    y = -(low + still[:, 1].amin()) / 2 if floor_m is None else floor_m - low
     transl = torch.tensor([[0.0, float(y), DISTANCE - gap_m - float(back)]])
     body = model(rotations, betas, transl)
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    rays = np.stack(
-        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1
-    )
-    depth = np.where(columns < BED_EDGE, DISTANCE + 0.5, DISTANCE)
+    depth = np.full((CAMERA.height, CAMERA.width), DISTANCE)
+    depth[:, :BED_EDGE] += 0.5
     if floor_m is not None:
-        depth = np.minimum(depth, floor_m / np.maximum(rays[..., 1], 1e-6))
-    hits = RayCaster(body.vertices[0].double().numpy(), model.faces.numpy()).first(
-        np.zeros(3), rays.reshape(-1, 3).astype(float)
-    )
-    mask = (hits.face >= 0).reshape(HEIGHT, WIDTH)
-    seen = np.where(mask, hits.distance.reshape(HEIGHT, WIDTH), depth)
-    names = SKELETONS["coco17"].names
-    points = np.zeros((1, 17, 2), np.float32)
-    for k, name in enumerate(names):
-        if name in JOINT_INDEX:
-            x, y, z = body.joints[0, JOINT_INDEX[name]].tolist()
-            points[0, k] = [
-                CAMERA.fx * x / z + CAMERA.cx,
-                CAMERA.fy * y / z + CAMERA.cy,
-            ]
+        depth = np.minimum(depth, floor_m / np.maximum(rays_of(CAMERA)[..., 1], 1e-6))
+    own = seen(body.vertices[0], model.faces, CAMERA)[0]
+    mask = np.isfinite(own)
+    landmarks = model.landmarks(body, "coco17")
+    points = project(landmarks, torch.tensor(CAMERA.matrix).float()).numpy()
     keypoints = Keypoints(points, np.ones((1, 17), np.float32), "coco17")
     labels = None if label is None else SurfaceLabels(np.zeros(mask.shape, np.uint8), (label,))
     people = People(mask[None], np.zeros((1, 4)), np.ones(1), surfaces=labels)
     scene, photo = (
-        Pointmap(
-            (rays * z[..., None]).astype(np.float32),
-            np.ones((HEIGHT, WIDTH), bool),
-            "inverse_scale_shift",
-            CAMERA,
-            people_farther=(0.0, 0.1),
-        )
-        for z in (depth, seen)
+        pointmap_of(z, CAMERA, people_farther=(0.0, 0.1))
+        for z in (depth, np.where(mask, own, depth))
     )
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
     given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople())

@@ -9,7 +9,9 @@ import pytest
 
 from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
 from physic_core.engine.sizes.evidence import is_inverse
-from physic_core.types import DepthMap, Intrinsics, Pointmap
+from physic_core.types import DepthMap, Intrinsics
+
+from .seen import pointmap_of, rays_of
 
 CAMERA = Intrinsics.from_focal(200, 160, 120)
 ROWS, COLUMNS = np.mgrid[:120, :160]
@@ -18,16 +20,7 @@ RAMP = np.linspace(1, 1.1, 160)[None]
 
 
 def pointmap(depth, unknown="inverse_scale_shift"):
-    rays = np.stack(
-        [(COLUMNS - CAMERA.cx) / CAMERA.fx, (ROWS - CAMERA.cy) / CAMERA.fy, np.ones((120, 160))], -1
-    )
-    return Pointmap(
-        np.float32(rays * depth[..., None]),
-        np.ones((120, 160), bool),
-        unknown,
-        CAMERA,
-        shift_sigma=0.1,
-    )
+    return pointmap_of(depth, CAMERA, unknown, shift_sigma=0.1)
 
 
 def measured(depth):
@@ -41,17 +34,15 @@ def test_the_shape_is_that_of_the_measured_depth(unknown):
     assert np.abs(found.points[..., 2] / truth - 1).max() < 0.0101
     assert np.median(found.points[..., 2] / truth) == pytest.approx(1, abs=0.002)
     assert (found.unknown, found.shift_sigma) == ("scale", None)
-    across = (COLUMNS - CAMERA.cx) / CAMERA.fx * found.points[..., 2]
-    assert found.points[..., 0] == pytest.approx(across, abs=1e-4)
+    on_rays = rays_of(CAMERA) * found.points[..., 2:]
+    assert found.points == pytest.approx(on_rays, abs=1e-4)
 
 
 def test_steps_of_a_coarse_sensor_are_smoothed():
     coarse = WALL[ROWS // 2 * 2, COLUMNS // 2 * 2]
     found = with_measured_shape(pointmap(WALL / 3), measured(coarse), CAMERA)
-    assert (
-        np.abs(np.diff(found.points[..., 2], 2, axis=0)).max()
-        < 0.5 * np.abs(np.diff(coarse, 2, axis=0)).max()
-    )
+    steps, given = (np.abs(np.diff(z, 2, axis=0)).max() for z in (found.points[..., 2], coarse))
+    assert steps < 0.5 * given
 
 
 def test_the_trend_continues_where_the_depth_is_unknown():

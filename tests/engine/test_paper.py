@@ -7,13 +7,15 @@ from dataclasses import replace
 import pytest
 import roma
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import project
+from physic_paper.terms.reprojection import confidence_weights
 
 from .adjusted import adjusted, with_points, with_scene
+from .drawn import normal
 
 PAPER = engine_preset("paper").joint
 
@@ -27,24 +29,14 @@ def floor_grid(state):
 @pytest.fixture(scope="module")
 def start(two):
     """Two people whose joints and places are off, and whose keypoints have errors of two pixels."""
-    draws = torch.Generator().manual_seed(0)
-    turns = 0.05 * torch.randn(2, 55, 3, generator=draws)
+    turns = 0.05 * normal(2, 55, 3).float()
     state = floor_grid(two.state)
     return replace(
         state,
         rotations=state.rotations @ roma.rotvec_to_rotmat(turns),
         transl=state.transl + torch.tensor([[0.03, -0.04, 0.1], [-0.02, 0.03, -0.1]]),
-        keypoints=state.keypoints + 2 * torch.randn(state.keypoints.shape, generator=draws),
+        keypoints=state.keypoints + 2 * normal(*state.keypoints.shape, seed=1).float(),
     )
-
-
-def test_the_energy_falls_and_all_people_move(start):
-    result = optimize(start, PAPER)
-    before, after = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
-    moved = (result.transl - start.transl).norm(dim=-1)
-    assert after < 0.9 * before
-    assert (moved > 0.01).all()
-    assert result.scene_scale != 1.0
 
 
 @pytest.mark.parametrize("reduction", ["sum", "mean"])
@@ -53,19 +45,13 @@ def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
     with torch.no_grad():
         posed = start.model(start.rotations, start.betas, start.transl, start.expression)
         seen = project(start.model.landmarks(posed, start.skeleton), start.K)
-        height, width = start.masks.shape[-2:]
-        inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(
-            -1
-        )
-        weight = inside * start.keypoint_confidence * (start.keypoint_confidence >= 0.5)
-        weight = weight * torch.tensor(
-            [start.skeleton.weights.get(name, 1.0) for name in start.skeleton.names]
-        )
+        weight = confidence_weights(start)
         if reduction == "mean":
             weight = weight / weight.sum(-1, keepdim=True)
-        off = ((seen - start.keypoints) / torch.tensor([width, height])).square().sum(-1)
+        size = torch.tensor(start.masks.shape[:0:-1])
+        off = ((seen - start.keypoints) / size).square().sum(-1)
         want = 10_000 * (weight * off).sum(-1)
-        torch.testing.assert_close(energy()["reprojection"], want, rtol=1e-4, atol=1e-4)
+        assert_close(energy()["reprojection"], want, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("visible", [0.0, 1.0])

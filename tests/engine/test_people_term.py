@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
@@ -83,9 +84,9 @@ def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
     found = term(vertices)
     expected = reference(vertices)
     assert people.touch.weight.gt(0).any()
-    torch.testing.assert_close(found, expected)
+    assert_close(found, expected)
     weight = torch.tensor([0.7, 1.3])
-    torch.testing.assert_close(
+    assert_close(
         *(torch.autograd.grad((weight * value).sum(), vertices)[0] for value in (found, expected)),
         rtol=1e-4,
         atol=1e-4,

@@ -7,24 +7,20 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.placement.solve import solve_placement
-from physic_core.engine.scene.state import SceneState
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
-from physic_core.geometry.camera import pixel_rays
-from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.plane import height_over_plane
-from physic_core.types import Pointmap
+
+from .conftest import CAMERA
+from .seen import pointmap_of
 
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
-UP = torch.tensor([0.0, -1.0, 0.0])
-FLOOR_Y = 1.3
-WALL_M = 8.0
 
 
 @pytest.fixture(scope="module")
@@ -33,22 +29,10 @@ def given(make_stage):
     scale.
     """
     state = make_stage([({}, (0.3, 0.0, 3.0))]).state
-    rays = pixel_rays(*state.masks.shape[-2:], state.K)
-    on_floor = FLOOR_Y / rays[..., 1]
-    is_floor = (on_floor > 0) & (on_floor < WALL_M)
-    depth = torch.where(is_floor, on_floor, WALL_M)
-    scene = SceneState(
-        points=rays * depth[..., None],
-        normals=torch.where(is_floor[..., None], UP, torch.tensor([0.0, 0.0, -1.0])),
-        valid=torch.ones_like(is_floor),
-        floor_points=torch.zeros(0, 3),
-        K=state.K.double(),
-        floor=PlaneFit(UP, FLOOR_Y, is_floor, 1.0, 0.0, "floor mask"),
-        diagnostics={"floor": {}},
-    )
+    depth = state.scene.points[..., 2]
     photo = torch.where(state.photo_depth.isnan(), depth, state.photo_depth)
-    points = (0.5 * rays * photo[..., None]).numpy()
-    original = Pointmap(points, np.ones(photo.shape, bool), "scale")
+    original = pointmap_of(0.5 * photo.numpy(), CAMERA, "scale")
+    scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
     return SimpleNamespace(original=original, hole=state.masks.any(0).numpy()), state
 
@@ -80,7 +64,7 @@ def test_heights_over_the_floor_grow_with_the_scene(given, known):
     before = replace(given[1].scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
     scenes = before, scale_scene(before, known, 1.1)[0]
     low, high = (height_over_plane(s.floor_points, s.floor.normal, s.floor.offset) for s in scenes)
-    torch.testing.assert_close(high, 1.1 * low)
+    assert_close(high, 1.1 * low)
 
 
 def test_people_are_resized_to_a_scene_of_known_size(given, known):

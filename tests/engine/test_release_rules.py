@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import surface_distances
@@ -138,7 +139,7 @@ def test_normals_are_those_of_four_crosses_and_look_at_the_camera():
     valid = torch.ones(7, 9, dtype=torch.bool)
     normals = published_normals(points, valid)
     slope = torch.tensor([1.0, 0.0, -1.0]) / math.sqrt(2)
-    torch.testing.assert_close(normals, slope.expand(7, 9, 3))
+    assert_close(normals, slope.expand(7, 9, 3))
     valid[3, 4] = False
     assert published_normals(points, valid)[3, 4].eq(0).all()
     # too near for its threshold

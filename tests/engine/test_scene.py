@@ -8,9 +8,11 @@ import math
 
 import pytest
 import torch
+from torch.nn.functional import normalize
+from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.floor import FloorEvidence, find_floor
+from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import SceneInput
@@ -18,6 +20,8 @@ from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
+
+from .drawn import normal, uniform
 
 pytestmark = pytest.mark.quick
 
@@ -34,7 +38,7 @@ def camera(focal=140.0, rows=ROWS, columns=COLUMNS):
 
 K = camera()
 RAYS = pixel_rays(ROWS, COLUMNS, K)
-UP = torch.nn.functional.normalize(torch.tensor([0.0, -1.0, -0.2], dtype=torch.float64), dim=0)
+UP = normalize(torch.tensor([0.0, -1.0, -0.2], dtype=torch.float64), dim=0)
 FLOOR = HEIGHT_M / (-(RAYS @ UP)).clamp(min=1e-3)
 BOX = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
 BOX[40:70, 100:140] = True
@@ -42,12 +46,6 @@ DEPTH = torch.where(BOX, 2.5, FLOOR.clamp(max=6.0))
 ON_FLOOR = (FLOOR <= DEPTH) & ~BOX
 ALL = torch.ones((ROWS, COLUMNS), dtype=torch.bool)
 FEET = torch.tensor([[60.0, 100.0], [75.0, 102.0]])
-
-
-def noise(seed=0):
-    return torch.randn(
-        ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(seed)
-    )
 
 
 def relative(unknown):
@@ -66,7 +64,7 @@ def angle_deg(a, b):
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown, preset):
-    noisy = DEPTH * (1 + 0.02 * noise())
+    noisy = DEPTH * (1 + 0.02 * normal(ROWS, COLUMNS))
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
         settings=engine_preset(preset).scene,
@@ -110,20 +108,20 @@ def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera():
     mine = camera(200.0)
     state = scene(K=mine)
     assert torch.equal(state.K, mine)
-    torch.testing.assert_close(project(state.points, mine), pixel_grid(ROWS, COLUMNS, state.points))
+    assert_close(project(state.points, mine), pixel_grid(ROWS, COLUMNS, state.points))
 
 
 @pytest.mark.parametrize("focal", [100.0, 140.0, 200.0])
 def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal):
     """Pixels times Z / f: with a longer focal length the same things are farther away."""
     state = scene(K=camera(focal))
-    torch.testing.assert_close(state.points[..., 2], DEPTH * focal / 140.0)
-    torch.testing.assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
+    assert_close(state.points[..., 2], DEPTH * focal / 140.0)
+    assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
 
 
 def test_a_depth_of_unknown_camera_is_unchanged():
     state = scene(K=camera(200.0), K_metric=None)
-    torch.testing.assert_close(state.points[..., 2], DEPTH)
+    assert_close(state.points[..., 2], DEPTH)
 
 
 @pytest.mark.parametrize("seen", [100.0, 196.0])
@@ -132,9 +130,7 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen):
     mean = (140.0 * seen) ** 0.5
     assert state.K[0, 0] == state.K[1, 1] == pytest.approx(mean)
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
-    torch.testing.assert_close(
-        project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points)
-    )
+    assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
     assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
 
 
@@ -143,7 +139,7 @@ def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth():
     given = camera(200.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
     converted, _, _ = SceneMethod().share_camera(points, DEPTH, Cameras(given=given, pointmap=own))
-    torch.testing.assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
+    assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
     assert torch.equal(converted[..., 2], DEPTH)
 
 
@@ -156,7 +152,7 @@ def test_the_metric_depths_camera_comes_before_the_point_maps():
 def test_shift_is_found_by_depth_alone_without_a_known_camera():
     state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
     assert state.diagnostics["alignment"]["shift"] == pytest.approx(0.3)
-    torch.testing.assert_close(state.points[..., 2], DEPTH)
+    assert_close(state.points[..., 2], DEPTH)
 
 
 def test_pixels_beyond_the_maximum_depth_are_invalid():
@@ -169,9 +165,7 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal():
     state = scene()
     assert not state.valid[50, 99:101].any()
     assert state.valid[50, [97, 102]].all()
-    torch.testing.assert_close(
-        state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
-    )
+    assert_close(state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
 
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
@@ -184,7 +178,7 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
     normal = with_floor.floor.normal
-    torch.testing.assert_close(
+    assert_close(
         with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0
     )
     assert without.floor is None
@@ -207,20 +201,13 @@ def test_a_floor_mask_that_is_no_floor_is_reported():
 
 def test_disagreement_with_the_metric_depth_is_reported():
     wrong = torch.where(
-        torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7,
+        uniform(ROWS, COLUMNS) < 0.7,
         DEPTH * 3,
         DEPTH,
     )
-    wrong = wrong * (1 + 0.2 * noise(1).abs())
+    wrong = wrong * (1 + 0.2 * normal(ROWS, COLUMNS, seed=1).abs())
     state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
     assert state.diagnostics["alignment"]["inlier_share"] < 0.5
-
-
-def test_relative_floor_has_the_units_of_the_map():
-    fit = find_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
-    assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
-    assert angle_deg(fit.normal, UP) < 0.1
-    assert find_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None
 
 
 def test_floor_points_are_densest_where_the_feet_are():

@@ -20,7 +20,10 @@ from physic_core.engine.stance import (
     standing_prior,
     touch_in_picture,
 )
+from physic_core.geometry.camera import pixel_rays
 from physic_core.types import Keypoints
+
+from .conftest import FLOOR_Y
 
 NAMES = tuple(
     f"{side}_{part}"
@@ -39,36 +42,27 @@ STANDS = {
 RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
 
 
-def person(
-    left=None,
-    both=None,
-):
+def person(left=None, both=None):
     """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides
     changed.
     """
-    points = []
-    for x, changed in ((20, left), (-20, None)):
-        points += [(x + u, v) for u, v in (STANDS | (both or {}) | (changed or {})).values()]
-    return np.array(points, np.float64)[None]
+    sides = STANDS | (both or {}) | (left or {}), STANDS | (both or {})
+    points = np.array([list(side.values()) for side in sides], np.float64)
+    points[..., 0] += [[20], [-20]]
+    return points.reshape(1, -1, 2)
 
 
 def touch(lower=(math.nan, math.nan), beside=(math.nan, math.nan)):
     """Probability that both feet touch."""
-    unknown = Stance.unknown(1)
-    return replace(
-        unknown, lower=np.array([lower]), beside=np.array([(*beside, *unknown.beside[0, 2:])])
-    ).touch[0]
+    parts = np.array([(*beside, math.nan, math.nan, math.nan)])
+    return replace(Stance.unknown(1), lower=np.array([lower]), beside=parts).touch[0]
 
 
-def test_both_feet_of_a_person_who_stands_touch():
-    found = touch_in_picture(person(), NAMES)
-    assert found.shape == (1, 2)
-    assert (found > 0.6).all()
-
-
-def test_a_foot_that_is_raised_behind_touches_less_than_the_other():
-    found = touch_in_picture(person(left=RAISED), NAMES)[0]
-    assert found[0] < found[1]
+def test_both_feet_of_people_who_stand_touch_and_one_raised_behind_touches_less():
+    assert (touch_in_picture(person(), NAMES) > 0.6).all()
+    raised, other = touch_in_picture(person(left=RAISED), NAMES)[0]
+    assert raised < other
+    assert touch_in_picture(np.zeros((0, 12, 2)), NAMES).shape == (0, 2)
 
 
 def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_picture():
@@ -126,10 +120,6 @@ def test_a_person_who_raises_one_arm_does_not_hang():
     assert hanging_posture(person(left=ARMS_UP | TOES_DOWN), NAMES).tolist() == [0.0]
 
 
-def test_an_array_of_no_people_gives_no_feet():
-    assert touch_in_picture(np.zeros((0, 12, 2)), NAMES).shape == (0, 2)
-
-
 def test_a_foot_with_only_larger_depths_beside_it_touches_less():
     average = touch()[0]
     near, far = touch(beside=(0.01, 0.3))
@@ -137,37 +127,30 @@ def test_a_foot_with_only_larger_depths_beside_it_touches_less():
     assert touch(beside=(0.3, 0.9)).tolist() == [far, far]
 
 
+def prior(gap, raised=None):
+    return standing_prior(np.array([[0.8, 0.2]]), np.full((1, 2), gap), raised)
+
+
 def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
-    touches = np.array([[0.8, 0.2]])
-    unknown, low, high = (
-        standing_prior(touches, np.full((1, 2), gap), None)[0] for gap in (np.nan, 0.01, 0.3)
-    )
+    unknown, low, high = (prior(gap)[0] for gap in (np.nan, 0.01, 0.3))
     assert (high < unknown).all()
     assert (unknown < low).all()
     assert (unknown[:, 1] < unknown[:, 0]).all()
-    assert (
-        standing_prior(touches, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown
-    ).all()
+    assert (prior(np.nan, np.ones((1, 2), bool))[0] < unknown).all()
 
 
 def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foot():
-    touches = np.array([[0.8, 0.2]])
-    unknown, _ = standing_prior(touches, np.full((1, 2), np.nan), None)
-    absurd, wrong = standing_prior(touches, np.full((1, 2), 2.3), None)
-    _, right = standing_prior(touches, np.full((1, 2), 0.02), None)
-    assert absurd == pytest.approx(unknown, abs=0.01)
+    absurd, wrong = prior(2.3)
+    assert absurd == pytest.approx(prior(np.nan)[0], abs=0.01)
     assert wrong < 0.01
-    assert right > 0.9
+    assert prior(0.02)[1] > 0.9
 
 
 def test_people_with_both_feet_probably_off_the_ground_are_in_the_air():
     lower = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
     beside = np.array([[0.01] * 5, [0.01] * 5, [0.3] * 5])
-    assert replace(Stance.unknown(3), lower=lower, beside=beside).in_air.tolist() == [
-        False,
-        False,
-        True,
-    ]
+    stance = replace(Stance.unknown(3), lower=lower, beside=beside)
+    assert stance.in_air.tolist() == [False, False, True]
 
 
 def test_people_without_a_body_have_average_feet():
@@ -179,12 +162,8 @@ def test_people_without_a_body_have_average_feet():
 
 def floor_depth(state):
     """(H, W) depth of the floor alone."""
-    height, width = state.masks.shape[-2:]
-    v, u = torch.meshgrid(torch.arange(height).float(), torch.arange(width).float(), indexing="ij")
-    rays = torch.stack(
-        [(u - state.K[0, 2]) / state.K[0, 0], (v - state.K[1, 2]) / state.K[1, 1]], -1
-    )
-    return torch.where(rays[..., 1] > 0.02, state.scene.floor.offset / rays[..., 1], torch.nan)
+    down = pixel_rays(*state.masks.shape[-2:], state.K)[..., 1]
+    return torch.where(down > 0.02, state.scene.floor.offset / down, torch.nan)
 
 
 def people_of(state):
@@ -206,9 +185,8 @@ def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_fe
 
 def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
     keypoints, masks, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).state)
-    points = keypoints.points.copy()
-    left = [j for j, name in enumerate(keypoints.joint_set.names) if name.startswith("left_")]
-    points[:, left] = math.nan
+    left = [[name.startswith("left_")] for name in keypoints.joint_set.names]
+    points = np.where(left, math.nan, keypoints.points)
     found = depth_beside(replace(keypoints, points=points), masks, photo)
     assert np.isnan(found[0]).tolist()[::2] == [True, True, False]
     assert np.isnan(depth_beside(keypoints, masks, torch.full_like(photo, math.nan))).all()
@@ -224,19 +202,14 @@ def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_s
     assert high.mean().item() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
     for raised in (False, True):
         labels = torch.full_like(over_it.masks[0], raised)
-        assert (
-            bool(depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)[1].all())
-            == raised
-        )
+        _, among = depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)
+        assert bool(among.all()) == raised
 
 
 def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
     state = make_stage([({}, (0.0, 0.0, 3.0))]).state
-    confidence = state.keypoint_confidence.clone()
-    confidence[
-        :, [j for j, name in enumerate(state.skeleton.names) if name.startswith("left_")]
-    ] = 0.1
-    unseen = replace(state, keypoint_confidence=confidence)
+    left = torch.tensor([name.startswith("left_") for name in state.skeleton.names])
+    unseen = replace(state, keypoint_confidence=torch.where(left, 0.1, state.keypoint_confidence))
     gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(state), None)
     assert gap.isnan().tolist() == [[True, False]]
 
@@ -248,14 +221,15 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     lifts = {"left_hip": (-0.6, 0, 0), "left_knee": (0.9, 0, 0), "left_ankle": (-0.3, 0, 0)}
     stage = make_stage([(lifts, (0.0, 0.0, 3.0))])
     sole = stage.state.model.contact_sets["left_sole"]
-    lift = 1.3 - float(stage.vertices[0, sole, 1].max())
+
+    def height(vertices):
+        return FLOOR_Y - float(vertices[0, sole, 1].max())
+
+    lift = height(stage.vertices)
     assert 0.05 < lift < 0.15
     state = replace(stage.state, keypoint_confidence=0.35 * stage.state.keypoint_confidence)
-    lifted = replace(state, foot_touch=torch.tensor([[0.0, 1.0]]))
-
-    def height(given):
-        return 1.3 - float(
-            optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max()
-        )
-
-    assert height(lifted) > max(0.6 * lift, height(state))
+    known = replace(state, foot_touch=torch.tensor([[0.0, 1.0]]))
+    plain, lifted = (
+        height(optimize(given, engine_preset("default").joint).vertices) for given in (state, known)
+    )
+    assert lifted > max(0.6 * lift, plain)

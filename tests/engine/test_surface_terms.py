@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.sampling import select_surface
 from physic_core.engine.joint.terms.surface import SurfaceTerms, surface_energies
 
-from .adjusted import adjusted, in_float64, with_options, with_scene
+from .adjusted import adjusted, in_float64, shifted, term_of, with_options, with_scene
+from .drawn import normal
 from .reference_energies import reference_surface_energies
 
 pytestmark = pytest.mark.quick
@@ -44,46 +46,38 @@ def sunk(make_stage):
     stage = make_stage(
         [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
     )
-    state = replace(stage.state, transl=stage.state.transl + torch.tensor([0.01, 0.03, 0.08]))
+    state = shifted(stage.state, 0.01, 0.03, 0.08)
     return in_float64(state)
 
 
 def somewhere(energy):
     here = energy.variables.pack()
-    noise = torch.randn(len(here), generator=torch.Generator().manual_seed(3), dtype=here.dtype)
-    energy.variables.load(here + 0.1 * noise)
+    energy.variables.load(here + 0.1 * normal(len(here), seed=3))
 
 
 def slopes(energy, value):
     parameters = energy.variables.parameters()
     weights = torch.tensor(UNALIKE, dtype=value.dtype)[: len(value)]
-    found = torch.autograd.grad(
-        (weights * value).sum(), parameters, allow_unused=True, retain_graph=True
+    total = (weights * value).sum()
+    return torch.autograd.grad(
+        total, parameters, materialize_grads=True, retain_graph=True, allow_unused=True
     )
-    return [torch.zeros_like(p) if g is None else g for g, p in zip(found, parameters, strict=True)]
-
-
-def surface_of(energy):
-    (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
-    return surface
 
 
 def assert_alike(energy):
     """Fused and reference energies have the same values and gradients; the fused ones."""
     somewhere(energy)
-    surface = surface_of(energy)
+    surface = term_of(energy, SurfaceTerms)
     assert surface.energies is surface_energies
     fused = energy()
     surface.energies = reference_surface_energies
     reference = energy()
     assert list(fused) == list(reference)
     for term, value in reference.items():
-        torch.testing.assert_close(fused[term], value, rtol=1e-9, atol=1e-12, msg=term)
+        assert_close(fused[term], value, rtol=1e-9, atol=1e-12, msg=term)
         if value.requires_grad:
-            for ours, theirs in zip(
-                slopes(energy, fused[term]), slopes(energy, value), strict=True
-            ):
-                torch.testing.assert_close(ours, theirs, rtol=1e-7, atol=1e-9, msg=term)
+            found = slopes(energy, fused[term])
+            assert_close(found, slopes(energy, value), rtol=1e-7, atol=1e-9, msg=term)
     return fused
 
 
@@ -95,7 +89,7 @@ def test_fused_and_reference_energies_are_alike(sunk, name):
 @pytest.mark.parametrize("kind", LOSSES)
 def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
     energy = JointEnergy(sunk, DEFAULT)
-    terms = surface_of(energy)
+    terms = term_of(energy, SurfaceTerms)
     sums = [
         (term, total if term.name == "floor" else replace(total, kind=kind))
         for term, total in terms.surface.terms

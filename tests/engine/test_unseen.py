@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
@@ -18,10 +20,14 @@ from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
-from .adjusted import adjusted, part_of, with_scene
+from .adjusted import adjusted, part_of, with_scene, without_joints
 
 SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
+
+
+def prior_of(state, **changes):
+    return part_of(JointEnergy(state, adjusted(SETTINGS, **changes)), ContactTerm).prior
 
 
 @pytest.mark.parametrize(
@@ -34,40 +40,29 @@ NAMES = SKELETONS["blazepose33"].names
 )
 def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
     nobody = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
-    energy = JointEnergy(nobody, adjusted(SETTINGS, **changes))
-    prior = part_of(energy, ContactTerm).prior
-    likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
+    ids = JointEnergy(nobody, adjusted(SETTINGS, **changes)).sampling.ids
+    likely = torch.zeros(nobody.model.num_vertices)
     for name in STATIC_CONTACT_PARTS:
-        likely[nobody.model.contact_sets[name]] = True
-    torch.testing.assert_close(prior[0], share * likely[energy.sampling.ids].float())
+        likely[nobody.model.contact_sets[name]] = share
+    assert_close(prior_of(nobody, **changes)[0], likely[ids])
 
 
 def test_the_prior_goes_before_likely_parts(standing):
-    prior, both = (
-        part_of(JointEnergy(standing.state, settings), ContactTerm).prior
-        for settings in (
-            adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25)
-        )
-    )
+    prior, both = (prior_of(standing.state, contact__static_weight=w) for w in (0.0, 0.25))
     assert (prior > 0).any()
-    torch.testing.assert_close(both[prior > 0], prior[prior > 0])
+    assert_close(both[prior > 0], prior[prior > 0])
 
 
 def lifted(stage, height):
     """The left foot ``height`` metres over the floor, and the photo shows neither knee nor ankle of
     that leg.
     """
-    observed = stage.state.observed.clone()
-    for name in ("knee", "ankle", "foot"):
-        observed[:, JOINT_INDEX[f"left_{name}"]] = False
-    bend = torch.acos(torch.tensor(1 - height / 0.8))
-    pose = stage.state.rotations.clone()
-    for joint, turn in (("left_hip", -bend), ("left_knee", 2 * bend), ("left_ankle", -bend)):
-        c = torch.cos(turn)
-        s = torch.sin(turn)
-        about_x = torch.tensor([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        pose[:, JOINT_INDEX[joint]] = pose[:, JOINT_INDEX[joint]] @ about_x
-    return replace(stage.state, observed=observed, rotations=pose)
+    hidden = without_joints(stage.state, "knee", "ankle", "foot", sides=("left",))
+    bend = math.acos(1 - height / 0.8)
+    turns = torch.zeros(55, 3)
+    for joint, share in (("left_hip", -1), ("left_knee", 2), ("left_ankle", -1)):
+        turns[JOINT_INDEX[joint], 0] = share * bend
+    return replace(hidden, rotations=hidden.rotations @ rotvec_to_rotmat(turns))
 
 
 def sole_height(state, vertices):
@@ -82,11 +77,9 @@ def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
     state = lifted(standing, 0.06)
     start = state.model(state.rotations, state.betas, state.transl, state.expression).vertices
     assert 0.03 < sole_height(state, start) < 0.1
+    free = adjusted(SETTINGS, soles__unseen_weight=0.0)
     pulled, left = (
-        sole_height(
-            state, optimize(state, adjusted(SETTINGS, soles__unseen_weight=weight)).vertices
-        )
-        for weight in (SETTINGS.soles.unseen_weight, 0.0)
+        sole_height(state, optimize(state, settings).vertices) for settings in (SETTINGS, free)
     )
     assert pulled < left - 0.02
     assert left > 0.03
@@ -102,7 +95,7 @@ def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
     expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(
         [0.5 if name.endswith("_hip") else 1.0 for name in NAMES]
     )
-    torch.testing.assert_close(sampling.keypoint_weights.to(expected), expected)
+    assert_close(sampling.keypoint_weights.to(expected), expected)
 
 
 def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
@@ -124,12 +117,9 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
 
 
 def test_an_unseen_foot_high_up_is_let_go(standing):
-    assert JointEnergy(lifted(standing, 0.06), SETTINGS).weights["unseen_soles"].tolist() == [
-        [1.0, 0.0]
-    ]
-    assert JointEnergy(lifted(standing, 0.35), SETTINGS).weights["unseen_soles"].tolist() == [
-        [0.0, 0.0]
-    ]
+    for height, weight in ((0.06, 1.0), (0.35, 0.0)):
+        energy = JointEnergy(lifted(standing, height), SETTINGS)
+        assert energy.weights["unseen_soles"].tolist() == [[weight, 0.0]]
 
 
 def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):

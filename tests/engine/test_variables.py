@@ -9,9 +9,12 @@ import roma
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torch.testing import assert_close
 
 from physic_core.engine.joint.variables import PARAMETER_GROUPS, Variables
 from physic_paper.published import UnwhitenedVariables
+
+from .drawn import normal
 
 pytestmark = pytest.mark.quick
 
@@ -20,10 +23,9 @@ KINDS = [Variables, UnwhitenedVariables]
 
 
 def start(people=2, seed=0):
-    g = torch.Generator().manual_seed(seed)
-    rotations = roma.rotvec_to_rotmat(torch.randn(people, 55, 3, generator=g).double())
-    betas = torch.randn(people, K, generator=g).double()
-    transl = torch.randn(people, 3, generator=g).double() + torch.tensor([0.0, 0.0, 5.0])
+    rotations = roma.rotvec_to_rotmat(normal(people, 55, 3, seed=seed))
+    betas = normal(people, K, seed=seed)
+    transl = normal(people, 3, seed=seed) + torch.tensor([0.0, 0.0, 5.0])
     pelvis = transl + torch.tensor([0.0, -0.3, 0.01])
     return rotations, betas, transl, pelvis
 
@@ -32,9 +34,9 @@ def start(people=2, seed=0):
 def test_unpacks_to_where_it_starts(kind):
     rotations, betas, transl, pelvis = start()
     estimate = kind(rotations, betas, transl, pelvis).unpack()
-    torch.testing.assert_close(estimate.rotations, rotations)
-    torch.testing.assert_close(estimate.betas, betas)
-    torch.testing.assert_close(estimate.transl, transl)
+    assert_close(estimate.rotations, rotations)
+    assert_close(estimate.betas, betas)
+    assert_close(estimate.transl, transl)
     assert estimate.log_scale.item() == 0
     assert estimate.offset.tolist() == [0, 0]
 
@@ -44,15 +46,13 @@ def test_unpacks_to_where_it_starts(kind):
 @given(seed=st.integers(0, 1000))
 def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
     variables = kind(*start(seed=seed))
-    moved = variables.pack() + 0.3 * torch.randn(
-        len(variables.pack()), generator=torch.Generator().manual_seed(seed)
-    )
+    moved = variables.pack() + 0.3 * normal(len(variables.pack()), seed=seed)
     variables.load(moved)
-    torch.testing.assert_close(variables.pack(), moved)
+    assert_close(variables.pack(), moved)
     rotations = variables.unpack().rotations
     eye = torch.eye(3, dtype=torch.float64).expand_as(rotations)
-    torch.testing.assert_close(rotations @ rotations.mT, eye)
-    torch.testing.assert_close(torch.linalg.det(rotations), torch.ones(2, 55).double())
+    assert_close(rotations @ rotations.mT, eye)
+    assert_close(torch.linalg.det(rotations), torch.ones(2, 55).double())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -61,10 +61,9 @@ def test_a_frozen_group_has_no_gradient_and_the_others_do(kind, group):
     variables = kind(*start(), frozen=[group])
     assert group not in variables.free
     estimate = variables.unpack()
-    weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (
-        estimate.transl**2
-    ).sum()
-    (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
+    of_rotations = (estimate.rotations * normal(2, 55, 3, 3)).sum()
+    squares = (estimate.transl**2).sum() + (estimate.betas**2).sum()
+    (of_rotations + squares + estimate.log_scale + estimate.offset.sum()).backward()
     for name in PARAMETER_GROUPS:
         assert (variables.values[name].grad is None) == (name == group)
 
@@ -83,8 +82,8 @@ def test_one_unit_is_the_expected_move():
     estimate = variables.unpack()
     moved = estimate.transl - transl + pelvis
     # Along its ray: the pelvis keeps its direction, and its distance grows by 5 %.
-    torch.testing.assert_close(moved[0], pelvis[0] * math.exp(0.05))
-    torch.testing.assert_close(estimate.transl[1], transl[1])
+    assert_close(moved[0], pelvis[0] * math.exp(0.05))
+    assert_close(estimate.transl[1], transl[1])
     assert estimate.log_scale.item() == pytest.approx(0.1)
     assert estimate.offset.tolist() == pytest.approx([0, 0.2])
     angle = roma.rotmat_geodesic_distance(estimate.rotations[0, [0, 4]], rotations[0, [0, 4]])
@@ -100,6 +99,6 @@ def test_a_change_of_one_group_shows_in_its_columns_of_the_deviation(kind):
         own = variables.expand_to_parameters(
             {g: float(g == group) for g in PARAMETER_GROUPS if g != "scale"}
         )
-        torch.testing.assert_close(variables.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
+        assert_close(variables.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
             variables.values[group] -= 1.0
