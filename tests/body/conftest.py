@@ -36,30 +36,24 @@ def embedded64(embedded):
 @pytest.fixture
 def random_pose(embedded):
     """Three bodies far from rest: rotations, betas, transl."""
-    generator = torch.Generator().manual_seed(7)
-
-    def normal(*shape):
-        return torch.randn(*shape, generator=generator)
-
-    rotations = roma.rotvec_to_rotmat(0.4 * normal(3, 55, 3))
-    return {
-        "rotations": rotations,
-        "betas": normal(3, embedded.num_betas),
-        "transl": 3 * normal(3, 3),
-    }
+    draws = torch.randn(3, 168 + embedded.num_betas, generator=torch.Generator().manual_seed(7))
+    turns, transl, betas = draws.split([165, 3, embedded.num_betas], 1)
+    rotations = roma.rotvec_to_rotmat(0.4 * turns.view(3, 55, 3))
+    return {"rotations": rotations, "betas": betas, "transl": 3 * transl}
 
 
 @pytest.fixture(scope="session")
 def smplx_arrays(other):
     """The arrays of a made-up SMPL-X file, v1.1, with all that such a file holds."""
     rng = np.random.default_rng(0)
+
+    def directions(size, columns):
+        draws = rng.standard_normal((NUM_VERTICES, 3, columns), dtype=np.float32)
+        return (size * draws).astype(np.float16)
+
     return smplx_file_arrays(other) | {
-        "shapedirs": (0.004 * rng.standard_normal((NUM_VERTICES, 3, 400), dtype=np.float32)).astype(
-            np.float16
-        ),
-        "posedirs": (2e-4 * rng.standard_normal((NUM_VERTICES, 3, 486), dtype=np.float32)).astype(
-            np.float16
-        ),
+        "shapedirs": directions(0.004, 400),
+        "posedirs": directions(2e-4, 486),
         "hands_meanl": rng.normal(0, 0.1, 45),
         "hands_meanr": rng.normal(0, 0.1, 45),
         "joint2num": np.array({name: i for i, name in enumerate(JOINT_NAMES)}, dtype=object),

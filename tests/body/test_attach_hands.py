@@ -12,6 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
@@ -32,9 +33,9 @@ AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
 """Of the embedded body's forearms."""
 
 
-def body(seed=0, bend=0.4):
+def body(seed=0):
     rng = np.random.default_rng(seed)
-    rotvecs = bend * rng.standard_normal((1, 55, 3))
+    rotvecs = 0.4 * rng.standard_normal((1, 55, 3))
     rotvecs[:, WRISTS] *= 0.3
     shape = rng.standard_normal((1, MODEL.num_betas))
     place = rng.standard_normal((1, 3))
@@ -63,12 +64,21 @@ def hands_of(parameters, wrists, confidence):
     return Hands(own, np.full((1, 2), confidence), wrists)
 
 
+def attached(parameters, wrists, confidence=1.0):
+    return attach_hands(parameters, hands_of(parameters, wrists, confidence), MODEL)
+
+
+def wrists_of(parameters):
+    """Rotation vectors (1, 2, 3) of the wrists."""
+    return rotmat_to_rotvec(world_of(parameters)[:, WRISTS])
+
+
 def test_a_hand_that_agrees_changes_nothing():
     before = body()
-    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
+    wrists = wrists_of(before)
+    after = attached(before, wrists)
     for name, value in vars(before).items():
-        np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
+        assert_allclose(getattr(after, name), value, atol=1e-5)
 
 
 def test_only_the_arm_of_the_hand_that_was_found_is_touched():
@@ -78,30 +88,24 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched():
     )
     hands.wrists[:, 1] = [0.1, 0.2, 0.3]
     after = attach_hands(before, hands, MODEL)
-    changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)
-    assert {i + 1 for i in np.flatnonzero(changed)} <= {
-        JOINT_INDEX["right_elbow"],
-        JOINT_INDEX["right_wrist"],
-    }
-    assert changed.any()
-    np.testing.assert_array_equal(before.left_hand_pose, after.left_hand_pose)
+    changed = np.flatnonzero((before.body_pose != after.body_pose).reshape(21, 3).any(1)) + 1
+    assert set() < set(changed) <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
+    assert_array_equal(before.left_hand_pose, after.left_hand_pose)
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
 def test_a_hand_that_a_wrist_can_reach_is_reached(side):
     """Known answer: bent up by 40 and turned over by 50 degrees."""
     before = body(3)
-    turn = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat_numpy(
-        np.radians([[0, 0, 40.0]])
-    )
-    wanted = world_of(before)[:, ELBOWS[side]] @ turn
-    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
+    over, up = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0], [0, 0, 40.0]]))
+    wanted = world_of(before)[:, ELBOWS[side]] @ over @ up
+    wrists = wrists_of(before)
     wrists[:, side] = rotmat_to_rotvec(wanted)
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
+    after = attached(before, wrists)
     reached = world_of(after)[:, WRISTS[side]]
-    np.testing.assert_allclose(reached, wanted, atol=2e-6)
+    assert_allclose(reached, wanted, atol=2e-6)
     other = WRISTS[1 - side]
-    np.testing.assert_allclose(world_of(after)[:, other], world_of(before)[:, other], atol=2e-6)
+    assert_allclose(world_of(after)[:, other], world_of(before)[:, other], atol=2e-6)
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
@@ -111,7 +115,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side):
     before = parameters_from_rotations(rest[0], rest[1], None, rest[2])
     wrists = np.zeros((1, 2, 3))
     wrists[0, side] = np.radians(80) * AXES[side]
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
+    after = attached(before, wrists)
     world = world_of(after)
     forearm = swing_twist(world[0, ELBOWS[side]], AXES[side])[1]
     wrist = swing_twist(rotations_from_parents(world)[0, WRISTS[side]], AXES[side])[1]
@@ -131,7 +135,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists, seed):
     turn = (Rotation.from_rotvec(wrists[0]) * flat.inv()).magnitude().max()
     last = start.vertices
     for confidence in steps[1:]:
-        after = posed(attach_hands(before, hands_of(before, wrists, float(confidence)), MODEL))
+        after = posed(attached(before, wrists, float(confidence)))
         # Elbows and wrists do not move at all.
         arms = [*ELBOWS, *WRISTS]
         assert (after.joints[:, arms] - start.joints[:, arms]).norm(dim=-1).max() < 1e-5
@@ -146,7 +150,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists, seed):
 @given(ROTVEC, st.integers(0, 50))
 def test_a_wrist_stays_in_its_range(wrists, seed):
     before = body(seed)
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
+    after = attached(before, wrists)
     first, last = (
         rotmat_to_rotvec(rotations_from_parents(world_of(p))[:, WRISTS]) for p in (before, after)
     )
@@ -157,7 +161,7 @@ def test_a_wrist_stays_in_its_range(wrists, seed):
 
 def test_fingers_change_in_proportion_to_the_weight_of_the_hand():
     before = body()
-    wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
+    wrists = wrists_of(before)
     hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))
     after = attach_hands(before, hands, MODEL)
-    np.testing.assert_allclose(after.left_hand_pose, 0.5 * before.left_hand_pose, atol=1e-5)
+    assert_allclose(after.left_hand_pose, 0.5 * before.left_hand_pose, atol=1e-5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from numpy.testing import assert_array_equal
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.landmarks import keypoints_on_body
@@ -39,15 +40,15 @@ def test_blazepose_points_have_their_published_order():
         5: "right_eye_surface",
         8: "right_ear_surface",
         11: "left_shoulder",
-    }
-    known |= {
         16: "right_wrist",
         17: "left_pinky1",
         20: "right_index1",
         21: "left_thumb2",
         23: "left_hip",
+        28: "right_ankle",
+        29: "left_heel",
+        32: "right_foot_tip",
     }
-    known |= {28: "right_ankle", 29: "left_heel", 32: "right_foot_tip"}
     assert {i: points[i] for i in known} == known
 
 
@@ -60,36 +61,26 @@ def test_whole_body_order_is_that_of_coco_wholebody():
         23 + 36: "right_eye_outer_surface",
         23 + 39: "right_eye_inner_surface",
         23 + 45: "left_eye_outer_surface",
-    }
-    known |= {
         23 + 48: "right_mouth_corner_surface",
         23 + 54: "left_mouth_corner_surface",
         23 + 30: "face_point_30",
-    }
-    known |= {
         91: "left_hand_root",
         92: "left_thumb1",
         95: "left_thumb_tip",
         96: "left_index1",
         111: "left_pinky_tip",
+        112: "right_hand_root",
+        117: "right_index1",
+        132: "right_pinky_tip",
     }
-    known |= {112: "right_hand_root", 117: "right_index1", 132: "right_pinky_tip"}
     assert {i: points[i] for i in known} == known
 
 
 def test_halpe_points_have_their_published_order():
     points = SKELETONS["halpe26"].names
     assert points[:17] == SKELETONS["coco17"].names
-    assert points[20:] == (
-        *(
-            "left_big_toe",
-            "right_big_toe",
-            "left_small_toe",
-            "right_small_toe",
-            "left_heel",
-            "right_heel",
-        ),
-    )
+    ends = ("big_toe", "small_toe", "heel")
+    assert points[20:] == tuple(f"{side}_{end}" for end in ends for side in ("left", "right"))
 
 
 @pytest.mark.parametrize(
@@ -101,11 +92,10 @@ def test_the_fitted_part_keeps_each_points_name(skeleton, known):
     given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
     answer = keypoints_on_body(given)
     assert set(answer.joint_set.names) == set(SKELETONS[known].names)
-    for row, name in enumerate(answer.joint_set.names):
-        place = SKELETONS[skeleton].names.index(name)
-        assert answer.points[0, row].tolist() == [place, place]
-        assert answer.confidence[0, row] == place / 200
-        assert answer.world[0, row].tolist() == [place] * 3
+    places = [SKELETONS[skeleton].names.index(name) for name in answer.joint_set.names]
+    assert_array_equal(answer.points[0].T, [places] * 2)
+    assert_array_equal(answer.confidence[0], np.array(places) / 200)
+    assert_array_equal(answer.world[0].T, [places] * 3)
 
 
 @pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])
@@ -121,10 +111,9 @@ def test_landmarks_of_the_feet_lie_on_the_feet(embedded, at_rest):
     coco = at_rest["coco23"]
     mesh = embedded(*embedded.zero_pose()).vertices[0]
     for side, sign in (("left", 1), ("right", -1)):
-        ankle = coco[f"{side}_ankle"]
-        heel = coco[f"{side}_heel"]
-        big = coco[f"{side}_big_toe"]
-        small = coco[f"{side}_small_toe"]
+        ankle, heel, big, small = (
+            coco[f"{side}_{end}"] for end in ("ankle", "heel", "big_toe", "small_toe")
+        )
         assert heel[2] < ankle[2] < small[2] < big[2]
         assert sign * small[0] > sign * big[0]
         assert max(heel[1], big[1], small[1]) < ankle[1] - 0.02
@@ -186,24 +175,21 @@ def test_a_skeleton_refuses_what_does_not_fit(fields, fault):
 
 def test_hands_run_from_wrist_to_tips(at_rest):
     for side in ("left", "right"):
-        points = list(at_rest[f"openpose_hand21_{side}"].values())
-        wrist = points[0]
-        for finger in range(5):
-            chain = points[1 + 4 * finger : 5 + 4 * finger]
-            reach = [float((p - wrist).norm()) for p in chain]
-            assert reach == sorted(reach)
-            assert 0.01 < float((chain[3] - chain[2]).norm()) < 0.04
-        depth = [float(points[5 + 4 * finger][2]) for finger in range(4)]
-        assert depth == sorted(depth, reverse=True)  # index in front, little finger behind
+        wrist, *rest = at_rest[f"openpose_hand21_{side}"].values()
+        fingers = torch.stack(rest).view(5, 4, 3)
+        assert ((fingers - wrist).norm(dim=-1).diff(dim=1) > 0).all()
+        tips = (fingers[:, 3] - fingers[:, 2]).norm(dim=-1)
+        assert 0.01 < tips.min() <= tips.max() < 0.04
+        assert (fingers[1:, 0, 2].diff() < 0).all()  # index in front, little finger behind
 
 
 def test_the_small_model_equals_the_whole(embedded, random_pose):
     extra = torch.tensor([13000, 4, 4])
-    small = embedded.landmarks_only(("blazepose33", "openpose_hand21_right"), extra)
-    points = small(**random_pose)
+    skeletons = ("blazepose33", "openpose_hand21_right")
+    points = embedded.landmarks_only(skeletons, extra)(**random_pose)
     output = embedded(**random_pose)
-    assert set(points) == {"blazepose33", "openpose_hand21_right", "joints", "vertices"}
-    for skeleton in ("blazepose33", "openpose_hand21_right"):
+    assert set(points) == {*skeletons, "joints", "vertices"}
+    for skeleton in skeletons:
         assert torch.allclose(points[skeleton], embedded.landmarks(output, skeleton), atol=1e-6)
     assert torch.allclose(points["vertices"], output.vertices[:, extra], atol=1e-6)
     assert torch.equal(points["joints"], output.joints)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,8 +12,11 @@ import roma
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from torch.nn.functional import normalize
+from torch.testing import assert_close
 
-from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
 from physic_core.errors import BodyModelError
 
 pytestmark = pytest.mark.quick
@@ -33,32 +37,23 @@ def slow_pose(model, rotations, betas, transl):
     """
     kinematics = model.kinematics
     skin = model.skin
-    template = kinematics.template.double().numpy()
-    rest = template + np.einsum(
-        "k,kjc->jc", betas, kinematics.directions.double().numpy().reshape(-1, 55, 3)
-    )
-    bind = (
-        np.tile(np.eye(3), (55, 1, 1))
-        if kinematics.bind_rot is None
-        else kinematics.bind_rot.double().numpy()
-    )
+    directions = kinematics.directions.double().numpy().reshape(-1, 55, 3)
+    rest = kinematics.template.double().numpy() + np.einsum("k,kjc->jc", betas, directions)
+    bind = kinematics.bind_rot.double().numpy()
     world = np.zeros((55, 3, 3))
     joints = np.zeros((55, 3))
-    for joint, parent in enumerate(PARENTS):
-        if parent < 0:
-            world[joint] = rotations[joint]
-            joints[joint] = rest[joint]
-        else:
-            world[joint] = world[parent] @ rotations[joint]
-            joints[joint] = joints[parent] + world[parent] @ bind[parent] @ (
-                rest[joint] - rest[parent]
-            )
+    world[0] = rotations[0]
+    joints[0] = rest[0]
+    for joint, parent in enumerate(PARENTS[1:], 1):
+        world[joint] = world[parent] @ rotations[joint]
+        bone = bind[parent] @ (rest[joint] - rest[parent])
+        joints[joint] = joints[parent] + world[parent] @ bone
     vertices = []
     for v in range(0, model.num_vertices, 500):
-        shaped = (
-            skin.template[:, v].double().numpy() + betas @ skin.directions[:, :, v].double().numpy()
+        mean, slopes, weights = (
+            part[..., v].double().numpy() for part in (skin.template, skin.directions, skin.weights)
         )
-        weights = skin.weights[:, v].double().numpy()
+        shaped = mean + betas @ slopes
         moved = [world[j] @ bind[j] @ (shaped - rest[j]) + joints[j] for j in range(55)]
         vertices.append(weights @ np.array(moved) + transl)
     return np.array(vertices), joints + transl
@@ -67,12 +62,10 @@ def slow_pose(model, rotations, betas, transl):
 def test_the_body_model_equals_a_slow_reference(embedded, random_pose):
     output = embedded(**random_pose)
     for row in range(3):
-        arguments = [
-            random_pose[name][row].double().numpy() for name in ("rotations", "betas", "transl")
-        ]
-        vertices, joints = slow_pose(embedded, *arguments)
-        np.testing.assert_allclose(output.vertices[row, ::500].numpy(), vertices, atol=1e-5)
-        np.testing.assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
+        own = (value[row].double().numpy() for value in random_pose.values())
+        vertices, joints = slow_pose(embedded, *own)
+        assert_allclose(output.vertices[row, ::500].numpy(), vertices, atol=1e-5)
+        assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
 
 
 def test_joint_names_are_a_tree_in_smplx_order():
@@ -93,14 +86,10 @@ def test_zero_pose_is_a_t_pose(embedded):
     joints = dict(zip(JOINT_NAMES, embedded(*embedded.zero_pose()).joints[0], strict=True))
     assert joints["pelvis"].abs().max() < 1e-6
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        arm = [
-            joints[f"{side}_{name}"]
-            for name in ("shoulder", "elbow", "wrist", "middle1", "middle2", "middle3")
-        ]
-        for near, far in pairwise(arm):
-            direction = torch.nn.functional.normalize(far - near, dim=0)
-            assert direction[0] * sign > 0.97, f"{side} arm"
-        leg = torch.nn.functional.normalize(joints[f"{side}_ankle"] - joints[f"{side}_hip"], dim=0)
+        arm = ("shoulder", "elbow", "wrist", "middle1", "middle2", "middle3")
+        for near, far in pairwise(joints[f"{side}_{name}"] for name in arm):
+            assert normalize(far - near, dim=0)[0] * sign > 0.97, f"{side} arm"
+        leg = normalize(joints[f"{side}_ankle"] - joints[f"{side}_hip"], dim=0)
         assert leg[1] < -0.99
         toes = joints[f"{side}_foot"] - joints[f"{side}_ankle"]
         assert toes[2] > 0.05
@@ -138,17 +127,15 @@ def test_rotations_mean_what_they_mean_in_smplx(
     assert sign * (posed - rest)[axis] > 0.01
 
 
-def test_the_pelvis_lies_at_the_translation_for_every_shape(embedded, random_pose):
-    joints = embedded(**random_pose, joints_only=True).joints
-    assert torch.allclose(joints[:, 0], random_pose["transl"], atol=1e-6)
-
-
-def test_joints_only_gives_the_same_joints(embedded, random_pose):
+def test_joints_only_gives_the_same_joints_with_the_pelvis_at_the_translation(
+    embedded, random_pose
+):
     alone = embedded(**random_pose, joints_only=True)
     whole = embedded(**random_pose)
     assert torch.equal(alone.joints, whole.joints)
     assert torch.equal(alone.world, whole.world)
     assert alone.vertices.shape == (3, 0, 3)
+    assert torch.allclose(alone.joints[:, 0], random_pose["transl"], atol=1e-6)
 
 
 @given(ids=st.lists(st.integers(0, 13347), max_size=12))
@@ -159,20 +146,36 @@ def test_a_vertex_subset_equals_the_whole(embedded, ids):
     assert torch.allclose(some, embedded(*arguments).vertices[:, index], atol=1e-6)
 
 
-@pytest.mark.parametrize("size", [0.0, 0.3])
-def test_gradients_of_posing_are_those_of_finite_differences(embedded64, size):
+@pytest.fixture(params=["embedded", "smplx"])
+def model64(request, embedded64):
+    """With bind rotations, and with pose correctives."""
+    if request.param == "embedded":
+        return embedded64
+    return load_body(request.getfixturevalue("smplx_v10")).to(dtype=torch.float64)
+
+
+@pytest.mark.parametrize(("size", "changes"), [(0.0, {}), (0.3, {}), (0.3, {"blocks": ()})])
+def test_the_small_model_has_values_of_the_whole_and_slopes_of_finite_differences(
+    model64, size, changes
+):
     """At rest (size 0) too: that is where fits start."""
     torch.manual_seed(0)
-    ids = torch.randint(0, embedded64.num_vertices, (5,))
-    rotvecs = (size * torch.randn(1, 55, 3, dtype=torch.float64)).requires_grad_()
-    betas = (size * torch.randn(1, embedded64.num_betas, dtype=torch.float64)).requires_grad_()
-    transl = torch.randn(1, 3, dtype=torch.float64, requires_grad=True)
+    ids = torch.randint(0, model64.num_vertices, (5,))
+    small = model64.landmarks_only((), ids)
+    small = replace(small, skin=replace(small.skin, **changes))
+    inputs = (
+        size * torch.randn(2, 55, 3, dtype=torch.float64),
+        size * torch.randn(2, model64.num_betas, dtype=torch.float64),
+        torch.randn(2, 3, dtype=torch.float64),
+    )
 
-    def vertices_and_joints(r, b, t):
-        output = embedded64(roma.rotvec_to_rotmat(r), b, t, vertex_ids=ids)
-        return output.vertices, output.joints[:, ::9]
+    def vertices_and_joints(turns, betas, transl):
+        points = small(roma.rotvec_to_rotmat(turns), betas, transl)
+        return points["vertices"], points["joints"][:, ::9]
 
-    assert torch.autograd.gradcheck(vertices_and_joints, (rotvecs, betas, transl))
+    whole = model64(roma.rotvec_to_rotmat(inputs[0]), *inputs[1:], vertex_ids=ids)
+    assert_close(vertices_and_joints(*inputs), (whole.vertices, whole.joints[:, ::9]))
+    assert torch.autograd.gradcheck(vertices_and_joints, [one.requires_grad_() for one in inputs])
 
 
 @pytest.mark.parametrize(

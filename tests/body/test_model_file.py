@@ -11,6 +11,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from scipy.sparse import csc_matrix, csr_matrix
 
 from physic_core.body.files import MANO, read_model_file
@@ -22,28 +23,25 @@ from physic_testing.body_files import mano_arrays
 def test_a_mano_file_is_read_in_its_own_types(tmp_path, protocol, sparse):
     arrays = mano_arrays()
     path = tmp_path / "MANO_RIGHT.pkl"
-    columns_first = np.asfortranarray(arrays["posedirs"])
     axes_turned = np.ascontiguousarray(arrays["shapedirs"].transpose(1, 0, 2)).transpose(1, 0, 2)
-    other_end = arrays["weights"].astype(">f8")
     published = {
         **arrays,
         "J_regressor": sparse(arrays["J_regressor"]),
-        "posedirs": columns_first,
+        "posedirs": np.asfortranarray(arrays["posedirs"]),
         "shapedirs": axes_turned,
+        "weights": arrays["weights"].astype(">f8"),
         "bs_type": "lrotmin",
+        "one": np.float64(1),
     }
-    path.write_bytes(
-        pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol)
-    )
+    path.write_bytes(pickle.dumps(published, protocol=protocol))
     found = read_model_file(path, MANO)
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
-        np.testing.assert_array_equal(found[name], array)
+        assert_array_equal(found[name], array)
     assert found["f"].dtype == np.uint32
     np.savez_compressed(tmp_path / "MANO_RIGHT.npz", **arrays)
-    np.testing.assert_array_equal(
-        read_model_file(tmp_path / "MANO_RIGHT.npz", MANO)["weights"], arrays["weights"]
-    )
+    read = read_model_file(tmp_path / "MANO_RIGHT.npz", MANO)
+    assert_array_equal(read["weights"], arrays["weights"])
 
 
 class _As:
@@ -200,13 +198,23 @@ def test_lengths_and_names_of_a_pickle_take_no_memory_and_no_screen(tmp_path):
         assert len(words) < most, f"{name}: {len(words)} characters"
 
 
-def refused(folder, names, suffix=".pkl"):
-    """What each file is refused with, in another process whose arrays take less than 64 MB."""
-    code = """
+def read_apart(code, paths):
+    """Lines that a process prints whose code begins with the imports of a reader."""
+    imports = """
 import sys, tracemalloc
 from pathlib import Path
 from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
+"""
+    command = [sys.executable, "-c", imports + code, *map(str, paths)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
+def refused(folder, names, suffix=".pkl"):
+    """What each file is refused with, in another process whose arrays take less than 64 MB."""
+    code = """
 for path in sys.argv[1:]:
     tracemalloc.start()
     try:
@@ -218,12 +226,8 @@ for path in sys.argv[1:]:
     tracemalloc.stop()
     assert peak < 64e6, f"{path} takes {peak / 1e6:.0f} MB"
 """
-    paths = [str(folder / f"{name}{suffix}") for name in names]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return list(zip(names, done.stdout.splitlines(), strict=True))
+    paths = [folder / f"{name}{suffix}" for name in names]
+    return list(zip(names, read_apart(code, paths), strict=True))
 
 
 def npy(shape, kind, data=b""):
@@ -280,10 +284,6 @@ def test_no_pickle_calls_anything(tmp_path):
     for name, opcodes in CALLS.items():
         (tmp_path / f"{name}.pkl").write_bytes(b"\x80\x04" + opcodes + b"tR.")
     code = """
-import sys
-from pathlib import Path
-from physic_core.body.files import MANO, read_model_file
-from physic_core.errors import BodyModelError
 events = []
 CALLS = ("os.system", "subprocess.Popen", "exec", "compile", "import", "os.exec", "os.posix_spawn", "socket.connect")
 def hook(event, arguments):
@@ -296,12 +296,8 @@ for path in sys.argv[1:]:
     except BodyModelError:
         print(events)
 """  # noqa: E501
-    paths = [str(tmp_path / f"{name}.pkl") for name in CALLS]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == ["[]"] * len(CALLS)
+    paths = [tmp_path / f"{name}.pkl" for name in CALLS]
+    assert read_apart(code, paths) == ["[]"] * len(CALLS)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import roma
 import torch
+from numpy.testing import assert_allclose
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
@@ -30,6 +31,12 @@ def test_parameters_and_rotations_convert_back_and_forth(random_pose):
     assert np.array_equal(parameters.transl, random_pose["transl"].numpy())
 
 
+def parameters_of(rotations):
+    return parameters_from_rotations(
+        rotations, torch.zeros(1, 16), torch.zeros(1, 2), torch.zeros(1, 3)
+    )
+
+
 @pytest.mark.parametrize(
     ("joint", "field", "first"),
     [
@@ -46,10 +53,8 @@ def test_every_field_holds_its_joints(joint, field, first):
     rotvec = torch.tensor([0.1, -0.2, 0.3])
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(rotvec)
-    parameters = parameters_from_rotations(
-        rotations, torch.zeros(1, 16), torch.zeros(1, 2), torch.zeros(1, 3)
-    )
-    np.testing.assert_allclose(getattr(parameters, field)[0, first : first + 3], rotvec, atol=1e-6)
+    parameters = parameters_of(rotations)
+    assert_allclose(getattr(parameters, field)[0, first : first + 3], rotvec, atol=1e-6)
     total = sum(np.abs(getattr(parameters, name)).sum() for name in vars(parameters))
     assert total == pytest.approx(0.6, abs=1e-5)
 
@@ -58,7 +63,7 @@ def test_half_turns_convert_back_and_forth():
     """At pi the sign of the rotation vector is open, the rotation is not."""
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # upright in the camera's frame
-    parameters = parameters_from_rotations(rotations, torch.zeros(1, 16), None, torch.zeros(1, 3))
+    parameters = parameters_of(rotations)
     assert torch.allclose(rotations_from_parameters(parameters), rotations, atol=1e-6)
 
 

@@ -33,24 +33,32 @@ def body(hip=0.0, knees=(0.0, 0.0), trunk=0.0):
     joints[JOINT_INDEX["pelvis"]] = 0.0
     joints[JOINT_INDEX["neck"]] = 0.5 * turned(trunk)
     for side, x, knee in (("left", 0.1, knees[0]), ("right", -0.1, knees[1])):
-        joints[JOINT_INDEX[f"{side}_hip"]] = (x, 0.0, 0.0)
-        joints[JOINT_INDEX[f"{side}_knee"]] = joints[JOINT_INDEX[f"{side}_hip"]] - 0.4 * turned(hip)
-        joints[JOINT_INDEX[f"{side}_ankle"]] = joints[JOINT_INDEX[f"{side}_knee"]] - 0.4 * turned(
-            hip + knee
-        )
+        place = np.array([x, 0.0, 0.0])
+        ends = [place, place - 0.4 * turned(hip)]
+        ends.append(ends[1] - 0.4 * turned(hip + knee))
+        joints[[JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle")]] = ends
     return joints
 
 
-def test_a_straight_body_stands_on_both_legs():
-    assert standing_legs(body(), UP).tolist() == [True, True]
-    assert standing_legs(np.stack([body(), body(hip=90.0)]), UP).tolist() == [
-        [True, True],
-        [False, False],
-    ]
+@pytest.mark.parametrize(
+    ("joints", "up", "options", "stands"),
+    [
+        (body(), UP, {}, [True, True]),
+        (np.stack([body(), body(hip=90.0)]), UP, {}, [[True, True], [False, False]]),
+        (body(knees=(60.0, 0.0)), UP, {}, [False, True]),
+        (body(), turned(90.0), {}, [False, False]),
+        (body(), None, {}, [True, True]),
+        (body(trunk=80.0), UP, {}, [False, False]),
+        (body(trunk=80.0), UP, {"trunk": False}, [True, True]),
+    ],
+    ids=["straight", "two", "a bent knee", "lies", "up is unknown", "bows", "trunk ignored"],
+)
+def test_legs_stand_if_they_are_straight_and_upright_as_the_trunk(joints, up, options, stands):
+    assert standing_legs(joints, up, **options).tolist() == stands
 
 
-def test_a_bent_knee_leaves_the_other_leg_to_stand_on():
-    assert standing_legs(body(knees=(60.0, 0.0)), UP).tolist() == [False, True]
+def test_the_tilt_of_the_trunk_is_from_up():
+    assert trunk_tilt_deg(body(trunk=80.0), UP) == pytest.approx(80.0)
 
 
 @pytest.mark.parametrize("degrees", [STANDING_DEG - 1, STANDING_DEG + 1])
@@ -59,17 +67,6 @@ def test_one_angle_limits_knees_hips_and_tilt(degrees):
     assert standing_legs(body(hip=-degrees / 2, knees=(degrees, degrees)), UP).tolist() == stands
     assert standing_legs(body(trunk=degrees)).tolist() == stands
     assert standing_legs(body(), turned(degrees)).tolist() == stands
-
-
-def test_people_who_lie_straight_stand_only_where_up_is_unknown():
-    assert not standing_legs(body(), turned(90.0)).any()
-    assert standing_legs(body()).all()
-
-
-def test_a_bent_trunk_may_be_ignored():
-    assert not standing_legs(body(trunk=80.0), UP).any()
-    assert standing_legs(body(trunk=80.0), UP, trunk=False).all()
-    assert trunk_tilt_deg(body(trunk=80.0), UP) == pytest.approx(80.0)
 
 
 def test_legs_with_unknown_joints_do_not_stand():

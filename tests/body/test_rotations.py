@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from physic_core.geometry.rotations import (
@@ -41,7 +42,7 @@ def test_swing_is_the_shortest_turn(first, second):
     assert is_rotation(turn)
     # Directions that are opposite within 1e-8 get half a turn: their sum has no more digits than
     # that.
-    np.testing.assert_allclose(turn @ unit(first), unit(second), atol=1e-7)
+    assert_allclose(turn @ unit(first), unit(second), atol=1e-7)
     cosine = float(unit(first) @ unit(second))
     assert abs(Rotation.from_matrix(turn).magnitude() - np.arccos(np.clip(cosine, -1, 1))) < 1e-6
 
@@ -49,10 +50,10 @@ def test_swing_is_the_shortest_turn(first, second):
 @given(TURN, TURN)
 def test_exp_and_log_are_scipys(first, second):
     both = np.stack([first, second])
-    np.testing.assert_allclose(
+    assert_allclose(
         rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         rotvec_to_rotmat_numpy(rotmat_to_rotvec(rotvec_to_rotmat_numpy(both))),
         rotvec_to_rotmat_numpy(both),
         atol=1e-9,
@@ -63,9 +64,7 @@ def test_exp_and_log_are_scipys(first, second):
 def test_a_rotation_is_its_swing_after_its_twist(rotvec, axis):
     rotation = rotvec_to_rotmat_numpy(rotvec)
     tilt, angle = swing_twist(rotation, axis)
-    np.testing.assert_allclose(
-        tilt @ rotvec_to_rotmat_numpy(angle * unit(axis)), rotation, atol=1e-8
-    )
+    assert_allclose(tilt @ rotvec_to_rotmat_numpy(angle * unit(axis)), rotation, atol=1e-8)
 
 
 @given(TURN, st.integers(0, 100))
@@ -73,13 +72,11 @@ def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec, seed):
     rng = np.random.default_rng(seed)
     source = rng.standard_normal((7, 3))
     target = source @ rotvec_to_rotmat_numpy(rotvec).T
-    np.testing.assert_allclose(
-        nearest_rotation(target.T @ source), rotvec_to_rotmat_numpy(rotvec), atol=1e-9
-    )
+    assert_allclose(nearest_rotation(target.T @ source), rotvec_to_rotmat_numpy(rotvec), atol=1e-9)
     assert is_rotation(nearest_rotation((target * [1, 1, -1]).T @ source))
     # In a plane one direction is left open, and is filled up to a rotation.
     flat = source * [1, 1, 0]
-    np.testing.assert_allclose(
+    assert_allclose(
         nearest_rotation((flat @ rotvec_to_rotmat_numpy(rotvec).T).T @ flat),
         rotvec_to_rotmat_numpy(rotvec),
         atol=1e-6,
@@ -92,9 +89,9 @@ def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(along, be
         return
     frame = frame_from_axes(along, beside)
     assert is_rotation(frame)
-    np.testing.assert_allclose(frame[:, 0], unit(along), atol=1e-12)
+    assert_allclose(frame[:, 0], unit(along), atol=1e-12)
     assert frame[:, 1] @ beside > 0
-    np.testing.assert_allclose(rotate(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
+    assert_allclose(rotate(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
 
 
 def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors():
@@ -103,4 +100,4 @@ def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors():
     rotations[0, 1, 2] = np.nan
     found = rotmat_to_rotvec(rotations)
     assert np.isnan(found[0]).all()
-    np.testing.assert_allclose(found[1], rotvecs[1], atol=1e-12)
+    assert_allclose(found[1], rotvecs[1], atol=1e-12)

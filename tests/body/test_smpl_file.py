@@ -10,6 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from other_body import smpl_file_arrays
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
@@ -92,7 +93,7 @@ def test_the_published_pickle_is_read(light, chumpy, tmp_path, protocol):
     }
     found = read_smpl(pickled(tmp_path / "SMPL.pkl", published, protocol))
     for name in ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights"):
-        np.testing.assert_array_equal(found[name], light[name])
+        assert_array_equal(found[name], light[name])
     assert found["kintree_table"][0].tolist()[:4] == [-1, 0, 0, 0]
 
 
@@ -107,16 +108,12 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz, arrays):
     published = {**arrays, "J_regressor": csc_matrix(arrays["J_regressor"])}
     pickled(npz.parent / "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl", published)
     peer = Peer("smpl", "neutral", model_root=str(npz.parent), num_betas=10)
-    given = (torch.from_numpy(value).float() for value in (rotvecs.reshape(3, 72), betas, transl))
-    theirs = peer(**dict(zip(("pose_rotvecs", "shape_betas", "trans"), given, strict=True)))
+    given = {"pose_rotvecs": rotvecs.reshape(3, 72), "shape_betas": betas, "trans": transl}
+    theirs = peer(**{name: torch.from_numpy(value).float() for name, value in given.items()})
     rotations = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(3, 24, 3, 3)
     own = load_smpl(npz)
-    np.testing.assert_allclose(
-        own.vertices(rotations, betas, transl), theirs["vertices"], atol=2e-6
-    )
-    np.testing.assert_allclose(
-        own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6
-    )
+    assert_allclose(own.vertices(rotations, betas, transl), theirs["vertices"], atol=2e-6)
+    assert_allclose(own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6)
 
 
 @pytest.mark.parametrize(

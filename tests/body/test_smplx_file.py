@@ -31,17 +31,15 @@ def refusal(path, **options):
 
 @pytest.fixture
 def pose():
-    generator = torch.Generator().manual_seed(1)
+    draws = torch.randn(2, 188, generator=torch.Generator().manual_seed(1))
+    rotvecs, betas, expression, transl = draws.split([165, 10, 10, 3], 1)
+    rotvecs = 0.5 * rotvecs.view(2, 55, 3)
+    return {"rotvecs": rotvecs, "betas": betas, "expression": expression, "transl": transl}
 
-    def normal(*shape):
-        return torch.randn(*shape, generator=generator)
 
-    return {
-        "rotvecs": 0.5 * normal(2, 55, 3),
-        "betas": normal(2, 10),
-        "expression": normal(2, 10),
-        "transl": normal(2, 3),
-    }
+def pose_by(path, pose):
+    rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
+    return load_body(path)(rotations, pose["betas"], pose["transl"], pose["expression"])
 
 
 def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11, pose):
@@ -58,19 +56,13 @@ def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11, pose):
         "expression": pose["expression"],
         "global_translation": pose["transl"],
     }
-    ours = load_body(smplx_v11)(
-        roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"]
-    )
+    ours = pose_by(smplx_v11, pose)
     assert (ours.vertices - peer.forward_vertices(**arguments)).abs().max() < 1e-5
     assert (ours.joints - peer.forward_skeleton(**arguments)[..., :3, 3]).abs().max() < 1e-5
 
 
 def test_both_layouts_are_the_same_body(smplx_v10, smplx_v11, pose):
-    rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
-    old, new = (
-        load_body(p)(rotations, pose["betas"], pose["transl"], pose["expression"])
-        for p in (smplx_v10, smplx_v11)
-    )
+    old, new = (pose_by(path, pose) for path in (smplx_v10, smplx_v11))
     assert torch.equal(old.vertices, new.vertices)
 
 
@@ -115,30 +107,18 @@ def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("name", "wrong", "message"),
+    ("shape", "message"),
     [
-        (
-            "shapedirs",
-            np.zeros((10475, 3)),
-            "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)",
-        ),
-        (
-            "shapedirs",
-            np.zeros((10475, 3, 11)),
-            "shapedirs has 11 columns, where SMPL-X has 20 or 400",
-        ),
+        ((10475, 3), "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)"),
+        ((10475, 3, 11), "shapedirs has 11 columns, where SMPL-X has 20 or 400"),
     ],
 )
-def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
-    tmp_path, small, name, wrong, message
-):
+def test_shape_directions_of_wrong_shape_are_refused(tmp_path, small, shape, message):
     path = tmp_path / "model.npz"
-    np.savez_compressed(path, **{**small, name: wrong})
+    np.savez_compressed(path, **{**small, "shapedirs": np.zeros(shape)})
     assert refusal(path).startswith(f": {message}: ")
 
 
 def test_more_shape_components_than_the_file_has_are_refused(smplx_v10):
-    assert (
-        refusal(smplx_v10, num_betas=16)
-        == ": num_betas is 16, but the file has 10: ask for 0 to 10"
-    )
+    message = ": num_betas is 16, but the file has 10: ask for 0 to 10"
+    assert refusal(smplx_v10, num_betas=16) == message
