@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 from physic_bench.bodies import BodyFiles
 from physic_bench.scoring import LIMB_JOINTS
@@ -71,7 +72,7 @@ def write_models(folder):
     made = other_body()
     embedded = load_body("embedded")
     for name in ("smplx", "smpl"):
-        (folder / name).mkdir(parents=True)
+        (folder / name).mkdir()
     arrays = made.smplx_file_arrays(made.make(embedded, 10475))
     rng = np.random.default_rng(0)
     for side in "lr":
@@ -163,11 +164,7 @@ def ring(contact, faces):
 
 def rotation(axis, degrees):
     """(3, 3) about x, y or z."""
-    a = np.radians(degrees)
-    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    R = np.eye(3)
-    R[[i, i, j, j], [i, j, i, j]] = np.cos(a), -np.sin(a), np.sin(a), np.cos(a)
-    return R
+    return Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
 
 
 def rigid(R, t):
@@ -185,13 +182,9 @@ def moved_by(matrix, points):
 
 def moved_parameters(files, matrix, parameters, gender):
     """Parameters of the same body after a rigid transform."""
-    import roma
-    import torch
-
     pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender)[1][0]
-    orient = roma.rotvec_to_rotmat(
-        torch.tensor(np.array(parameters["global_orient"], np.float64))
-    ).numpy()
-    turned = roma.rotmat_to_rotvec(torch.from_numpy(matrix[:3, :3] @ orient)).numpy()
-    transl = matrix[:3, :3] @ (np.array(parameters["transl"]) + pelvis) + matrix[:3, 3] - pelvis
-    return {**parameters, "global_orient": turned, "transl": transl}
+    turned = Rotation.from_matrix(matrix[:3, :3]) * Rotation.from_rotvec(
+        parameters["global_orient"]
+    )
+    transl = moved_by(matrix, parameters["transl"] + pelvis) - pelvis
+    return {**parameters, "global_orient": turned.as_rotvec(), "transl": transl}

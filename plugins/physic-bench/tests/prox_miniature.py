@@ -71,12 +71,8 @@ def write_prox(root, files, mesh_frame="vicon"):
     floor_of().export(root / "scenes" / "vicon.ply")
     recording = "vicon_03301_01"
     for name, pose in POSES.items():
-        parameters = {
-            **STANDING,
-            **pose,
-            "betas": np.array([0.5, -0.3, *[0.0] * 8]),
-        }
-        parameters = _on_floor(files, parameters)
+        betas = np.array([0.5, -0.3, *[0.0] * 8])
+        parameters = _on_floor(files, {**STANDING, **pose, "betas": betas})
         vertices, joints = files.bodies.smplx_body(parameters, "male")
         key = f"{recording}/{name}"
         made.vertices[key] = vertices

@@ -20,15 +20,8 @@ __all__ = ["rich"]
 
 def test_an_empty_folder_is_refused_before_anything_is_computed(files, tmp_path):
     (tmp_path / "set" / "bodies" / "test").mkdir(parents=True)
-    done = run(
-        "rich",
-        str(tmp_path / "set"),
-        "-o",
-        str(tmp_path / "out"),
-        "--preset",
-        "mock",
-        *files.arguments(),
-    )
+    places = (str(tmp_path / "set"), "-o", str(tmp_path / "out"))
+    done = run("rich", *places, "--preset", "mock", *files.arguments())
     assert done.exit_code != 0
     assert "`physic evaluate rich --help`" in done.output
     assert not (tmp_path / "out").exists()

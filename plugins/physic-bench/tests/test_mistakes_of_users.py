@@ -16,8 +16,8 @@ ONE = TRUE["stand"][None]
 
 
 def test_results_of_another_data_set_are_refused(root):
-    write_plain(root.parent / "other", "vicon_1/s1", joints=ONE, joint_names=JOINTS)
     folder = root.parent / "other"
+    write_plain(folder, "vicon_1/s1", joints=ONE, joint_names=JOINTS)
     text = evaluated(root, f"other=plain:{folder}", fails=True)
     assert f"{folder} has no result" in text
     assert "expects FRAME.npz" in text
@@ -31,19 +31,18 @@ def test_an_unknown_reader_is_refused(root):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda a: a.update(K=np.full((3, 3), np.nan)), "K"),
-        (lambda a: a.update(contact=np.full((1, 9), np.nan)), "contact"),
-        (lambda a: a.update(joint_names=JOINTS[:5]), "joint_names"),
-        (lambda a: a.update(contact=np.zeros((2, 9))), "first axes"),
-        (lambda a: a.update(joints=np.array([["a"]])), "could not convert"),
-        (lambda a: a.update(vertices=np.full((1, 9, 3), np.nan)), "vertices"),
-        (lambda a: a.update(vertices=np.array([[{}]])), "Python objects"),
+        ({"K": np.full((3, 3), np.nan)}, "K"),
+        ({"contact": np.full((1, 9), np.nan)}, "contact"),
+        ({"joint_names": JOINTS[:5]}, "joint_names"),
+        ({"contact": np.zeros((2, 9))}, "first axes"),
+        ({"joints": np.array([["a"]])}, "could not convert"),
+        ({"vertices": np.full((1, 9, 3), np.nan)}, "vertices"),
+        ({"vertices": np.array([[{}]])}, "Python objects"),
     ],
 )
 def test_a_damaged_result_costs_its_frame(root, change, reason):
     theirs = write_results(root)
-    arrays = {"joints": ONE, "joint_names": JOINTS}
-    change(arrays)
+    arrays = {"joints": ONE, "joint_names": JOINTS, **change}
     write_plain(root.parent / "theirs", "stand", **arrays)
     found = evaluated(root, theirs)
     text = (root.parent / "out" / "table.txt").read_text()
@@ -75,11 +74,13 @@ def test_files_of_an_earlier_evaluation_are_replaced(root):
 
 
 def test_options_that_change_figures_stand_over_the_tables(root):
-    theirs = ("--results", write_results(root))
-    more = ("worlds", str(root), "-o", str(root.parent / "out"), *theirs)
-    (root.parent / "list.txt").write_text("stand\ngone\n")
-    unknown = run(*more, "--frames", str(root.parent / "list.txt"))
-    assert "frames that there are not: gone" in unknown.output
-    (root.parent / "list.txt").write_text("stand\nwalk\n")
-    done = run(*more, "--frames", str(root.parent / "list.txt"), "--limit", "1")
-    assert "worlds, 1 frames, with --frames list.txt, --limit 1\n" in done.output
+    names = root.parent / "list.txt"
+    chosen = ("--results", write_results(root), "--frames", str(names))
+
+    def output(text, *more):
+        names.write_text(text)
+        return run("worlds", str(root), "-o", str(root.parent / "out"), *chosen, *more).output
+
+    assert "frames that there are not: gone" in output("stand\ngone\n")
+    text = output("stand\nwalk\n", "--limit", "1")
+    assert "worlds, 1 frames, with --frames list.txt, --limit 1\n" in text

@@ -33,53 +33,34 @@ def mini(written, tmp_path):
     )
 
 
-def results(tmp_path, mini, move=lambda v: v, contact=None):
-    """Results with the true bodies, moved; contact is that within 2 cm of the floor unless
-    given.
-    """
+def run_on_results(mini, files, tmp_path, move=lambda points: points, smplx=None):
+    """Evaluate the true bodies, moved, with contact within 2 cm of the floor."""
     for name, vertices in mini.vertices.items():
-        touches = mini.height[name] <= 0.02 if contact is None else contact(name)
-        arrays = {
-            "joints": move(mini.joints[name])[None, :22],
-            "joint_names": np.array(JOINT_NAMES[:22]),
-        }
         write_plain(
             tmp_path / "theirs",
             name,
             vertices=move(vertices)[None],
-            contact=touches[None],
-            **arrays,
+            contact=mini.height[name][None] <= 0.02,
+            joints=move(mini.joints[name])[None, :22],
+            joint_names=np.array(JOINT_NAMES[:22]),
         )
-    return f"theirs=plain:{tmp_path / 'theirs'}"
+    theirs = ("--results", f"theirs=plain:{tmp_path / 'theirs'}")
+    models = ("--smplx", str(smplx)) if smplx else files.arguments()
+    return run("prox", str(mini.root), "-o", str(tmp_path / "out"), *theirs, *models)
 
 
-def evaluated(mini, files, tmp_path, theirs, *more):
-    done = run(
-        "prox",
-        str(mini.root),
-        "-o",
-        str(tmp_path / "out"),
-        "--results",
-        theirs,
-        *files.arguments(),
-        *more,
-    )
+def evaluated(mini, files, tmp_path, **options):
+    done = run_on_results(mini, files, tmp_path, **options)
     assert done.exit_code == 0, done.output
     return figures(tmp_path / "out", "theirs")
 
 
 def test_the_truth_itself_has_no_error(mini, files, tmp_path):
-    found = evaluated(mini, files, tmp_path, results(tmp_path, mini))
+    found = evaluated(mini, files, tmp_path)
     for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
         assert found[key] == pytest.approx(0, abs=0.01), key
-    for key in (
-        "precision@2 cm",
-        "recall@2 cm",
-        "f1_of_means@2 cm",
-        "f1_mean@2 cm",
-        "f1_pooled@2 cm",
-    ):
-        assert found[key] == 1
+    for key in ("precision", "recall", "f1_of_means", "f1_mean", "f1_pooled"):
+        assert found[f"{key}@2 cm"] == 1
     assert found["penetration_mm"] == 0
     recall = np.mean([(h <= 0.02).sum() / (h <= 0.05).sum() for h in mini.height.values()])
     assert found["recall@5 cm"] == pytest.approx(recall)
@@ -92,28 +73,33 @@ def test_the_truth_itself_has_no_error(mini, files, tmp_path):
 
 def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files, tmp_path):
     down = -0.05 * TO_SCENE[2, :3]
-    found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down))
-    assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx(
-        (50, 50, 50), abs=0.01
-    )
-    assert (found["ca_mpjpe"], found["pa_pve"]) == pytest.approx((0, 0), abs=0.01)
-    deep = [0.05 - h[h < 0.05] for h in mini.height.values()]
-    assert found["penetration_mm"] == pytest.approx(
-        1000 * np.mean([d.mean() for d in deep]), abs=0.01
-    )
-    assert found["penetration_max_mm"] == pytest.approx(40, abs=0.01)
-    assert found["floating_mm"] == 0
+    found = evaluated(mini, files, tmp_path, move=lambda points: points + down)
+    deep = np.mean([1000 * (0.05 - h[h < 0.05]).mean() for h in mini.height.values()])
+    wanted = {
+        "me_mpjpe": 50,
+        "me_pve": 50,
+        "rt_error": 50,
+        "ca_mpjpe": 0,
+        "pa_pve": 0,
+        "penetration_mm": deep,
+        "penetration_max_mm": 40,
+        "floating_mm": 0,
+    }
+    assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=0.01)
+
+
+def frames_of(mini, files, *choice, **options):
+    return DATA_SET.frames(mini.root, Choice(*choice, **options), files.bodies, "auto")
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])
 def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files, tmp_path, frame):
     mini = write_prox(tmp_path / "quantitative", files, frame)
-    found = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto")
+    found = frames_of(mini, files)
     assert found.notes[0].startswith(f"meshes are in the frame '{frame}'")
-    name = found.frames[0].id
-    np.testing.assert_allclose(
-        found.frames[0].truth().people[0].vertices, mini.vertices[name], atol=1e-5
-    )
+    first = found.frames[0]
+    vertices = first.truth().people[0].vertices
+    np.testing.assert_allclose(vertices, mini.vertices[first.id], atol=1e-5)
 
 
 def test_a_transposed_rotation_is_refused(mini, files, tmp_path):
@@ -121,15 +107,13 @@ def test_a_transposed_rotation_is_refused(mini, files, tmp_path):
     matrix = np.array(json.loads(file.read_text()))
     matrix[:3, :3] = matrix[:3, :3].T
     file.write_text(json.dumps(matrix.tolist()))
-    done = run(
-        "prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", results(tmp_path, mini)
-    )
+    done = run_on_results(mini, files, tmp_path)
     assert done.exit_code != 0
     assert "it cannot be decided in which frame the meshes" in done.output
 
 
 def test_pictures_are_mirrored_before_use(mini, files, tmp_path):
-    frame = DATA_SET.frames(mini.root, Choice(), files.bodies, "auto").frames[0]
+    frame = frames_of(mini, files).frames[0]
     with Image.open(picture_file(frame, tmp_path / "pictures")) as picture:
         left = picture.getpixel((10, 10))
         right = picture.getpixel((470, 10))
@@ -141,26 +125,16 @@ def test_pictures_are_mirrored_before_use(mini, files, tmp_path):
 
 def test_a_model_file_of_another_gender_is_refused(mini, files, tmp_path):
     neutral = files.bodies.smplx / "SMPLX_NEUTRAL.npz"
-    theirs = results(tmp_path, mini)
-    done = run(
-        "prox",
-        str(mini.root),
-        "-o",
-        str(tmp_path / "out"),
-        "--results",
-        theirs,
-        "--smplx",
-        str(neutral),
-    )
+    done = run_on_results(mini, files, tmp_path, smplx=neutral)
     assert done.exit_code != 0
     assert "posed by SMPLX_NEUTRAL.npz, is" in done.output
 
 
 def test_frames_are_chosen_by_a_list_or_a_limit(mini, files, tmp_path):
-    (tmp_path / "list.txt").write_text("vicon_03301_01/s001_frame_00001__00.00.01.023\n")
-    listed = DATA_SET.frames(mini.root, Choice(tmp_path / "list.txt"), files.bodies, "auto")
-    assert [f.id for f in listed.frames] == ["vicon_03301_01/s001_frame_00001__00.00.01.023"]
-    assert len(DATA_SET.frames(mini.root, Choice(limit=2), files.bodies, "auto").frames) == 2
+    name = sorted(mini.vertices)[1]
+    (tmp_path / "list.txt").write_text(f"{name}\n")
+    assert [f.id for f in frames_of(mini, files, tmp_path / "list.txt").frames] == [name]
+    assert len(frames_of(mini, files, limit=2).frames) == 2
 
 
 def test_damaged_meshes_are_left_out_with_their_reason(mini, files, tmp_path):
@@ -176,22 +150,16 @@ def test_damaged_meshes_are_left_out_with_their_reason(mini, files, tmp_path):
     in_millimetres = trimesh.load(meshes[2], process=False)
     in_millimetres.vertices *= 1000
     in_millimetres.export(meshes[2])
-    theirs = results(tmp_path, mini)
-    evaluated(mini, files, tmp_path, theirs)
+    evaluated(mini, files, tmp_path)
     left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
-    assert all(
-        left_out[name].startswith(str(mesh)) for name, mesh in zip(names[:3], meshes, strict=False)
-    )
+    assert all(left_out[names[i]].startswith(str(meshes[i])) for i in range(3))
     assert "got 6890" in left_out[names[1]]
 
 
 def test_a_damaged_scan_is_an_error_and_gives_no_table(mini, files, tmp_path):
     scan = mini.root / "scenes" / "vicon.ply"
     scan.write_bytes(scan.read_bytes()[: scan.stat().st_size // 2])
-    theirs = results(tmp_path, mini)
-    done = run(
-        "prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments()
-    )
+    done = run_on_results(mini, files, tmp_path)
     assert done.exit_code == 3
     assert f"Error: no frame can be evaluated: {scan} cannot be" in done.output
     assert not (tmp_path / "out" / "table.txt").exists()

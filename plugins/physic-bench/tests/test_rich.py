@@ -15,11 +15,25 @@ from physic_bench.datasets.base import Choice
 from physic_bench.datasets.rich import DATA_SET
 from physic_core.body.joints import JOINT_NAMES
 
-from .miniatures import STANDING, figures, python2_pickle, rigid, rotation, run, write_plain
+from .miniatures import (
+    STANDING,
+    figures,
+    moved_by,
+    python2_pickle,
+    rigid,
+    rotation,
+    run,
+    write_plain,
+)
 
 SEQUENCE = "LectureHall_009_021_lunge1"
 K = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
 VIEWS = {0: np.eye(4), 3: rigid(rotation("y", -35), [2.0, 0, 0.6])}
+
+
+def parameters_of(row):
+    place = [1.1 * row - 0.4, 0.35, 3.6]
+    return STANDING | {"transl": place, "left_hand_pose": 0.2 * np.ones(12)}
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +43,7 @@ def root(files, tmp_path_factory):
     contacts = folder / "human_scene_contact" / "test" / SEQUENCE / "00042"
     contacts.mkdir(parents=True)
     for row, subject in enumerate(("009", "021")):
-        parameters = STANDING | {
-            "transl": [1.1 * row - 0.4, 0.35, 3.6],
-            "left_hand_pose": 0.2 * np.ones(12),
-        }
+        parameters = parameters_of(row)
         python2_pickle(
             bodies / f"{subject}.pkl",
             {k: np.array(v, np.float32)[None] for k, v in parameters.items()},
@@ -73,17 +84,10 @@ def root(files, tmp_path_factory):
 
 def true_people(root, files, view):
     """Vertices (2, 10475, 3) and joints (2, 22, 3) in a camera."""
-    both = []
-    for row, gender in enumerate(("male", "neutral")):
-        parameters = STANDING | {
-            "transl": [1.1 * row - 0.4, 0.35, 3.6],
-            "left_hand_pose": 0.2 * np.ones(12),
-        }
-        vertices, joints = files.bodies.smplx_body(parameters, gender)
-        both.append((vertices, joints[:22]))
-    R = VIEWS[view][:3, :3]
-    t = VIEWS[view][:3, 3]
-    return tuple(np.stack(part) @ R.T + t for part in zip(*both, strict=True))
+    genders = ("male", "neutral")
+    both = [files.bodies.smplx_body(parameters_of(row), one) for row, one in enumerate(genders)]
+    vertices, joints = (moved_by(VIEWS[view], np.stack(part)) for part in zip(*both, strict=True))
+    return vertices, joints[:, :22]
 
 
 def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
@@ -91,13 +95,15 @@ def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
     truth[:100] = True
     behind = np.array([0, 0, 0.05])
     for view in VIEWS:
-        vertices, joints = true_people(root, files, view)
-        vertices = vertices[::-1] + behind
-        joints = joints[::-1] + behind
-        name = f"{SEQUENCE}/00042/{view}"
-        contact = np.stack([files.bodies.carry_contact(truth, "smpl", "smplx")] * 2)
-        arrays = {"joints": joints, "joint_names": np.array(JOINT_NAMES[:22]), "contact": contact}
-        write_plain(tmp_path / "theirs", name, vertices=vertices, **arrays)
+        vertices, joints = (part[::-1] + behind for part in true_people(root, files, view))
+        write_plain(
+            tmp_path / "theirs",
+            f"{SEQUENCE}/00042/{view}",
+            vertices=vertices,
+            joints=joints,
+            joint_names=np.array(JOINT_NAMES[:22]),
+            contact=np.stack([files.bodies.carry_contact(truth, "smpl", "smplx")] * 2),
+        )
     arguments = ["rich", str(root), "-o", str(tmp_path / "out"), *files.arguments()]
     done = run(*arguments, "--results", f"theirs=plain:{tmp_path / 'theirs'}")
     assert done.exit_code == 0, done.output
@@ -106,10 +112,8 @@ def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
     assert (found["me_mpjpe"], found["me_pve"]) == pytest.approx((50, 50), abs=0.01)
     assert found["recall@annotated"] > 0.7  # carried to 10475 vertices and back
     assert found["precision@annotated"] > 0.7
-    assert (
-        "contact from smplx to smpl carried over the T-poses"
-        in (tmp_path / "out" / "table.txt").read_text()
-    )
+    text = (tmp_path / "out" / "table.txt").read_text()
+    assert "contact from smplx to smpl carried over the T-poses" in text
 
 
 def test_contact_of_the_coloured_mesh_and_the_camera(root, files, tmp_path):

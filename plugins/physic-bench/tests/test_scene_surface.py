@@ -59,9 +59,6 @@ def test_contact_is_near_or_a_little_inside():
 
 def test_beyond_reach_is_infinite_and_points_without_triangles_are_refused():
     index = SceneIndex.build(surface(trimesh.creation.box((1, 1, 1))))
-    assert index.signed_distance(np.array([[0, 0, 3.0], [np.nan, 0, 0]])).tolist() == [
-        np.inf,
-        np.inf,
-    ]
+    assert np.isposinf(index.signed_distance(np.array([[0, 0, 3.0], [np.nan, 0, 0]]))).all()
     with pytest.raises(InputError, match="the mesh of the scene has no triangles"):
         SceneIndex.build(Surface(np.zeros((4, 3)), np.zeros((0, 3), int)))

@@ -24,12 +24,12 @@ from .miniatures import NAMES, TRUE, evaluated, figures, run, write_results
 HIPS = [LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
 
 
-def moved(points, x, y, z):
-    return points + np.array([x, y, z])
+def by(*offset):
+    return lambda points: points + np.array(offset)
 
 
 def test_a_shift_of_5_cm_has_an_error_of_5_cm(root):
-    found = evaluated(root, write_results(root, move=lambda p: moved(p, 0.03, 0, 0.04)))
+    found = evaluated(root, write_results(root, move=by(0.03, 0, 0.04)))
     depths = [TRUE[name][HIPS, 2].mean() for name in NAMES]
     assert found == {
         "found": 1.0,
@@ -46,10 +46,8 @@ def test_exchanged_sides_are_the_distance_between_them(root):
         return points.reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
 
     found = evaluated(root, write_results(root, move=swapped))
-    apart = np.mean(
-        [1000 * np.linalg.norm(swapped(TRUE[n]) - TRUE[n], axis=1).mean() for n in NAMES]
-    )
-    assert (found["me_mpjpe"], found["ca_mpjpe"]) == (pytest.approx(apart), pytest.approx(apart))
+    apart = 1000 * np.mean([np.linalg.norm(swapped(TRUE[n]) - TRUE[n], axis=1) for n in NAMES])
+    assert (found["me_mpjpe"], found["ca_mpjpe"]) == pytest.approx((apart, apart))
     assert found["rt_error"] == pytest.approx(0, abs=1e-4)
 
 
@@ -67,14 +65,14 @@ def test_floor_and_height_of_the_camera(root):
 
 
 def test_methods_are_compared_in_pairs_and_written_as_tables(root):
-    one = write_results(root, name="one", move=lambda p: moved(p, 0.02, 0, 0))
-    two = write_results(root, name="two", move=lambda p: moved(p, 0.05, 0, 0))
+    one = write_results(root, name="one", move=by(0.02, 0, 0))
+    two = write_results(root, name="two", move=by(0.05, 0, 0))
     (root.parent / "two" / f"{NAMES[2]}.npz").unlink()
     evaluated(root, one, two)
     out = root.parent / "out"
     document = json.loads((out / "results.json").read_text())
-    assert document["differences"]["two"]["me_mpjpe"]["value"] == pytest.approx(30)
-    assert document["differences"]["two"]["me_mpjpe"]["count"] == 2
+    change = document["differences"]["two"]["me_mpjpe"]
+    assert (change["value"], change["count"]) == pytest.approx((30, 2))
     assert figures(out, "two")["found"] == pytest.approx(2 / 3)
     missing = [r for r in document["records"]["two"] if not r["found"]]
     assert [(r["frame"], r["reason"]) for r in missing] == [(NAMES[2], "no result")]
@@ -85,7 +83,7 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root):
 
 
 @pytest.mark.parametrize(
-    "move", [lambda p: p * [1, -1, -1], lambda p: moved(p, 9, 0, 0)], ids=["y up", "other picture"]
+    "move", [lambda p: p * [1, -1, -1], by(9, 0, 0)], ids=["y up", "other picture"]
 )
 def test_results_in_another_frame_of_reference_are_refused(root, move):
     text = evaluated(root, write_results(root, move=move), fails=True)
