@@ -21,20 +21,22 @@ NAMES = tuple(
 JOINTS = len(NAMES)
 
 
-@pytest.fixture
 def moment():
+    """Joints (3, J, 3) of three people, and the poses of three cameras."""
     rng = np.random.default_rng(3)
     middles = np.array([[-0.8, 0, 4], [0.7, 0, 4.4], [0.1, 0, 3.6]])
     points = rng.normal(0, [0.25, 0.5, 0.25], (3, JOINTS, 3)) + middles[:, None]
     poses = [CameraPose.identity()]
     for angle in (40.0, -70.0):
         rotation = Rotation.from_euler("y", angle, degrees=True).as_matrix()
-        middle = np.array([0.0, 0.0, 4.0])
-        poses.append(CameraPose(rotation, np.array([0.0, 0.1, 4.0]) - rotation @ middle))
+        poses.append(CameraPose(rotation, np.array([0.0, 0.1, 4.0]) - rotation @ [0, 0, 4.0]))
     return points, poses
 
 
-def observations(points, poses, rng, noise_px=0.0):
+POINTS, POSES = moment()
+
+
+def observations(rng, noise_px=0.0, points=POINTS, poses=POSES):
     K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, WIDTH / 2], [0, 0, 1]])
     local = np.stack([pose.to_camera(points) for pose in poses])
     pixels = local[..., :2] / local[..., 2:] * FOCAL + WIDTH / 2
@@ -58,57 +60,55 @@ def observations(points, poses, rng, noise_px=0.0):
     )
 
 
-def rough(poses, rng):
-    return [poses[0]] + [
-        CameraPose(
-            Rotation.from_rotvec(rng.normal(0, 0.15, 3)).as_matrix() @ p.rotation,
-            p.translation + rng.normal(0, 0.3, 3),
-        )
-        for p in poses[1:]
+def rough(rng):
+    """The poses, all but the first turned and moved by some errors."""
+    errors = [(Rotation.from_rotvec(rng.normal(0, 0.15, 3)), rng.normal(0, 0.3, 3)) for _ in "bc"]
+    return [POSES[0]] + [
+        CameraPose(turn.as_matrix() @ pose.rotation, pose.translation + step)
+        for (turn, step), pose in zip(errors, POSES[1:], strict=True)
     ]
 
 
-def test_cameras_and_points_are_recovered_from_a_rough_start(moment):
-    points, poses = moment
+def adjusted(seen, start):
+    return adjust(seen, Bundle.start(seen, start), 0)
+
+
+def off_deg(found, view):
+    return rotation_angle_deg(found.rotation[view], POSES[view].rotation)
+
+
+def test_cameras_and_points_are_recovered_from_a_rough_start():
     rng = np.random.default_rng(0)
-    seen = observations(points, poses, rng)
-    found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
-    for v, pose in enumerate(poses):
-        assert rotation_angle_deg(found.rotation[v], pose.rotation) < 0.5
-        assert np.linalg.norm(found.pose(v).centre - pose.centre) < 0.06
-    assert np.linalg.norm(found.points - points, axis=-1).max() < 0.08
+    found = adjusted(observations(rng), rough(rng))
+    for view, pose in enumerate(POSES):
+        assert off_deg(found, view) < 0.5
+        assert np.linalg.norm(found.pose(view).centre - pose.centre) < 0.06
+    assert np.linalg.norm(found.points - POINTS, axis=-1).max() < 0.08
 
 
-def test_known_cameras_stay_and_points_have_their_scale(moment):
-    points, poses = moment
+def test_known_cameras_stay_and_points_have_their_scale():
     rng = np.random.default_rng(6)
-    seen = observations(points, poses, rng, noise_px=3.0)
-    known = replace(seen, known=np.array([True, False, True]))
-    start = [poses[0], rough(poses, rng)[1], poses[2]]
-    found = adjust(known, Bundle.start(known, start), 0)
-    for v in (0, 2):
-        assert np.allclose(found.rotation[v], poses[v].rotation, atol=1e-5)
-        assert np.allclose(found.translation[v], poses[v].translation, atol=1e-5)
-        assert abs(found.log_focal[v]) < 1e-5
-    assert rotation_angle_deg(found.rotation[1], poses[1].rotation) < 1
-    spread = [np.linalg.norm(x - x.mean(1, keepdims=True)) for x in (found.points, points)]
+    seen = replace(observations(rng, noise_px=3.0), known=np.array([True, False, True]))
+    found = adjusted(seen, [POSES[0], rough(rng)[1], POSES[2]])
+    for view in (0, 2):
+        assert np.allclose(found.rotation[view], POSES[view].rotation, atol=1e-5)
+        assert np.allclose(found.translation[view], POSES[view].translation, atol=1e-5)
+        assert abs(found.log_focal[view]) < 1e-5
+    assert off_deg(found, 1) < 1
+    spread = [np.linalg.norm(x - x.mean(1, keepdims=True)) for x in (found.points, POINTS)]
     assert spread[0] == pytest.approx(spread[1], rel=0.01)
 
 
-def test_one_limb_of_wrong_keypoints_changes_little(moment):
-    points, poses = moment
+def test_one_limb_of_wrong_keypoints_changes_little():
     rng = np.random.default_rng(1)
-    seen = observations(points, poses, rng, noise_px=1.0)
+    seen = observations(rng, noise_px=1.0)
     seen.points[1, 0, :3] += 120
-    found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
-    assert rotation_angle_deg(found.rotation[1], poses[1].rotation) < 1.5
+    assert off_deg(adjusted(seen, rough(rng)), 1) < 1.5
 
 
-def test_the_reference_camera_stays_and_others_have_an_uncertainty(moment):
-    points, poses = moment
-    rng = np.random.default_rng(2)
-    seen = observations(points, poses, rng, noise_px=2.0)
-    found = adjust(seen, Bundle.start(seen, poses), 0)
+def test_the_reference_camera_stays_and_others_have_an_uncertainty():
+    seen = observations(np.random.default_rng(2), noise_px=2.0)
+    found = adjusted(seen, POSES)
     assert np.allclose(found.rotation[0], np.eye(3), atol=1e-6)
     first, *others = uncertainties(seen, found, 0)
     assert first[0] < np.radians(0.1)

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from physic_core import Pipeline, load_config, load_reconstruction
+from physic_core import load_config, load_reconstruction
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline, save_scene
 from physic_testing.worlds import load_world
@@ -29,10 +29,8 @@ def found():
         preset="mock", flags={"noise": MISSED}, overrides=["engine.joint.optimiser.steps=10"]
     )
     worlds = [load_world(f"group_view{i}", (240, 180)) for i in (1, 2, 3)]
-    with Pipeline(config) as pipeline:
-        alone = [pipeline(world.image) for world in worlds]
     with ScenePipeline(config) as scene:
-        return scene.join(alone, NAMES)
+        return scene.join([scene.alone(world.image) for world in worlds], NAMES)
 
 
 @pytest.fixture(scope="module")

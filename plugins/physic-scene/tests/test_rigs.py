@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -37,6 +38,12 @@ def distance(a, b):
     return np.linalg.norm(a.pose[:3, 3] - b.pose[:3, 3])
 
 
+def off_px(camera, rows, unit_m=1.0, half=0.0):
+    """How far points of the rig are from the pixels that the tool gives them."""
+    points, expected = np.split(np.array(rows), [3], axis=1)
+    return np.abs(pixels(camera, points * unit_m) - (expected - half)).max()
+
+
 @pytest.mark.parametrize(
     ("file", "photos", "unit_m", "half", "within_px"),
     [
@@ -50,12 +57,9 @@ def distance(a, b):
 )
 def test_points_have_the_pixels_that_the_tool_gives_them(file, photos, unit_m, half, within_px):
     cameras = read_calibration(RIGS / file, photos, SIZES[: len(photos)], unit_m)
-    for camera, rows in zip(
-        cameras, POINTS.get(file, POINTS["caliscope.toml"]).values(), strict=True
-    ):
-        points, expected = np.split(np.array(rows), [3], axis=1)
-        found = pixels(camera, points * (unit_m or 1.0))
-        assert np.abs(found - (expected - half)).max() < within_px
+    rows = POINTS.get(file, POINTS["caliscope.toml"]).values()
+    for camera, own in zip(cameras, rows, strict=True):
+        assert off_px(camera, own, unit_m or 1.0, half) < within_px
     assert distance(*cameras[:2]) == pytest.approx(np.sqrt(2**2 + 0.5**2 + 0.3**2), rel=1e-6)
 
 
@@ -63,8 +67,7 @@ def test_points_have_the_pixels_that_the_tool_gives_them(file, photos, unit_m, h
 def test_both_files_of_easymocap_are_read_with_its_six_decimals(path):
     cameras = read_calibration(RIGS / path, BY_FOLDER, SIZES)
     for camera, rows in zip(cameras, POINTS["pose2sim.toml"].values(), strict=True):
-        points, expected = np.split(np.array(rows), [3], axis=1)
-        assert np.abs(pixels(camera, points) - expected).max() < 0.01
+        assert off_px(camera, rows) < 0.01
     assert distance(cameras[0], cameras[2]) == pytest.approx(4, rel=1e-5)
 
 
@@ -79,12 +82,11 @@ def test_a_rotation_of_easymocap_is_a_vector_or_a_matrix(tmp_path):
 def test_a_photo_of_a_camera_without_a_size_has_its_principal_point_in_the_middle():
     for size in [(640, 360), (720, 1280), (1024, 576)]:
         with pytest.raises(InputError, match="middle"):
-            read_calibration(RIGS / "easymocap", BY_FOLDER, [SIZES[0], size, SIZES[2]])
+            read_calibration(RIGS / "easymocap", BY_FOLDER[1:2], [size])
 
 
 def test_intrinsics_alone_have_no_pose(tmp_path):
-    text = (RIGS / "easymocap" / "intri.yml").read_text()
-    (tmp_path / "intri.yml").write_text(text)
+    shutil.copy(RIGS / "easymocap" / "intri.yml", tmp_path)
     cameras = read_calibration(tmp_path / "intri.yml", BY_FOLDER, SIZES)
     assert [camera.pose for camera in cameras] == [None, None, None]
 
@@ -100,10 +102,9 @@ def turned(folder, turns):
 @pytest.mark.parametrize("turns", [1, 3])
 def test_an_upright_photo_of_a_turned_camera_has_the_turned_pixels(turns, tmp_path):
     (camera,) = read_calibration(turned(tmp_path, turns), BY_NUMBER[2:], [(720, 1280)])
-    points, recorded = np.split(np.array(POINTS["caliscope.toml"]["cam_2"]), [3], axis=1)
-    x, y = recorded.T
-    upright = np.stack((719 - y, x) if turns == 1 else (y, 1279 - x), 1)
-    assert np.abs(pixels(camera, points) - upright).max() < 1e-6
+    *points, x, y = np.array(POINTS["caliscope.toml"]["cam_2"]).T
+    upright = (719 - y, x) if turns == 1 else (y, 1279 - x)
+    assert off_px(camera, np.stack([*points, *upright], 1)) < 1e-6
 
 
 def test_a_camera_that_stands_on_its_head_is_refused_as_the_size_does_not_tell(tmp_path):
