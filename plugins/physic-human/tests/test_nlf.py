@@ -16,7 +16,8 @@ from physic_human.nlf import Nlf, NlfOptions
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 BOXES = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])
-NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
+BLACK = np.zeros((48, 64, 3), np.uint8)
+NO_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
 
 class TinyNlf(torch.nn.Module):
@@ -80,10 +81,6 @@ class TinyNlf(torch.nn.Module):
         }
 
 
-def script(folder, relative=False, joints=55):
-    return save(TinyNlf(relative, joints), folder / "nlf.torchscript")
-
-
 def save(network, path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole
@@ -91,41 +88,43 @@ def save(network, path):
     return str(path)
 
 
-def people(boxes=BOXES):
-    return People(np.zeros((len(boxes), 48, 64), bool), boxes, np.ones(len(boxes)))
-
-
-def ask(backend, image=None, who=None):
-    shown = np.zeros((48, 64, 3), np.uint8) if image is None else image
-    return backend.infer(shown, people() if who is None else who, CAMERA, NUM_KEYPOINTS, Hints())
+def ask(backend, image=BLACK, boxes=BOXES, keypoints=NO_KEYPOINTS):
+    people = People(np.zeros((len(boxes), 48, 64), bool), boxes, np.ones(len(boxes)))
+    return backend.infer(image, people, CAMERA, keypoints, Hints())
 
 
 @pytest.fixture
-def nlf(tmp_path, torchvision):
-    backend = Nlf(
-        NlfOptions(weights=script(tmp_path), augmentations=3, beta_regularizer=1.5, batch=7)
-    )
-    backend.load()
-    return backend
+def load(tmp_path, torchvision):
+    """``load(relative, joints, **options)``: a backend with a file of this kind."""
+
+    def make(relative=False, joints=55, **options):
+        network = TinyNlf(relative, joints)
+        weights = save(network, tmp_path / "nlf.torchscript")
+        backend = Nlf(NlfOptions(weights=weights, **options))
+        backend.load()
+        return backend
+
+    return make
+
+
+@pytest.fixture
+def nlf(load):
+    return load(augmentations=3, beta_regularizer=1.5, batch=7)
 
 
 def test_nlf_is_given_boxes_camera_photo_and_settings(nlf):
     """Boxes as left, top, width and height; grey levels, red first."""
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
-    joints = ask(nlf, image).joints
-    assert joints is not None
-    given = 1000 * joints
-    np.testing.assert_allclose(given[:, 1], [[10, 5, 20], [40, 10, 20]], rtol=1e-5)
-    np.testing.assert_allclose(given[:, 2], [[40, 500, 30], [30, 500, 30]], rtol=1e-5)
-    np.testing.assert_allclose(given[0, 3], [200, 100, 10], rtol=1e-5)
-    np.testing.assert_allclose(given[0, 4], [1.5, 0, 3], rtol=1e-5)
-    np.testing.assert_allclose(given[0, 5, 0], 7, rtol=1e-5)
+    first, second = 1000 * ask(nlf, image).joints
+    boxes = [[10, 5, 20], [40, 500, 30]]
+    wanted = [*boxes, [200, 100, 10], [1.5, 0, 3], [7, 0, 0]]
+    np.testing.assert_allclose(first[1:6], wanted, rtol=1e-5)
+    np.testing.assert_allclose(second[1:3], [[40, 10, 20], [30, 500, 30]], rtol=1e-5)
 
 
 def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf):
     bodies = ask(nlf)
     assert bodies.body_model == "smplx"
-    assert bodies.joints is not None
     np.testing.assert_allclose(bodies.joints[:, 0], [[0.1, -0.25, 3.0]] * 2, rtol=1e-5)
     np.testing.assert_allclose(bodies.parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-5)
     assert bodies.parameters.body_pose[0, 0] == pytest.approx(0.3)
@@ -134,18 +133,14 @@ def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf):
     assert bodies.parameters.expression.shape == (2, 10)
 
 
-def test_translations_of_old_files_get_their_middle_back(tmp_path, torchvision):
-    backend = Nlf(NlfOptions(weights=script(tmp_path, relative=True)))
-    backend.load()
-    np.testing.assert_allclose(ask(backend).parameters.transl, [[0.1, 0.05, 3.0]] * 2, rtol=1e-4)
+def test_translations_of_old_files_get_their_middle_back(load):
+    found = ask(load(relative=True)).parameters.transl
+    np.testing.assert_allclose(found, [[0.1, 0.05, 3.0]] * 2, rtol=1e-4)
 
 
-def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path, torchvision):
-    backend = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smpl"))
-    backend.load()
-    bodies = ask(backend)
+def test_smpl_drops_the_hands_and_keeps_the_joints(load):
+    bodies = ask(load(joints=24, body="smpl"))
     assert bodies.body_model == "smpl"
-    assert bodies.joints is not None
     np.testing.assert_allclose(bodies.joints[0, 0], [0.1, -0.25, 3.0], rtol=1e-5)
     assert np.isnan(bodies.joints[:, 22:]).all()
 
@@ -154,18 +149,17 @@ def test_joints_are_seen_where_their_keypoints_are(nlf):
     sure = np.ones((2, 17))
     sure[1, 13] = 0.4  # the left knee
     shown = Keypoints(np.full((2, 17, 2), 20.0), sure, "coco17")
-    found = nlf.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, shown, Hints()).observed
-    assert found is not None
+    found = ask(nlf, keypoints=shown).observed
     assert np.argwhere(~found).tolist() == [[1, 4]]
 
 
 def test_a_network_is_not_called_without_people(nlf):
-    bodies = ask(nlf, who=people(np.zeros((0, 4))))
+    bodies = ask(nlf, boxes=np.zeros((0, 4)))
     assert len(bodies.parameters) == 0
     assert bodies.body_model == "smplx"
 
 
-def test_torchvision_comes_before_the_file(tmp_path, monkeypatch):
+def test_torchvision_comes_before_the_file(load, monkeypatch):
     class Broken:
         def find_spec(self, name, path=None, target=None):
             if name == "torchvision":
@@ -173,35 +167,31 @@ def test_torchvision_comes_before_the_file(tmp_path, monkeypatch):
 
     monkeypatch.delitem(sys.modules, "torchvision", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
-    backend = Nlf(NlfOptions(weights=script(tmp_path)))
-    said = (
-        r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator "
-        r"torchvision::nms"
-    )
+    said = r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator "
     with pytest.raises(BackendError, match=said):
-        backend.load()
+        load()
 
 
 def test_missing_names_weights_torchvision_and_body_file(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    lacking = Nlf(
-        NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")
-    ).missing()
-    assert len(lacking) == 3
-    assert "no.torchscript" in lacking[0]
-    assert "pip install torchvision" in lacking[1]
-    assert "set smplx_file to your SMPLX_NEUTRAL.npz" in lacking[2]
+    options = NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")
+    words = (
+        "no.torchscript",
+        "pip install torchvision",
+        "set smplx_file to your SMPLX_NEUTRAL.npz",
+    )
+    assert all(word in lack for word, lack in zip(words, Nlf(options).missing(), strict=True))
 
 
-def test_other_files_are_refused(tmp_path, torchvision):
-    (tmp_path / "junk.torchscript").write_bytes(b"no model")
+def test_other_files_are_refused(load, tmp_path):
+    weights = tmp_path / "other.torchscript"
+    weights.write_bytes(b"no model")
     with pytest.raises(BackendError, match="cannot be read as TorchScript"):
-        Nlf(NlfOptions(weights=str(tmp_path / "junk.torchscript"))).load()
-    save(torch.nn.Linear(1, 1), tmp_path / "other.torchscript")
+        Nlf(NlfOptions(weights=str(weights))).load()
+    save(torch.nn.Linear(1, 1), weights)
     with pytest.raises(BackendError, match="is not a multi-person NLF"):
-        Nlf(NlfOptions(weights=str(tmp_path / "other.torchscript"))).load()
-    wrong = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smplx"))
-    wrong.load()
+        Nlf(NlfOptions(weights=str(weights))).load()
+    wrong = load(joints=24, body="smplx")
     with pytest.raises(Exception, match="AssertionError"):
         ask(wrong)
 
@@ -239,26 +229,26 @@ class ExactNlf:
         }
 
 
-def exact_backend(smplx_file, tmp_path, shift):
-    """A loaded backend whose network poses the file exactly, with vertices ``shift`` mm off."""
-    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
-    backend.load()
-    backend._network = ExactNlf(smplx_file, shift)
-    return backend
+@pytest.fixture
+def exact(load, smplx_file):
+    """A loaded backend whose network poses the file exactly, with vertices some mm off."""
+
+    def make(shift):
+        backend = load(smplx_file=str(smplx_file))
+        backend._network = ExactNlf(smplx_file, shift)
+        return backend
+
+    return make
 
 
-def test_the_users_file_gives_the_exact_place_and_the_surface(smplx_file, tmp_path, torchvision):
-    backend = exact_backend(smplx_file, tmp_path, shift=0.0)
-    bodies = ask(backend)
-    np.testing.assert_allclose(
-        bodies.parameters.transl, [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]], atol=1e-5
-    )
-    assert bodies.mesh is not None
+def test_the_users_file_gives_the_exact_place_and_the_surface(exact):
+    bodies = ask(exact(shift=0.0))
+    places = [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]
+    np.testing.assert_allclose(bodies.parameters.transl, places, atol=1e-5)
     assert bodies.mesh.vertices.shape == (2, 10475, 3)
     assert bodies.mesh.rest is not None
 
 
-def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(smplx_file, tmp_path, torchvision):
-    backend = exact_backend(smplx_file, tmp_path, shift=30.0)
+def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(exact):
     with pytest.raises(BackendError, match=r"first body is 5[0-9]\.\d mm"):
-        ask(backend)
+        ask(exact(shift=30.0))
