@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gc
-import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -61,17 +61,17 @@ def open_in(backend, identity, opener):
     backend._network = backend.runner.open(identity, opener)
 
 
-def backends(**options):
-    """One of each interface, with settings that no other test has."""
-    return Moge2Pointmap(MogeOptions(threads=7, **options)), Moge2Depth(
-        MogeOptions(threads=7, **options)
-    )
+def backends(opener=None):
+    """One of each interface, with settings that no other test has, and opened if it is given."""
+    both = [kind(MogeOptions(threads=7)) for kind in (Moge2Pointmap, Moge2Depth)]
+    for backend in both:
+        if opener is not None:
+            open_in(backend, "file", opener)
+    return both
 
 
 def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):
-    pointmap, depth = backends()
-    for backend in (pointmap, depth):
-        open_in(backend, "file", opened)
+    pointmap, depth = backends(opened)
     inpainted, original, _ = photos
     scene = pointmap.infer(inpainted, Hints())
     pointmap.infer(original, Hints(intrinsics=scene.intrinsics))
@@ -94,9 +94,7 @@ def test_pointmap_closed_before_the_depth_is_loaded_leaves_it_the_answers(networ
 
 
 def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, photos):
-    pointmap, depth = backends()
-    for backend in (pointmap, depth):
-        open_in(backend, "file", opened)
+    pointmap, depth = backends(opened)
     depth.infer(photos[0], Hints())
     pointmap.close()
     depth.infer(photos[1], Hints())
@@ -112,23 +110,9 @@ def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, ph
 
 
 def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
-    members = [backend for _ in range(3) for backend in backends()]
-    for backend in members:
-        open_in(backend, "file", opened)
-    errors = []
-
-    def ask(backend):
-        try:
-            backend.infer(photos[0], Hints())
-        except Exception as error:
-            errors.append(error)
-
-    threads = [threading.Thread(target=ask, args=(backend,)) for backend in members]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not errors
+    members = [backend for _ in range(3) for backend in backends(opened)]
+    with ThreadPoolExecutor(len(members)) as pool:
+        list(pool.map(lambda backend: backend.infer(photos[0], Hints()), members))
     assert network.runs == 1
 
 

@@ -61,7 +61,7 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network, loaded
         outputs = model(pixel_values=pictures.float(), **index)
     answers = processor.post_process_pose_estimation(outputs, boxes=[theirs])[0]
     maps = outputs.heatmaps.numpy()
-    same = wild = 0
+    same = 0
     for row, (answer, box) in enumerate(zip(answers, boxes, strict=True)):
         score = answer["scores"].numpy()
         assert np.allclose(found.confidence[row], np.clip(score, 0, 1), atol=2e-3)
@@ -75,7 +75,5 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network, loaded
         tame = (step <= 1).all(1) & (score > 0)
         assert (np.abs(found.points[row] - start) / cell).max() <= 1.001
         assert np.quantile(apart[tame], 0.9) < 0.02
-        same = same + int(tame.sum())
-        wild = wild + int((~tame).sum())
-    print(f"{same} joints as theirs; of {wild} theirs went off, or has no peak above zero")
+        same += tame.sum()
     assert same > 40
