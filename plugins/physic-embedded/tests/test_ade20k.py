@@ -41,10 +41,12 @@ def photo(rows=300, columns=600, below=180):
     return image
 
 
+NOBODY = np.zeros((300, 600), bool)
+
+
 def test_a_surface_lies_at_the_pixels_of_its_logits():
     """One cell of the grid is 4.7 px of this photo."""
-    nobody = np.zeros((300, 600), bool)
-    labels = label_surfaces(Network(), photo(), nobody).labels
+    labels = label_surfaces(Network(), photo(), NOBODY).labels
     assert (labels[:175] == WALL).all()
     assert (labels[185:] == FLOOR).all()
 
@@ -63,14 +65,13 @@ def test_pixels_of_people_are_people_and_grey_to_the_network():
 
 def test_an_improbable_surface_is_unknown():
     """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
-    labels = label_surfaces(Network(margin=0), photo(), np.zeros((300, 600), bool)).labels
+    labels = label_surfaces(Network(margin=0), photo(), NOBODY).labels
     assert (labels == 0).all()
 
 
 def test_the_court_of_the_example_is_floor_or_ground(image):
-    surfaces = label_surfaces(
-        open_packaged_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool)
-    )
+    session = open_packaged_session("deeplabv3_mnv2_ade20k", 1)
+    surfaces = label_surfaces(session, image, np.zeros(image.shape[:2], bool))
     court = surfaces.mask("floor", "ground")
     assert court[-10:].mean() > 0.8
     assert court[: len(court) // 4].mean() < 0.05

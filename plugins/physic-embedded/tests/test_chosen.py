@@ -41,10 +41,7 @@ def test_people_are_in_the_order_of_points_boxes_and_masks(segmenter, image):
     prompt = PeoplePrompt(points=(RIGHT,), boxes=((35.0, 80.0, 160.0, 479.0),))
     found = segmenter.infer(image, prompt)
     assert list(Segmenter.check(found, SegmenterRequest(image, prompt=prompt))) == []
-    assert [bool(found.masks[i, int(y), int(x)]) for i, (x, y) in enumerate((RIGHT, LEFT))] == [
-        True,
-        True,
-    ]
+    assert all(found.masks[i, int(y), int(x)] for i, (x, y) in enumerate((RIGHT, LEFT)))
     assert found.keypoints.points[0, 0, 0] > 320 > found.keypoints.points[1, 0, 0]
     mask = np.zeros(image.shape[:2], bool)
     mask[80:470, 40:155] = True
@@ -69,8 +66,8 @@ def test_the_mask_of_a_pose_is_covered_in_grey():
     pose = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3)), 1.0, mask, square, 0.0, 1.0)
     image = np.zeros((100, 100, 3), np.uint8)
     rows, columns = np.nonzero(grey_out(image, [pose])[..., 0] == GREY)
-    extent = np.array([rows.min(), rows.max(), columns.min(), columns.max()])
-    assert np.abs(extent - [20, 59, 50, 69]).max() <= 1
+    extent = [rows.min(), rows.max(), columns.min(), columns.max()]
+    assert extent == pytest.approx([20, 59, 50, 69], abs=1)
     assert not image.any()
 
 
@@ -107,9 +104,8 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
     ]
     found, mask = segment_unposed(None, embedding, boxes, people, surfaces)
     assert [one.reason for one in found] == ["sure", "labelled"]
-    assert np.abs(np.array(found[1].box) - [150, 10, 190, 90]).max() <= 1
-    assert mask[50, 100]
-    assert mask[50, 170]
+    assert found[1].box == pytest.approx([150, 10, 190, 90], abs=1)
+    assert mask[50, [100, 170]].all()
     assert not (mask & people).any()
 
 
@@ -123,11 +119,8 @@ def test_a_stranger_changes_no_joint_of_sure_people(pytestconfig, monkeypatch):
 
     def detect_with_stranger(*args, **kwargs):
         boxes = find(*args, **kwargs)
-        stranger = np.array([[700.0, 500.0, 800.0, 620.0]])
-        everybody = Detections(
-            np.concatenate([boxes.people.boxes, stranger]), np.append(boxes.people.scores, 0.35)
-        )
-        return boxes._replace(people=everybody)
+        everybody = np.vstack([boxes.people.boxes, [700.0, 500.0, 800.0, 620.0]])
+        return boxes._replace(people=Detections(everybody, np.append(boxes.people.scores, 0.35)))
 
     backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
     backend.load()
@@ -136,5 +129,6 @@ def test_a_stranger_changes_no_joint_of_sure_people(pytestconfig, monkeypatch):
     beside = backend.infer(image)
     backend.close()
     assert len(alone) == 2
-    assert np.array_equal(beside.keypoints.world[:2], alone.keypoints.world)
-    assert np.array_equal(beside.keypoints.points[:2], alone.keypoints.points)
+    for name in ("world", "points"):
+        one, other = (getattr(found.keypoints, name)[:2] for found in (alone, beside))
+        assert np.array_equal(one, other)

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
@@ -12,18 +10,21 @@ from physic_core.interfaces import HandEstimator
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
-from physic_embedded.networks import hand_landmarks as module
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.hand_landmarks import (
+    DETECTOR_LAYERS,
+    DETECTOR_SIZE,
     find_hand,
     hand_search_square,
     predict_hand_landmarks,
 )
 from physic_embedded.networks.sessions import open_packaged_session
+from physic_embedded.networks.single_shot_detection import anchor_centers
 from physic_testing import violations
 
 HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
+FLAT = np.zeros((15, 3))
 
 
 @pytest.fixture(scope="module")
@@ -31,19 +32,17 @@ def body():
     return load_body().to(dtype=torch.float64)
 
 
-def rest_of(body, side):
-    points = body.landmarks(body(*body.zero_pose()), f"openpose_hand21_{side}")[0].numpy()
-    return RestHand.from_landmarks(points, np.array([0.0, -1.0, 0.0]))
-
-
-def posed(body, side, rotvecs, root, betas=0.0):
+def posed(body, side, rotvecs=FLAT, root=Rotation.identity(), betas=0.0):  # noqa: B008
     """(21, 3) landmarks of a hand with given finger rotations."""
     rotations, shape, transl = body.zero_pose()
     rotations[0, HAND_JOINTS[side]] = torch.from_numpy(Rotation.from_rotvec(rotvecs).as_matrix())
     rotations[0, 0] = torch.from_numpy(root.as_matrix())
-    return body.landmarks(body(rotations, shape + betas, transl), f"openpose_hand21_{side}")[
-        0
-    ].numpy()
+    out = body(rotations, shape + betas, transl)
+    return body.landmarks(out, f"openpose_hand21_{side}")[0].numpy()
+
+
+def rest_of(body, side):
+    return RestHand.from_landmarks(posed(body, side), np.array([0.0, -1.0, 0.0]))
 
 
 def curled(rest, degrees, spread=0.0):
@@ -56,10 +55,6 @@ def curled(rest, degrees, spread=0.0):
     return out.reshape(15, 3)
 
 
-def angles_between(a, b):
-    return np.degrees((Rotation.from_rotvec(a) * Rotation.from_rotvec(b).inv()).magnitude())
-
-
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("degrees", "spread"), [(0.0, 0.0), (25.0, 8.0), (60.0, 0.0)])
 def test_a_hand_pose_is_recovered_from_its_landmarks(body, side, degrees, spread):
@@ -69,31 +64,23 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(body, side, degrees, spread
     # Another shape and another unit: only directions count.
     seen = 1.3 * posed(body, side, truth, root, betas=0.5)
     found = fit_fingers(seen, rest)
-    turned = angles_between(found, truth)
-    moved = 1000 * np.linalg.norm(
-        posed(body, side, found, root) - posed(body, side, truth, root), axis=1
-    )
-    assert turned.mean() < 4
-    assert moved.mean() < 3
+    turned = Rotation.from_rotvec(found) * Rotation.from_rotvec(truth).inv()
+    moved = posed(body, side, found, root) - posed(body, side, truth, root)
+    assert turned.magnitude().mean() < np.radians(4)
+    assert np.linalg.norm(moved, axis=1).mean() < 0.003
 
 
 def test_noise_of_three_millimetres_costs_little(body):
     rest = rest_of(body, "left")
-    truth = curled(rest, 30.0)
-    rng = np.random.default_rng(3)
-    moved = []
-    for _ in range(5):
-        seen = posed(body, "left", truth, Rotation.identity()) + rng.normal(0, 0.003, (21, 3))
-        found = posed(body, "left", fit_fingers(seen, rest), Rotation.identity())
-        moved.append(
-            np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean()
-        )
-    assert np.mean(moved) < 0.005
+    truth = posed(body, "left", curled(rest, 30.0))
+    seen = truth + np.random.default_rng(3).normal(0, 0.003, (5, 21, 3))
+    found = np.stack([posed(body, "left", fit_fingers(one, rest)) for one in seen])
+    assert np.linalg.norm(found - truth, axis=-1).mean() < 0.005
 
 
 def test_fingers_stay_within_the_range_of_human_joints(body):
     rest = rest_of(body, "right")
-    backwards = posed(body, "right", curled(rest, -80.0), Rotation.identity())
+    backwards = posed(body, "right", curled(rest, -80.0))
     found = fit_fingers(backwards, rest).reshape(5, 3, 3)
     flexion = np.degrees((found[:4] * rest.axes[:4, :, 0]).sum(-1))
     assert (flexion[:, 0] > -30.1).all()
@@ -120,15 +107,16 @@ def test_hands_are_searched_beyond_the_wrist():
 
 def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image):
     session = open_packaged_session("hand_landmark_full", 1)
-    square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
-    first = predict_hand_landmarks(session, ImagePyramid.from_image(image), square)
-    other = RotatedSquare(np.array([image.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
-    second = predict_hand_landmarks(
-        session, ImagePyramid.from_image(np.ascontiguousarray(image[:, ::-1])), other
-    )
-    np.testing.assert_allclose(
-        second.points * [-1, 1] + [image.shape[1] - 1, 0], first.points, atol=0.5
-    )
+    last = image.shape[1] - 1
+
+    def landmarks(pixels, x, angle):
+        picture = ImagePyramid.from_image(np.ascontiguousarray(pixels))
+        square = RotatedSquare(np.array([x, 130.0]), 90.0, angle)
+        return predict_hand_landmarks(session, picture, square)
+
+    first = landmarks(image, 140.0, 0.2)
+    second = landmarks(image[:, ::-1], last - 140.0, -0.2)
+    np.testing.assert_allclose(second.points * [-1, 1] + [last, 0], first.points, atol=0.5)
     np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
     np.testing.assert_allclose(
         [second.presence, second.right], [first.presence, 1 - first.right], atol=0.05
@@ -161,29 +149,34 @@ def test_no_hand_is_found_where_there_is_none(estimator, skeleton):
     assert hands.confidence.max() == 0
 
 
+class TwoPalms:
+    """Detects an upright palm on the left of the crop, and one on the right."""
+
+    def run(self, names, inputs):
+        anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS) * DETECTOR_SIZE
+        rows = [np.abs(anchors - [x, 96]).sum(1).argmin() for x in (72, 120)]
+        boxes = np.zeros((1, len(anchors), 18))
+        boxes[0, rows, 2:4] = 32
+        boxes[0, rows, 9] = -20  # the middle finger is above the wrist
+        scores = np.full((1, len(anchors), 1), -100.0)
+        scores[0, rows] = 5
+        return boxes, scores
+
+
+class RightIfRed:
+    """Sees a right hand where the middle of the crop is red, and a left hand elsewhere."""
+
+    def run(self, names, inputs):
+        middle = inputs["image"][0, 112, 112]
+        points = np.linspace(102, 122, 63)[None]
+        return points, np.ones((1, 1)), middle[None, :1], np.zeros((1, 63))
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(monkeypatch, side):
-    palm = SimpleNamespace(box=np.array([80.0, 80, 112, 112]), keypoints=np.full((7, 2), 96.0))
-    palm.keypoints[2] = 96.0, 70.0
-    left = np.full((21, 2), 112.0)
-    right = np.full((21, 2), 112.0)
-    right[20] = 120.0
-    # two palms, then the hand as the pose has it
-    looks = iter([(left, 0.0), (right, 1.0), (left, 0.5)])
-
-    def look(*_):
-        points, is_right = next(looks)
-        return points, np.zeros((21, 3)), 1.0, is_right
-
-    monkeypatch.setattr(module, "decode_detections", lambda *_: [palm])
-    monkeypatch.setattr(module, "_look", look)
-    monkeypatch.setattr(module, "square_from_landmarks", lambda points: points)
-    monkeypatch.setattr(module, "predict_hand_landmarks", lambda session, picture, points: points)
-    detector = SimpleNamespace(run=lambda *_: (np.zeros((1, 1, 1)), np.zeros((1, 1, 1))))
+def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(side):
+    image = np.zeros((400, 400, 3), np.uint8)
+    image[:, :200, 0] = 255
     around = RotatedSquare(np.array([200.0, 200.0]), 200.0, 0.0)
-    picture = ImagePyramid(np.zeros((400, 400, 3), np.uint8))
-
-    found = find_hand(detector, detector, picture, around, 0.0, np.array([200.0, 190.0]), side)
-
-    points = np.asarray(found)
-    assert bool((points[20] != points[0]).any()) == (side == "right")
+    picture = ImagePyramid.from_image(image)
+    found = find_hand(TwoPalms(), RightIfRed(), picture, around, 0.0, np.array([200, 190.0]), side)
+    assert (found.points[:, 0].mean() < 190) == (side == "right")

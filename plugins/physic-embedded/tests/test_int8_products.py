@@ -27,6 +27,11 @@ def matrices():
     return int8_matrices(NETWORK)
 
 
+@pytest.fixture(scope="module")
+def image():
+    return np.ascontiguousarray(cv2.imread(str(PHOTO))[..., ::-1])
+
+
 def int8_matrices(network):
     model = onnx.load(WEIGHTS_FOLDER / f"{network}.onnx")
     weights = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
@@ -84,28 +89,20 @@ def test_the_emulation_saturates_where_the_scales_do_not_prevent_it():
     assert saturating_product(activations, matrix).item() == INT16.max
 
 
-def test_masks_in_int8_are_near_those_in_float32():
-    photo = cv2.imread(str(PHOTO))
-    image = np.ascontiguousarray(
-        cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1]
-    )
-    exact, rounded = (
-        EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1))
-        for how in ("float32", "int8")
-    )
-    people = []
-    for segmenter in (exact, rounded):
+def test_masks_in_int8_are_near_those_in_float32(image):
+    small = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    masks = []
+    for how in ("float32", "int8"):
+        segmenter = EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1))
         segmenter.load()
-        people.append(segmenter.infer(image))
-    assert len(people[0]) == len(people[1]) == 2
-    for one, other in zip(people[0].masks, people[1].masks, strict=True):
+        masks.append(segmenter.infer(small).masks)
+    assert len(masks[0]) == 2
+    for one, other in zip(*masks, strict=True):
         overlap = (one & other).sum() / (one | other).sum()
         assert overlap > 0.97
 
 
-def test_disparities_in_int8_are_near_those_in_float32():
-    photo = cv2.imread(str(PHOTO))
-    image = np.ascontiguousarray(photo[..., ::-1])
+def test_disparities_in_int8_are_near_those_in_float32(image):
     exact, rounded = (
         predict_disparity(open_packaged_session(name, 1), image, short_side=252)
         for name in ("depth_anything_v2_vits", NETWORK)
@@ -117,15 +114,12 @@ def test_disparities_in_int8_are_near_those_in_float32():
 
 
 @pytest.mark.parametrize(
-    ("products", "operator"), [("auto", True), ("int8", True), ("float32", False)]
+    ("products", "name"),
+    [("auto", NETWORK), ("int8", NETWORK), ("float32", "depth_anything_v2_vits")],
 )
-def test_the_option_chooses_the_arithmetic(products, operator, caplog):
-    backend = EmbeddedPointmap(
-        EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1)
-    )
+def test_the_option_chooses_the_arithmetic(products, name, caplog):
+    options = EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1)
     with caplog.at_level("INFO"):
-        backend.load()
-    name = NETWORK if operator else "depth_anything_v2_vits"
-    assert [record.getMessage().split(" runs on ")[0] for record in caplog.records] == [
-        f"{name}.onnx"
-    ]
+        EmbeddedPointmap(options).load()
+    (opened,) = caplog.messages
+    assert opened.startswith(f"{name}.onnx runs on ")

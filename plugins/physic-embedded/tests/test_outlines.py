@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.raster import rasterize
 from physic_core.types import Hints, Pointmap
 
@@ -20,24 +21,18 @@ from .test_bodies import (
     STANDS,
     WALKS,
     backend,
+    pixels_of,
     posed,
     truth,
 )
 
 __all__ = ["backend"]
 
-K = CAMERA.matrix
-
 
 def silhouette(vertices):
     """Pixels (H, W) bool of a body (V, 3)."""
-    pixels = vertices @ K.T
-    pixels = pixels[:, :2] / pixels[:, 2:]
-    z = torch.tensor(vertices[None, :, 2]).float()
-    return (
-        rasterize(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy()
-        >= 0
-    )
+    pixels, z = (torch.tensor(one[None]).float() for one in (pixels_of(vertices), vertices[:, 2]))
+    return rasterize(pixels, z, MODEL.faces, *IMAGE.shape[:2])[0].numpy() >= 0
 
 
 def with_masks(seen, *masks):
@@ -53,10 +48,8 @@ def depth_of(seen, nearer=None):
         z[mask] = body[:, 2].mean()
     if nearer is not None:
         z[nearer] = 1.0
-    rows, columns = np.indices(z.shape)
-    points = np.stack(
-        [(columns - CAMERA.cx) / CAMERA.fx * z, (rows - CAMERA.cy) / CAMERA.fy * z, z], -1
-    )
+    rays = pixel_rays(*z.shape, torch.tensor(CAMERA.matrix)).numpy()
+    points = rays * z[..., None]
     return Pointmap(points, np.ones(z.shape, bool), "scale")
 
 

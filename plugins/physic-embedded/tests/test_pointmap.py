@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from physic_core.adapters.people import boxes_from_masks
 from physic_core.types import (
+    SKELETONS,
     SURFACE_NAMES,
     Hints,
     Keypoints,
@@ -48,24 +50,39 @@ def rays():
 
 
 def inverse_depth_of_a_room(turn, ahead=5.0):
-    """1 / z in a room 1.5 m over its floor, 1.2 m under its ceiling, walls at 2 m left, 3 m right
-    and ``ahead``.
+    """1 / z of planes (P, H, W): of a room 1.5 m over its floor, walls at 2 m left, 3 m right and
+    ``ahead``, 1.2 m under its ceiling.
     """
-    inverse = np.zeros((HEIGHT, WIDTH))
-    for axis, sign, distance in (
-        (1, 1, 1.5),
-        (1, -1, 1.2),
-        (0, -1, 2.0),
-        (0, 1, 3.0),
-        (2, 1, ahead),
-    ):
-        inverse = np.maximum(inverse, rays() @ (sign * turn[:, axis]) / distance)
-    return inverse
+    down = turn[:, 1]
+    right = turn[:, 0]
+    planes = (down / 1.5, -right / 2.0, right / 3.0, turn[:, 2] / ahead, -down / 1.2)
+    return np.stack([rays() @ plane for plane in planes])
+
+
+def disparity_of(inverse):
+    """Disparity (H, W) with a range of 1, its farthest pixels at 1, and their gap to infinity."""
+    far = np.percentile(inverse, 0.5)
+    span = np.ptp(np.percentile(inverse, [1, 99]))
+    return (inverse - far) / span + 1.0, far / span
+
+
+def turned(axes, *degrees):
+    """Directions of a room, in columns: right, down, ahead."""
+    return Rotation.from_euler(axes, degrees, degrees=True).as_matrix()
+
+
+def angle_deg(one, other):
+    return float(np.degrees(np.arccos(one @ other)))
+
+
+def tilt_deg(floor, found, down):
+    """Angle between the normal of the floor, with a disparity of infinity, and down."""
+    return angle_deg(floor.normal(found.disparity, FOCAL / WIDTH), down)
 
 
 def test_the_floor_comes_back_under_furniture_noise_and_a_hole():
     rng = np.random.default_rng(0)
-    down = Rotation.from_euler("xz", [10, 3], degrees=True).as_matrix()[:, 1]
+    down = turned("xz", 10, 3)[:, 1]
     truth = 7 * np.maximum(rays() @ down / 1.5, 0.02) + 2.0
     disparity = truth + rng.normal(0, 0.01, truth.shape)
     disparity[100:160, 20:70] += 1.0  # a box on the floor
@@ -73,8 +90,7 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole():
     hole[120:, 150:190] = True
     disparity[hole] += 0.8
     floor = fit_disparity_floor(disparity, hole)
-    normal = floor.normal(2.0, FOCAL / WIDTH)
-    assert np.degrees(np.arccos(normal @ down)) < 0.7
+    assert angle_deg(floor.normal(2.0, FOCAL / WIDTH), down) < 0.7
     horizon = (HEIGHT - 1) / 2 + floor.horizon(2.0) * WIDTH
     assert horizon == pytest.approx((HEIGHT - 1) / 2 - FOCAL * down[2] / down[1], abs=2)
     assert floor.inlier_share > 0.5
@@ -88,84 +104,71 @@ def gap_of(found, disparity):
 
 @pytest.mark.parametrize("ahead", [4.0, 6.0, 12.0])
 def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
-    turn = Rotation.from_euler("yx", [8, 6], degrees=True).as_matrix()
-    inverse = inverse_depth_of_a_room(turn, ahead)
-    far = np.percentile(inverse, 0.5)
-    span = np.ptp(np.percentile(inverse, [1, 99]))
-    infinity = 1.0 - far / span
-    disparity = inverse / span + infinity  # 1 / z is exact; only its origin is unknown
+    turn = turned("yx", 8, 6)
+    disparity, gap = disparity_of(inverse_depth_of_a_room(turn, ahead).max(0))
     floor = fit_disparity_floor(disparity)
-    down = turn[:, 1]
-    pitch = float(np.degrees(np.arctan2(down[2], down[1])))
+    pitch = float(np.degrees(np.arctan2(turn[2, 1], turn[1, 1])))
     found = disparity_at_infinity(disparity, floor, FOCAL, pitch=(pitch, 1.5))
-    assert gap_of(found, disparity) == pytest.approx(far / span, rel=0.12)
-    assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
+    assert gap_of(found, disparity) == pytest.approx(gap, rel=0.12)
     assert "farthest pixels are taken as a wall" in found.rule
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
 def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll):
-    turn = Rotation.from_euler("yxz", [25, pitch, roll], degrees=True).as_matrix()
-    faces = ((1, 1, 1.5), (0, -1, 2.0), (0, 1, 3.0), (2, 1, 4.0))
-    planes = [rays() @ (sign * turn[:, axis]) / distance for axis, sign, distance in faces]
-    inverse = np.max(planes, axis=0)
+    turn = turned("yxz", 25, pitch, roll)
+    planes = inverse_depth_of_a_room(turn, 4.0)[:4]
     ground = np.argmax(planes, axis=0) == 0
-    far = np.percentile(inverse, 0.5)
-    span = np.ptp(np.percentile(inverse, [1, 99]))
-    disparity = (inverse - far) / span + 1.0
+    disparity, gap = disparity_of(planes.max(0))
     floor = fit_disparity_floor(disparity, labelled=ground)
     walls = wall_planes(disparity, ~ground, FOCAL)
     found = disparity_at_infinity(disparity, floor, FOCAL, walls=walls)
-    normal = floor.normal(found.disparity, FOCAL / WIDTH)
-    assert np.degrees(np.arccos(normal @ turn[:, 1])) < 2
-    assert found.disparity == pytest.approx(1 - far / span, abs=0.1)
+    assert tilt_deg(floor, found, turn[:, 1]) < 2
+    assert found.disparity == pytest.approx(1 - gap, abs=0.1)
     assert found.rule.endswith("upright walls")
 
 
 @pytest.mark.parametrize("ahead", [2.5, 4.0, 8.0])
 def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead):
-    turn = Rotation.from_euler("yxz", [35, -4, 2], degrees=True).as_matrix()
+    turn = turned("yxz", 35, -4, 2)
     corner = (rays() @ turn[:, 2] / ahead, rays() @ -turn[:, 0] / 2.5)
-    inverse = np.max(corner, axis=0)
-    far = np.percentile(inverse, 0.5)
-    span = np.ptp(np.percentile(inverse, [1, 99]))
-    disparity = (inverse - far) / span + 1.0
+    disparity, gap = disparity_of(np.max(corner, axis=0))
     surfaces = wall_planes(disparity, np.ones(disparity.shape, bool), FOCAL)
     for axes in (turn.T, -turn.T[[2, 0, 1]]):
         found = disparity_at_infinity(disparity, None, FOCAL, frame=(axes, 0.9), surfaces=surfaces)
-        assert abs(np.log(gap_of(found, disparity) * span / far)) < 2 * found.sigma
+        assert abs(np.log(gap_of(found, disparity) / gap)) < 2 * found.sigma
         assert found.sigma < 0.4
     unsure = disparity_at_infinity(disparity, None, FOCAL, frame=(turn.T, 0.1), surfaces=surfaces)
     assert unsure.sigma > found.sigma
 
 
 def test_standing_people_define_planes_that_hold_gravity():
-    turn = Rotation.from_euler("xz", [40, 12], degrees=True).as_matrix()
-    camera = np.array([[500.0, 0, 320], [0, 500.0, 240], [0, 0, 1]])
-    heights = {"shoulder": 1.4, "hip": 0.9, "knee": 0.5, "ankle": 0.1}
-    skeleton = Keypoints(np.zeros((0, 17, 2)), np.zeros((0, 17)), "coco17").joint_set
+    turn = turned("xz", 40, 12)
+    names = SKELETONS["coco17"].names
     points = np.zeros((2, 17, 2))
     confidence = np.ones((2, 17))
-    for i, (x, z) in enumerate(((-1.5, 4.0), (1.0, 5.0))):
-        for name, height in heights.items():
-            for side, dx in (("left", 0.15), ("right", -0.15)):
-                place = camera @ (turn @ np.array([x + dx, 2.5 - height, z]))
-                points[i, skeleton.names.index(f"{side}_{name}")] = place[:2] / place[2]
-    planes = body_planes(Keypoints(points, confidence, "coco17"), (320.0, 240.0), 500.0)
+    for row, name in enumerate(names):
+        side, _, joint = name.partition("_")
+        height = {"shoulder": 1.4, "hip": 0.9, "knee": 0.5, "ankle": 0.1}.get(joint, 1.6)
+        for i, (x, z) in enumerate(((-1.5, 4.0), (1.0, 5.0))):
+            aside = 0.15 if side == "left" else -0.15
+            place = turn @ np.array([x + aside, 2.5 - height, z])
+            points[i, row] = 500 * place[:2] / place[2] + [320, 240]
+
+    def planes_of(keypoints):
+        return body_planes(keypoints, (320.0, 240.0), 500.0)
+
+    planes = planes_of(Keypoints(points, confidence, "coco17"))
     assert planes.shape == (2, 3)
     assert np.abs(planes @ turn[:, 1]).max() < 0.01
     candidates = np.stack([turn[:, 1], np.array([0.0, 1.0, 0.0])])
     assert axes_cost(planes, candidates).argmin() == 0
-    confidence[0, skeleton.names.index("left_ankle")] = 0.1
-    assert body_planes(Keypoints(points, confidence, "coco17"), (320.0, 240.0), 500.0).shape == (
-        1,
-        3,
-    )
-    assert body_planes(None, (320.0, 240.0), 500.0).shape == (0, 3)
+    confidence[0, names.index("left_ankle")] = 0.1
+    assert len(planes_of(Keypoints(points, confidence, "coco17"))) == 1
+    assert planes_of(None).shape == (0, 3)
 
 
 def test_sky_over_ground_is_infinitely_far():
-    down = Rotation.from_euler("x", 5, degrees=True).as_matrix()[:, 1]
+    down = turned("x", 5)[:, 1]
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert gap_of(found, disparity) < 0.01
@@ -173,7 +176,7 @@ def test_sky_over_ground_is_infinitely_far():
 
 
 def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():
-    down = Rotation.from_euler("xz", [6, 2], degrees=True).as_matrix()[:, 1]
+    down = turned("xz", 6, 2)[:, 1]
     true = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     disparity = true + 1.5 * np.maximum(true - 0.35 * true.max(), 0.0)
     floor = fit_disparity_floor(disparity)
@@ -183,7 +186,7 @@ def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():
 
     def off(seen):
         found = disparity_at_infinity(disparity, floor, FOCAL, open_air=1.0, horizon=seen)
-        return float(np.degrees(np.arccos(floor.normal(found.disparity, FOCAL / WIDTH) @ down)))
+        return tilt_deg(floor, found, down)
 
     assert off(None) > 2 * off(horizon) > 0
     assert off(horizon) < 2.5
@@ -219,13 +222,20 @@ def backend():
 
 @pytest.fixture(scope="module")
 def image(image):
-    small = cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
-    return small
+    return cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
 
 
 @pytest.fixture(scope="module")
 def scene(backend, image):
     return backend.infer(image, Hints(hole=np.zeros((240, 320), bool)))
+
+
+def hidden_by(*parts):
+    """People (N) who hide parts of the photo."""
+    masks = np.zeros((len(parts), 240, 320), bool)
+    for mask, part in zip(masks, parts, strict=True):
+        mask[part] = True
+    return People(masks, boxes_from_masks(masks), np.ones(len(parts)))
 
 
 def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
@@ -258,8 +268,7 @@ def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
     apart[80:100] = SURFACE_NAMES.index("vegetation")
 
     def notes(surfaces):
-        nobody = People(np.zeros((0, 240, 320), bool), np.zeros((0, 4)), np.zeros(0))
-        people = replace(nobody, surfaces=SurfaceLabels(surfaces))
+        people = replace(hidden_by(), surfaces=SurfaceLabels(surfaces))
         found = backend.infer(image, Hints(people=people))
         return " ".join((*found.notes, *found.warnings))
 
@@ -269,13 +278,11 @@ def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
 
 
 def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(backend, image, scene):
-    mask = np.zeros((1, 240, 320), bool)
-    mask[0, 40:239, 5:90] = True
-    people = People(mask, np.array([[5.0, 40.0, 90.0, 239.0]]), np.ones(1))
+    people = hidden_by(np.s_[40:239, 5:90])
     moved = replace(scene, points=scene.points * 3)  # the agreement must find this scale
     hints = Hints(intrinsics=scene.intrinsics, people=people, scene=moved)
     original = backend.infer(image, hints)
-    both = original.valid & moved.valid & ~mask[0]
+    both = original.valid & moved.valid & ~people.masks[0]
     apart = np.abs(np.log(original.points[..., 2] / moved.points[..., 2]))[both]
     assert np.median(apart) < 0.01
     assert original.intrinsics == scene.intrinsics
@@ -289,9 +296,7 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(backend, image)
     cameras = []
     alone = []
     for pixels in (rows + columns // 3, rows - columns // 2):
-        stripes = np.where(hole & (pixels % 40 < 20), 255, np.where(hole, 0, image.max(-1))).astype(
-            np.uint8
-        )
+        stripes = np.where(pixels % 40 < 20, 255, 0).astype(np.uint8)
         inpainted = np.where(hole[..., None], stripes[..., None], image)
         cameras.append(backend.infer(inpainted, Hints(hole=hole, photo=image)).intrinsics)
         alone.append(backend.infer(inpainted, Hints()).intrinsics)
@@ -300,10 +305,8 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(backend, image)
 
 
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scene):
-    everybody = People(
-        np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1)
-    )
-    answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
+    hints = Hints(intrinsics=scene.intrinsics, people=hidden_by(np.s_[:]), scene=scene)
+    answer = backend.infer(image, hints)
     assert "could not be matched" in answer.notes[0]
 
 
@@ -312,12 +315,8 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scen
     ("height", "width"), [(853, 1280), (960, 1280), (720, 1280), (1024, 1280), (914, 1280)]
 )
 def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height, width, short_side):
-    sizes = {
-        network_input_size(height - row, width - column, short_side)
-        for row in (0, 1)
-        for column in (0, 1)
-    }
-    assert len(sizes) == 1
+    less = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert len({network_input_size(height - r, width - c, short_side) for r, c in less}) == 1
 
 
 class Red:

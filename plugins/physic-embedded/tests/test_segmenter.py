@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.adapters.people import box_iou, boxes_from_masks
+from physic_core.adapters.people import box_iou
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
@@ -36,23 +38,13 @@ from physic_testing import violations
 
 def pose_at(center, height=200.0, confidence=1.0):
     """A stick figure: shoulders, hips and feet about a middle."""
-    x, y = center
-    points = np.full((33, 2), [x, y], float)
-    points[0] = x, y - 0.45 * height
-    for left, right, dy, half in (
-        (11, 12, -0.3, 0.1),
-        (23, 24, 0.0, 0.07),
-        (25, 26, 0.25, 0.06),
-        (27, 28, 0.45, 0.05),
-    ):
-        points[left] = x + half * height, y + dy * height
-        points[right] = x - half * height, y + dy * height
-    points[[29, 31]], points[[30, 32]] = (
-        points[27] + [0, 0.05 * height],
-        points[28] + [0, 0.05 * height],
-    )
+    at = np.zeros((33, 2))  # in heights, about the middle
+    at[0, 1] = -0.45
+    for left, down, half in ((11, -0.3, 0.1), (23, 0.0, 0.07), (25, 0.25, 0.06), (27, 0.45, 0.05)):
+        at[[left, left + 1]] = [[half, down], [-half, down]]
+    at[[29, 31, 30, 32]] = at[[27, 27, 28, 28]] + [0, 0.05]
     return Pose(
-        points=points,
+        points=at * height + center,
         visibility=np.full(33, confidence),
         presence=np.ones(33),
         world=np.zeros((33, 3)),
@@ -79,8 +71,9 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, head
     mask[0, 50:250, 50:110] = mask[0, 60:250, 110:170] = True
     pose = pose_at((80, 150))
     pose.points[:11] = pose.points[0]
-    assert count_heads([UnposedPerson(box, score, "no pose")], [pose], mask).tolist() == [heads]
-    assert count_heads([UnposedPerson(box, score, "no pose")], [], mask[:0]).tolist() == []
+    boxes = [UnposedPerson(box, score, "no pose")]
+    assert count_heads(boxes, [pose], mask).tolist() == [heads]
+    assert count_heads(boxes, [], mask[:0]).tolist() == []
 
 
 def test_decode_puts_boxes_and_keypoints_at_their_anchor():
@@ -151,8 +144,7 @@ def test_tiles_cover_the_photo_and_stay_on_it(width, height, fraction):
 
 @pytest.mark.parametrize("fraction", [0.4, 0.5, 0.6])
 def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction):
-    counts = {len(list(tiles(width, 900, [fraction]))) for width in range(1230, 1290)}
-    assert len(counts) == 1
+    assert len({len(list(tiles(width, 900, [fraction]))) for width in range(1230, 1290)}) == 1
 
 
 def test_candidates_on_one_body_are_merged_and_neighbours_are_not():
@@ -166,50 +158,43 @@ def test_candidates_on_one_body_are_merged_and_neighbours_are_not():
 
 
 def test_a_weak_candidate_must_look_the_same_in_a_mirror():
-    from dataclasses import replace
-
     pose = pose_at((100, 100))
-    assert is_person(pose, 0.5, sure=0.75)
-    assert not is_person(replace(pose, mirror_gap=0.02), 0.5, sure=0.75)
-    assert is_person(replace(pose, mirror_gap=0.02), 0.8, sure=0.75)
-    assert not is_person(replace(pose, score=0.4), 0.8, sure=0.75)
+    for change, confidence, person in (
+        ({}, 0.5, True),
+        ({"mirror_gap": 0.02}, 0.5, False),
+        ({"mirror_gap": 0.02}, 0.8, True),
+        ({"score": 0.4}, 0.8, False),
+    ):
+        assert is_person(replace(pose, **change), confidence, sure=0.75) == person
 
 
-def test_two_poses_are_one_person_if_their_trunks_are_together():
+@pytest.mark.parametrize(
+    ("other", "has_box", "same"),
+    [
+        (pose_at((110, 100)), True, True),
+        (pose_at((180, 100)), True, False),
+        (pose_at((140, 100)), True, False),  # 40 px, more than half of a trunk of 60 px
+        (pose_at((140, 100)), False, True),
+        (pose_at((100, 160), height=330), True, True),
+    ],
+    ids=["trunks", "neighbours", "apart", "masks that overlap by 84 %", "masks and noses"],
+)
+def test_two_poses_are_one_person_if_trunks_masks_or_noses_are_together(other, has_box, same):
     box = np.array([0.0, 0.0, 200.0, 200.0])
     first = DetectedPose(pose_at((100, 100)), 1.0, box)
-    assert is_same_person(first, DetectedPose(pose_at((110, 100)), 1.0, box))
-    assert not is_same_person(first, DetectedPose(pose_at((180, 100)), 1.0, box))
+    assert is_same_person(first, DetectedPose(other, 1.0, box if has_box else None)) == same
 
 
-def test_a_pose_without_a_box_is_of_the_person_whose_mask_it_covers():
-    """The trunks are 40 px apart, more than half of 60 px; the masks are squares of 250 px that
-    overlap by 84 %.
-    """
-    box = np.array([0.0, 0.0, 200.0, 200.0])
-    first = pose_at((100, 100))
-    second = pose_at((140, 100))
-    assert mask_overlap(first, second) == pytest.approx(210 / 250, abs=0.02)
-    assert is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0))
-    assert not is_same_person(DetectedPose(first, 1.0, box), DetectedPose(second, 1.0, box))
-
-
-def test_two_poses_are_one_person_if_masks_and_noses_are_together():
-    box = np.array([0.0, 0.0, 200.0, 200.0])
-    short = pose_at((100, 100))
-    tall = pose_at((100, 160), height=330)
-    assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
-    assert is_same_person(DetectedPose(short, 1.0, box), DetectedPose(tall, 1.0, box))
+def test_the_overlap_of_masks_is_the_shared_part_of_one():
+    assert mask_overlap(pose_at((100, 100)), pose_at((140, 100))) == pytest.approx(0.84, abs=0.02)
 
 
 def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():
     """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
     pose = pose_at((100, 100))
     other = pose_at((100, 100))
-    other.points[15] += [4.0, 0.0]
-    other.world[15] = [0.0, 0.0, 0.2]
-    other.points[16] += [40.0, 0.0]
-    other.world[16] = [0.0, 0.0, 0.2]
+    other.points[[15, 16], 0] += [4.0, 40.0]
+    other.world[[15, 16], 2] = 0.2
     mean = average_agreeing(pose, [pose, other], near=0.02)
     np.testing.assert_allclose(
         mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9
@@ -227,21 +212,24 @@ def test_a_pose_fits_the_box_around_its_joints_and_its_mask():
     assert box_fit(pose, square + 500) == 0
 
 
+def embedding_of(height, width):
+    features = np.zeros((1, 256, 64, 64), np.float32)
+    return ImageEmbedding(features, height, width, 1024 / max(height, width))
+
+
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
 def test_grid_values_land_on_the_pixels_that_the_grid_names(height, width):
-    embedding = ImageEmbedding(
-        np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width)
-    )
+    embedding = embedding_of(height, width)
     ramp = embedding.to_photo(embedding.grid_points()[..., 0])
     inner = slice(20, width - 20)
     np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
 
 
 def test_the_mask_of_an_ellipse_is_that_ellipse():
+    red = (190, 40, 30)
     image = np.full((300, 400, 3), 200, np.uint8)
-    truth = np.zeros((300, 400), np.uint8)
-    cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
-    image[truth > 0] = (190, 40, 30)
+    cv2.ellipse(image, (170, 160), (90, 50), 25, 0, 360, red, -1)
+    truth = (image == red).all(-1)
     embedding = embed_image(open_packaged_session("mobilesam_encoder", 1), image)
     answer = predict_masks(
         open_packaged_session("mobilesam_decoder", 1),
@@ -250,8 +238,7 @@ def test_the_mask_of_an_ellipse_is_that_ellipse():
         np.zeros((0, 2)),
     )
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
-    iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
-    assert max(iou) > 0.96
+    assert max((m & truth).sum() / (m | truth).sum() for m in masks) > 0.96
 
 
 @pytest.mark.parametrize("shape", [(400, 600), (600, 400), (4, 900), (900, 1)])
@@ -270,25 +257,17 @@ def test_features_far_from_a_photo_are_those_of_an_empty_image(shape):
 
 
 def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():
-    embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
-    left = np.full((256, 256), -5.0)
-    right = np.full((256, 256), -5.0)
-    left[50:200, 20:140] = 2.0
-    left[100:110, 200:210] = 3.0
-    right[50:200, 100:230] = 1.0
-    masks = resolve_overlaps(
-        [
-            (left, np.array([[60.0, 100.0]])),
-            (right, np.array([[180.0, 100.0]])),
-        ],
-        embedding,
-    )
-    assert not (masks[0] & masks[1]).any()
-    assert masks[0, 100, 120]
-    assert masks[1, 105, 205]
-    boxes = boxes_from_masks(masks)
-    np.testing.assert_array_equal(boxes[0], [20, 50, 140, 200])
-    assert masks[0, 50:200, 20:140].all()
+    logits = np.full((2, 256, 256), -5.0)
+    logits[0, 50:200, 20:140] = 2.0
+    logits[0, 100:110, 200:210] = 3.0
+    logits[1, 50:200, 100:230] = 1.0
+    inside = np.array([[[60.0, 100.0]], [[180.0, 100.0]]])
+    left, right = resolve_overlaps([*zip(logits, inside, strict=True)], embedding_of(256, 256))
+    wanted = np.zeros((256, 256), bool)
+    wanted[50:200, 20:140] = True
+    np.testing.assert_array_equal(left, wanted)
+    assert not (left & right).any()
+    assert right[105, 205]
 
 
 def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo():
@@ -334,9 +313,8 @@ def test_a_mirror_image_swaps_sides(segmenter, people, image):
     other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
     assert len(other) == 2
     swap = np.arange(33)
-    for a, b in MIRROR_PAIRS:
-        swap[a] = b
-        swap[b] = a
+    left, right = np.array(MIRROR_PAIRS).T
+    swap[[*left, *right]] = [*right, *left]
     back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
     assert apart.mean() < 4
@@ -361,18 +339,18 @@ def rectangle(rows, columns=slice(None)):
 def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it():
     person = rectangle(slice(20, 70), slice(40, 50))
     labelled = rectangle(slice(60, 100))
-    surfaces = SurfaceLabels(labelled.astype(np.uint8), ("unknown", "floor"))
-    nobody = np.zeros_like(person)
     nothing = np.zeros_like(person)
     near = rectangle(slice(65, 80), slice(30, 60)) & ~person
     step = rectangle(slice(40, 50), slice(30, 60)) & ~person
-    assert (add_labelled_floor(near, surfaces, person) == (labelled & ~person)).all()
-    assert (add_labelled_floor(step, surfaces, person) == step).all()
-    apart = SurfaceLabels(
-        (labelled | rectangle(slice(0, 5))).astype(np.uint8), ("unknown", "floor")
-    )
-    assert (add_labelled_floor(near, apart, person) == (labelled & ~person)).all()
-    assert (add_labelled_floor(nothing, surfaces, nobody) == labelled).all()
-    assert not add_labelled_floor(nothing, surfaces, person).any()
-    speck = SurfaceLabels(rectangle(slice(99, 100)).astype(np.uint8), ("unknown", "floor"))
-    assert (add_labelled_floor(near, speck, person) == near).all()
+    apart = labelled | rectangle(slice(0, 5))
+    speck = rectangle(slice(99, 100))
+    for floor, label, people, wanted in (
+        (near, labelled, person, labelled & ~person),
+        (step, labelled, person, step),
+        (near, apart, person, labelled & ~person),
+        (nothing, labelled, nothing, labelled),
+        (nothing, labelled, person, nothing),
+        (near, speck, person, near),
+    ):
+        surfaces = SurfaceLabels(label.astype(np.uint8), ("unknown", "floor"))
+        np.testing.assert_array_equal(add_labelled_floor(floor, surfaces, people), wanted)

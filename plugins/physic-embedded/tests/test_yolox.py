@@ -12,6 +12,10 @@ from physic_embedded.networks.yolox import CLASSES, PADDING_VALUE, detect_boxes
 CELLS = [(52, 8), (26, 16), (13, 32)]
 
 
+def detect(network, image, min_score=0.4, **options):
+    return detect_boxes(network, image, min_score=min_score, min_tile_score=0.5, **options)
+
+
 class Network:
     """Predicts a thing of a given size at every cell whose pixel is pure red: a person, and classes
     with scores.
@@ -50,9 +54,7 @@ def photo(width, height, *marks, side=24):
 
 def test_a_box_lies_at_its_cell_in_the_photo():
     """The photo is twice as large as the input: a box of 60 x 120 px there is 120 x 240 px here."""
-    network = Network(60, 120)
-    image = photo(832, 624, (400, 300))
-    found = detect_boxes(network, image, min_score=0.4, min_tile_score=0.5).people
+    found = detect(Network(60, 120), photo(832, 624, (400, 300))).people
     assert len(found) >= 1
     center = (found.boxes[0, :2] + found.boxes[0, 2:]) / 2
     np.testing.assert_allclose(center, [400, 300], atol=24)
@@ -65,7 +67,7 @@ def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas():
     image = np.zeros((208, 416, 3), np.uint8)
     image[..., 0] = 200
     image[..., 2] = 30
-    detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)
+    detect(network, image)
     (canvas,) = network.inputs
     assert canvas.shape == (3, 416, 416)
     np.testing.assert_array_equal(canvas[:, 100, 200], [30, 0, 200])
@@ -76,9 +78,8 @@ def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept():
     """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass
     ``min_score``.
     """
-    network = Network(60, 120)
     image = photo(832, 832, (30, 200), (415, 600))
-    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5]).people
+    found = detect(Network(60, 120), image, min_score=0.99, fractions=[0.5]).people
     centers = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
     assert any(np.linalg.norm(center - [30, 200]) < 40 for center in centers)
     near = found.boxes[np.linalg.norm(centers - [415, 600], axis=1) < 70]
@@ -91,45 +92,30 @@ def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept():
 
 
 @pytest.mark.parametrize(
-    ("scores", "name"),
+    ("name", "score", "replaces", "carries"),
     [
-        ({}, None),
-        ({"dog": 0.5}, None),
-        ({"dog": 0.95}, "dog"),
-        ({"skateboard": 0.95}, "skateboard"),
+        ("person", 0.9, False, False),
+        ("dog", 0.5, False, False),
+        ("dog", 0.95, True, False),
+        ("skateboard", 0.95, True, True),
+        ("skateboard", 0.65, False, False),
+        ("bicycle", 0.95, False, True),
+        ("bicycle", 0.5, False, False),
     ],
 )
-def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(scores, name):
-    image = photo(416, 416, (200, 200))
-    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)
+def test_a_surer_thing_but_a_bicycle_replaces_a_person(name, score, replaces, carries):
+    found = detect(Network(60, 120, **{name: score}), photo(416, 416, (200, 200)))
     assert len(found.people) >= 1
-    assert found.other_at(found.people.boxes[0], float(found.people.scores[0]), 0.5) == name
+    other = found.other_at(found.people.boxes[0], float(found.people.scores[0]), 0.5)
+    assert other == (name if replaces else None)
     assert found.other_at(found.people.boxes[0] + 200, 0.0, 0.5) is None
-
-
-@pytest.mark.parametrize(
-    ("scores", "names"),
-    [
-        ({"bicycle": 0.95}, {"bicycle"}),
-        ({"bicycle": 0.5}, set()),
-        ({"skateboard": 0.65}, set()),
-        ({"dog": 0.95}, set()),
-    ],
-)
-def test_what_may_carry_people_has_a_sure_box_and_replaces_none_of_them(scores, names):
-    image = photo(416, 416, (200, 200))
-    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)
-    assert {one.name for one in found.carriers(0.6)} == names
-    if "bicycle" in scores:
-        assert found.other_at(found.people.boxes[0], 0.1, 0.5) is None
+    assert {one.name for one in found.carriers(0.6)} == ({name} if carries else set())
 
 
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
 def test_the_player_of_the_example_photo_is_one_box(image, fractions):
     session = open_packaged_session("yolox_nano", threads=1)
-    found = detect_boxes(
-        session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions
-    ).people
-    whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5).people
+    found = detect(session, image, fractions=fractions).people
+    whole = detect(session, image).people
     assert found.scores[0] > 0.7
     assert box_iou(found.boxes[:1], whole.boxes[:1])[0, 0] > 0.8
