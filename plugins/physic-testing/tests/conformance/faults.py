@@ -10,8 +10,10 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from physic_core.adapters.people import boxes_from_masks
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.convert.bodies import rest_mesh_of_model
+from physic_mock.recognition import recognise_world
 from physic_testing.conformance.truth import embedded_surface, mirrored_order
 
 
@@ -30,20 +32,11 @@ def moved(array, right, down, empty=None):
 # --------------------------------------------------------------------------------------------------
 
 
-def boxes_of(masks):
-    found = []
-    for mask in masks:
-        rows = np.flatnonzero(mask.any(axis=1))
-        columns = np.flatnonzero(mask.any(axis=0))
-        found.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
-    return np.array(found, float).reshape(-1, 4)
-
-
 def with_masks(people, change):
     if not len(people):
         return people
     masks = np.stack([change(mask) for mask in people.masks])
-    return replace(people, masks=masks, boxes=boxes_of(masks))
+    return replace(people, masks=masks, boxes=boxes_from_masks(masks))
 
 
 def enlarged(mask):
@@ -54,7 +47,7 @@ def in_one_mask(people, *_):
     if not len(people):
         return people
     masks = people.masks.any(axis=0, keepdims=True)
-    return replace(people, masks=masks, boxes=boxes_of(masks), scores=people.scores[:1])
+    return replace(people, masks=masks, boxes=boxes_from_masks(masks), scores=people.scores[:1])
 
 
 # ---- keypoints
@@ -71,13 +64,17 @@ def with_points(change):
     return changed
 
 
-def exchanged(keypoints, *names):
-    order = list(range(len(keypoints.joint_set)))
-    for first, second in names:
-        i = keypoints.joint_set.names.index(first)
-        j = keypoints.joint_set.names.index(second)
-        order[i] = j
-        order[j] = i
+def swapped(names, *pairs):
+    """The rows of names of which some pairs are exchanged."""
+    order = list(range(len(names)))
+    for first, second in pairs:
+        order[names.index(first)] = names.index(second)
+        order[names.index(second)] = names.index(first)
+    return order
+
+
+def exchanged(keypoints, *pairs):
+    order = swapped(keypoints.joint_set.names, *pairs)
     return replace(
         keypoints, points=keypoints.points[:, order], confidence=keypoints.confidence[:, order]
     )
@@ -122,22 +119,12 @@ def along_rays(depth, *_):
     return replace(depth, depth=(depth.depth * stretch(depth.intrinsics)).astype(np.float32))
 
 
-def with_camera(**by):
-    def changed(result, *_):
-        camera = result.intrinsics
-        factors = {
-            name: getattr(camera, name) * value
-            for name, value in by.items()
-            if name.startswith("f")
-        }
-        offsets = {
-            name: getattr(camera, name) + value
-            for name, value in by.items()
-            if name.startswith("c")
-        }
-        return replace(result, intrinsics=replace(camera, **factors, **offsets))
+def with_camera(change):
+    return lambda result, *_: replace(result, intrinsics=change(result.intrinsics))
 
-    return changed
+
+def half_a_pixel_off(camera):
+    return replace(camera, cx=camera.cx + 0.5, cy=camera.cy + 0.5)
 
 
 def with_points_of_map(change):
@@ -166,16 +153,18 @@ def bent(pointmap, *_):
 # --------------------------------------------------------------------------------------------------
 
 
+def inside(mask, fill, image):
+    return np.where(mask[..., None], fill, image).astype(np.uint8)
+
+
 def with_fill(change):
     """The photo without people, as the mock fills it, changed inside of the mask."""
 
     def changed(filled, image, mask):
-        from physic_mock.recognition import recognise_world
-
         if not mask.any():
             return filled
         fill = change(recognise_world(image).world.empty_image.astype(float))
-        return np.where(mask[..., None], np.clip(np.rint(fill), 0, 255), image).astype(np.uint8)
+        return inside(mask, np.clip(np.rint(fill), 0, 255), image)
 
     return changed
 
@@ -184,13 +173,9 @@ def rim_left(px):
     """People's outermost pixels as they were."""
 
     def changed(filled, image, mask):
-        import cv2
-
-        from physic_mock.recognition import recognise_world
-
         person = recognise_world(image).people.astype(np.uint8)
         inner = cv2.erode(person, np.ones((2 * px + 1, 2 * px + 1), np.uint8))
-        return np.where(((person > 0) & (inner == 0))[..., None], image, filled)
+        return inside(person > inner, image, filled)
 
     return changed
 
@@ -222,10 +207,7 @@ def pelvis_at(change):
         if not len(bodies.parameters):
             return bodies
         pelvis = embedded_surface(bodies)[1][:, 0]
-        place = bodies.parameters.transl + change(pelvis) - pelvis
-        return replace(
-            bodies, parameters=replace(bodies.parameters, transl=place.astype(np.float32))
-        )
+        return with_parameters(lambda p: {"transl": p.transl + change(pelvis) - pelvis})(bodies)
 
     return changed
 
@@ -270,20 +252,11 @@ def sides_of_joints(order):
 
 
 def knees_for_ankles(order):
-    order[4] = 7
-    order[5] = 8
-    order[7] = 4
-    order[8] = 5
-    return order
+    return swapped(tuple(JOINT_INDEX), *_LEGS)
 
 
 def of_pose(*pairs):
-    order = list(range(21))
-    for first, second in pairs:
-        i = JOINT_INDEX[first] - 1
-        j = JOINT_INDEX[second] - 1
-        order[i] = j
-        order[j] = i
+    order = swapped(tuple(JOINT_INDEX)[1:22], *pairs)
     return lambda pose: pose[:, order]
 
 
@@ -354,12 +327,7 @@ def rays_of_a_square(points, camera):
 
 def both_sides(keypoints, image, *_):
     """The mean with the output for the mirrored photo, left and right not exchanged."""
-    names = keypoints.joint_set.names
-    swap = {"left": "right", "right": "left"}
-    other = [
-        names.index("_".join([swap.get(n.split("_")[0], n.split("_")[0]), *n.split("_")[1:]]))
-        for n in names
-    ]
+    other = mirrored_order(keypoints.joint_set.names)
     return replace(keypoints, points=(keypoints.points + keypoints.points[:, other]) / 2)
 
 
@@ -391,16 +359,13 @@ def at_a_wide_angle(bodies, image, people, camera, *_):
 
 def seen_by_the_crop(bodies, *_):
     """Each body turned as in a crop whose camera looks at it."""
-    p = bodies.parameters
-    if not len(p):
+    if not len(bodies.parameters):
         return bodies
     ray = embedded_surface(bodies)[1][:, 0]
-    axis = np.stack([-ray[:, 1], ray[:, 0], 0 * ray[:, 0]], 1)
-    angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2]) / np.maximum(
-        np.linalg.norm(axis, axis=1), 1e-9
-    )
-    root = Rotation.from_rotvec(-angle[:, None] * axis) * Rotation.from_rotvec(p.global_orient)
-    return replace(bodies, parameters=replace(p, global_orient=root.as_rotvec().astype(np.float32)))
+    aside = np.linalg.norm(ray[:, :2], axis=1)
+    axis = np.stack([-ray[:, 1], ray[:, 0], 0 * aside], 1) / np.maximum(aside, 1e-9)[:, None]
+    by = -np.arctan2(aside, ray[:, 2])[:, None] * axis
+    return with_parameters(lambda p: {"global_orient": turned(p.global_orient, by)})(bodies)
 
 
 def flip_mean(p):
@@ -414,37 +379,26 @@ def second_half_reversed(p):
 
 def blended(filled, image, mask):
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 6)[..., None]
-    soft = np.where(mask[..., None], soft * 0.7, 0)
-    return np.rint(soft * filled + (1 - soft) * image).astype(np.uint8)
+    return inside(mask, np.rint(0.7 * soft * filled + (1 - 0.7 * soft) * image), image)
 
 
 def soft_rim(filled, image, mask):
-    inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
-    share = np.clip(inside / 8, 0, 1)[..., None]
-    return np.where(mask[..., None], np.rint(share * filled + (1 - share) * image), image).astype(
-        np.uint8
-    )
-
-
-def faded(filled, image, mask):
-    return np.where(mask[..., None], filled * 0.5 + 64, image).astype(np.uint8)
+    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    share = np.clip(distance / 8, 0, 1)[..., None]
+    return inside(mask, np.rint(share * filled + (1 - share) * image), image)
 
 
 def changed_fill(change):
-    return lambda filled, image, mask: np.where(mask[..., None], change(filled), image).astype(
-        np.uint8
-    )
+    return lambda filled, image, mask: inside(mask, change(filled), image)
 
 
-def on_floor(people, *_):
-    floor = people.floor
-    return replace(people, floor=None if floor is None else floor[::-1] & ~people.masks.any(axis=0))
+def with_floor(change):
+    def changed(people, *_):
+        if people.floor is None:
+            return people
+        return replace(people, floor=change(people.floor) & ~people.masks.any(axis=0))
 
-
-def floor_of(people, right):
-    return (
-        None if people.floor is None else moved(people.floor, right, 0) & ~people.masks.any(axis=0)
-    )
+    return changed
 
 
 def flip_mean_of_z(points, camera):
@@ -473,11 +427,11 @@ FORTY = {
         ("padding left", lambda p, *_: with_masks(p, lambda m: moved(m, 0, 6, False))),
         ("masks 3 px too small", lambda p, *_: with_masks(p, eroded)),
         ("masks 3 % too large", lambda p, *_: with_masks(p, enlarged)),
-        ("floor upside down", on_floor),
+        ("floor upside down", with_floor(np.flipud)),
     ),
     "MockInpainter": (
         ("blended", blended),
-        ("faded", faded),
+        ("faded", changed_fill(lambda f: f * 0.5 + 64)),
         ("one pixel down", changed_fill(lambda f: moved(f, 0, 1))),
         ("BGR", changed_fill(lambda f: f[..., ::-1])),
     ),
@@ -552,7 +506,7 @@ FURTHER = {
             "boxes with the last pixel",
             lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
         ),
-        ("floor one pixel to the right", lambda p, *_: replace(p, floor=floor_of(p, 1))),
+        ("floor one pixel to the right", with_floor(lambda floor: moved(floor, 1, 0))),
         ("everybody in one mask", in_one_mask),
         (
             "boxes in another order",
@@ -571,10 +525,10 @@ FURTHER = {
         ),
     ),
     "MockMetricDepth": (
-        ("principal point half a pixel off", with_camera(cx=0.5, cy=0.5)),
+        ("principal point half a pixel off", with_camera(half_a_pixel_off)),
         ("times 1.25", with_depth(lambda z: 1.25 * z)),
         ("0.3 m too far", with_depth(lambda z: z + 0.3)),
-        ("camera of a square photo", with_camera(fx=0.75)),
+        ("camera of a square photo", with_camera(lambda c: replace(c, fx=0.75 * c.fx))),
         ("half-size grid", with_depth(of_half_a_grid)),
     ),
     "MockRelativePointmap": (
@@ -586,7 +540,7 @@ FURTHER = {
             with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
         ),
         ("z of the next row", with_points_of_map(next_row)),
-        ("principal point W / 2", with_camera(cx=0.5, cy=0.5)),
+        ("principal point W / 2", with_camera(half_a_pixel_off)),
         ("offset of 1 / z declared as one of z", bent),
     ),
     "MockKeypointDetector": (

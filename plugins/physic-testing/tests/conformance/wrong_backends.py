@@ -4,6 +4,7 @@ must catch it.
 
 from __future__ import annotations
 
+import inspect
 import mmap
 import socket
 import time
@@ -11,8 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import cv2
 import numpy as np
 import torch
+from faults import pelvis_at
 from pydantic import ConfigDict, Field
 from right_backends import (
     SIZE,
@@ -62,14 +65,30 @@ def wrong(mistake, check):
     return note
 
 
+def answering(right, mistake, check, infer):
+    """A right backend that answers ``infer(self, *arguments)``."""
+    infer.__signature__ = inspect.signature(right.infer)
+    wrong(mistake, check)(type(f"Wrong{right.__name__}", (right,), {"infer": infer}))
+
+
 def altered(right, mistake, check, change):
     """A right backend whose answer goes through ``change(answer, *arguments)``."""
 
     def infer(self, *arguments):
         return change(right.infer(self, *arguments), *arguments)
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)
-    WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
+    answering(right, mistake, check, infer)
+
+
+def fields(**changes):
+    """A change of an answer's fields, each by a function, but for those that it does not have."""
+
+    def change(answer, *_):
+        held = {name: getattr(answer, name) for name in changes}
+        found = {name: changes[name](value) for name, value in held.items() if value is not None}
+        return replace(answer, **found)
+
+    return change
 
 
 def restless(right, mistake, check, fails, error):
@@ -80,8 +99,7 @@ def restless(right, mistake, check, fails, error):
             raise error
         return right.infer(self, *arguments)
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)
-    WRONG.append(Wrong(mistake, type(f"Wrong{right.__name__}", (right,), {"infer": infer}), check))
+    answering(right, mistake, check, infer)
 
 
 # ---- the class and its options
@@ -224,55 +242,38 @@ class LoadsOnce(RightMetricDepth):
 # ---------------------------------------------------------------------------------------------
 
 FORM = "returns_valid_output"
-altered(
-    RightMetricDepth,
-    "depth as float16 text",
-    FORM,
-    lambda a, *_: replace(a, depth=a.depth.astype(str)),
-)
-altered(
-    RightKeypoints,
-    "confidence in percent",
-    FORM,
-    lambda a, *_: replace(a, confidence=100 * a.confidence),
-)
+altered(RightMetricDepth, "depth as float16 text", FORM, fields(depth=lambda z: z.astype(str)))
+altered(RightKeypoints, "confidence in percent", FORM, fields(confidence=lambda c: 100 * c))
 altered(
     RightSegmenter,
     "boxes x y w h",
     FORM,
-    lambda a, *_: replace(
-        a, boxes=np.concatenate([a.boxes[:, :2], a.boxes[:, 2:] - a.boxes[:, :2]], axis=1)
-    ),
+    fields(boxes=lambda b: np.concatenate([b[:, :2], b[:, 2:] - b[:, :2]], axis=1)),
 )
 altered(RightInpainter, "an image of floats", FORM, lambda a, *_: (a / 255).astype(np.float32))
-altered(RightBodies, "rotation matrices", FORM, lambda a, *_: replace(
-    a, parameters=replace(a.parameters, body_pose=np.zeros((len(a.parameters), 21, 3, 3)))
-))  # fmt: skip
 altered(
-    RightHands, "confidence above 1", FORM, lambda a, *_: replace(a, confidence=a.confidence + 1)
-)
-altered(
-    RightContact,
-    "a probability below 0",
+    RightBodies,
+    "rotation matrices",
     FORM,
-    lambda a, *_: replace(a, probability=a.probability - 0.5),
+    fields(parameters=fields(body_pose=lambda pose: np.zeros((len(pose), 21, 3, 3)))),
 )
+altered(RightHands, "confidence above 1", FORM, fields(confidence=lambda c: c + 1))
+altered(RightContact, "a probability below 0", FORM, fields(probability=lambda p: p - 0.5))
 
 altered(
     RightContact,
     "normalised over people",
     "rows_do_not_depend_on_other_people",
-    lambda a, *_: replace(a, probability=a.probability * (1 - 0.1 * len(a.probability))),
+    fields(probability=lambda p: p * (1 - 0.1 * len(p))),
 )
 altered(
     RightContact,
     "coarser for all but the first",
     "rows_do_not_depend_on_other_people",
-    lambda a, *_: replace(
-        a,
-        probability=np.concatenate(
-            [a.probability[:1], np.round(a.probability[1:] * 20).astype(np.float32) / 20 * 0.9]
-        ),
+    fields(
+        probability=lambda p: np.concatenate(
+            [p[:1], np.round(p[1:] * 20).astype(np.float32) / 20 * 0.9]
+        )
     ),
 )
 restless(
@@ -286,25 +287,20 @@ altered(
     RightSegmenter,
     "masks that overlap",
     "accepts_photos_of_people",
-    lambda a, *_: replace(a, masks=a.masks | (np.roll(a.masks, 1, axis=0) & (len(a.masks) > 1))),
+    fields(masks=lambda m: m | (np.roll(m, 1, axis=0) & (len(m) > 1))),
 )
-
-
-def padded(answer, *_):
-    rows, columns = (-n % 8 for n in answer.depth.shape)
-    return replace(answer, depth=np.pad(answer.depth, ((0, rows), (0, columns)), mode="edge"))
-
-
-def lying(answer, *_):
-    return (
-        replace(answer, depth=answer.depth.T)
-        if answer.depth.shape[0] > answer.depth.shape[1]
-        else answer
-    )
-
-
-altered(RightMetricDepth, "padded to a multiple of 8", "accepts_photos_of_people", padded)
-altered(RightMetricDepth, "portraits left lying", "accepts_photos_of_people", lying)
+altered(
+    RightMetricDepth,
+    "padded to a multiple of 8",
+    "accepts_photos_of_people",
+    fields(depth=lambda z: np.pad(z, [(0, -n % 8) for n in z.shape], mode="edge")),
+)
+altered(
+    RightMetricDepth,
+    "portraits left lying",
+    "accepts_photos_of_people",
+    fields(depth=lambda z: z.T if z.shape[0] > z.shape[1] else z),
+)
 altered(
     RightSegmenter,
     "None for nobody",
@@ -354,13 +350,12 @@ class Writing(RightMetricDepth):
         return answer
 
 
-@wrong("hidden randomness", "output_depends_on_the_photo_alone")
-class Random(RightMetricDepth):
-    def infer(self, image, hints):
-        answer = super().infer(image, hints)
-        return replace(
-            answer, depth=answer.depth * np.random.default_rng().normal(1, 0.01, answer.depth.shape)
-        )
+altered(
+    RightMetricDepth,
+    "hidden randomness",
+    "output_depends_on_the_photo_alone",
+    fields(depth=lambda z: z * np.random.default_rng().normal(1, 0.01, z.shape)),
+)
 
 
 @wrong("a mean over photos", "output_depends_on_the_photo_alone")
@@ -455,10 +450,6 @@ restless(
 # --------------------------------------------------------------------------------------------------
 
 
-def of_depth(change):
-    return lambda a, *_: replace(a, depth=change(a.depth).astype(np.float32))
-
-
 def transposed(z):
     rows = np.arange(z.shape[0]) * z.shape[1] // z.shape[0]
     columns = np.arange(z.shape[1]) * z.shape[0] // z.shape[1]
@@ -471,43 +462,34 @@ def only_corner(z):
     return kept
 
 
-def normalised_camera(answer, *_):
-    return replace(
-        answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2)
-    )
-
-
-altered(RightMetricDepth, "only a corner", "depth_is_where_it_can_be_known", of_depth(only_corner))
-altered(RightMetricDepth, "transposed", "depth_is_along_z_and_upright", of_depth(transposed))
-altered(
-    RightMetricDepth, "upside down", "depth_is_along_z_and_upright", of_depth(lambda z: z[::-1])
-)
-altered(
-    RightMetricDepth,
-    "disparity",
-    "depth_is_along_z_and_upright",
-    of_depth(lambda z: np.median(z) ** 2 / z),
-)
-altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
+for mistake, check, change in (
+    ("only a corner", "depth_is_where_it_can_be_known", only_corner),
+    ("transposed", "depth_is_along_z_and_upright", transposed),
+    ("upside down", "depth_is_along_z_and_upright", np.flipud),
+    ("disparity", "depth_is_along_z_and_upright", lambda z: np.median(z) ** 2 / z),
+    ("centimetres", "depth_is_in_metres", lambda z: 100 * z),
+):
+    altered(RightMetricDepth, mistake, check, fields(depth=change))
 altered(
     RightMetricDepth,
     "a focal length in shares of the width",
     "intrinsics_are_not_biased",
-    normalised_camera,
+    fields(intrinsics=lambda camera: replace(camera, fx=1.2, fy=1.2)),
 )
 altered(
     RightMetricDepth,
     "a sigma in percent",
     "states_what_it_promises",
-    lambda a, *_: replace(a, scale_sigma=10.0),
+    fields(scale_sigma=lambda _: 10.0),
 )
-restless(
-    RightMetricDepth,
-    "hints that are there",
-    "works_without_hints",
-    lambda image, hints: hints.people is None,
-    AttributeError("'NoneType' object has no attribute 'masks'"),
-)
+for right in (RightMetricDepth, RightPointmap):
+    restless(
+        right,
+        "hints that are there",
+        "works_without_hints",
+        lambda image, hints: hints.people is None,
+        AttributeError("'NoneType' object has no attribute 'masks'"),
+    )
 
 
 @wrong("a camera that it promised", "states_what_it_promises")
@@ -521,13 +503,9 @@ class Forgetful(RightMetricDepth):
 def bgr(right):
     def infer(self, image, *rest):
         # The lookup that a network trained on RGB would be sees blue where red is.
-        return right.infer(
-            self, image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image, *rest
-        )
+        return right.infer(self, image[..., ::-1], *rest)
 
-    infer.__signature__ = __import__("inspect").signature(right.infer)
-    kind = type(f"Bgr{right.__name__}", (right,), {"infer": infer})
-    WRONG.append(Wrong("fed BGR", kind, "reads_images_as_rgb"))
+    answering(right, "fed BGR", "reads_images_as_rgb", infer)
 
 
 for right in (RightSegmenter, RightMetricDepth, RightPointmap, RightKeypoints):
@@ -545,13 +523,7 @@ restless(
     lambda image, hints: hints.intrinsics is None,
     AttributeError("'NoneType' object has no attribute 'fx'"),
 )
-restless(
-    RightPointmap,
-    "people that are there",
-    "works_without_hints",
-    lambda image, hints: hints.people is None,
-    AttributeError("'NoneType' object has no attribute 'masks'"),
-)
+
 restless(
     RightPointmap,
     "no second call",
@@ -578,20 +550,7 @@ def inverted(answer, *_):
     )
 
 
-def shares(answer, *_):
-    height, width = answer.masks.shape[1:]
-    return replace(answer, boxes=answer.boxes / [width, height, width, height])
-
-
-def floor_over_people(answer, *_):
-    return replace(
-        answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0)
-    )
-
-
 def dilated(answer, *_):
-    import cv2
-
     grown = [
         cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0 for mask in answer.masks
     ]
@@ -607,15 +566,18 @@ altered(
     RightSegmenter,
     "worst score first",
     "masks_lie_on_people",
-    lambda a, *_: replace(a, masks=a.masks[::-1], boxes=a.boxes[::-1], scores=a.scores[::-1]),
+    fields(masks=np.flipud, boxes=np.flipud, scores=np.flipud),
 )
-altered(
-    RightSegmenter,
-    "an inverted floor",
-    "floor_mask_excludes_people",
-    lambda a, *_: replace(a, floor=None if a.floor is None else ~a.floor & ~a.masks.any(axis=0)),
-)
-altered(RightSegmenter, "people who are floor", "floor_mask_excludes_people", floor_over_people)
+for mistake, change in (
+    ("an inverted floor", lambda floor, people: ~floor & ~people),
+    ("people who are floor", np.logical_or),
+):
+    altered(
+        RightSegmenter,
+        mistake,
+        "floor_mask_excludes_people",
+        lambda a, *_, change=change: fields(floor=lambda f: change(f, a.masks.any(axis=0)))(a),
+    )
 
 
 # ---- inpainting
@@ -660,15 +622,13 @@ altered(
     RightKeypoints,
     "points that lie nowhere on a body",
     "skeleton_is_known",
-    lambda a, *_: replace(
-        a, skeleton=Skeleton("dots", tuple(f"dot{i}" for i in range(a.points.shape[1])))
-    ),
+    fields(skeleton=lambda _: Skeleton("dots", tuple(f"dot{i}" for i in range(33)))),
 )
 altered(
     RightKeypoints,
     "y before x",
     "joints_are_those_of_the_person",
-    lambda a, *_: replace(a, points=a.points[..., ::-1].copy()),
+    fields(points=lambda p: p[..., ::-1].copy()),
 )
 for right in (RightKeypoints, RightBodies, RightHands, RightContact):
     altered(right, "rows from left to right", "rows_follow_the_people", sorted_rows)
@@ -678,54 +638,18 @@ for right in (RightKeypoints, RightBodies, RightHands, RightContact):
 # ------------------------------------------------------------------------------------------
 
 
-def of_parameters(change):
-    return lambda a, *_: replace(a, parameters=replace(a.parameters, **change(a.parameters)))
-
-
-def opengl(p):
-    return placed(p, lambda pelvis: pelvis * [1, -1, -1])
-
-
-def placed(p, move):
-    """The pelvis moved: the rest pelvis of the body is not at its origin."""
-    import torch
-
-    from physic_core.body import load_body
-    from physic_core.body.bones import rotations_from_parameters
-
-    with torch.no_grad():
-        out = load_body("embedded")(
-            rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl)
-        )
-    pelvis = out.joints[:, 0].numpy()
-    return {"transl": (p.transl + move(pelvis) - pelvis).astype(np.float32)}
-
-
-altered(
-    RightBodies,
-    "an unknown body",
-    "bodies_can_be_posed",
-    lambda a, *_: replace(a, body_model="mhr"),
-)
-altered(
-    RightBodies,
-    "degrees",
-    "bodies_can_be_posed",
-    of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}),
-)
-altered(RightBodies, "an OpenGL camera", "bodies_are_in_front", of_parameters(opengl))
-altered(
-    RightBodies,
-    "centimetres",
-    "bodies_are_as_far_away",
-    of_parameters(lambda p: placed(p, lambda pelvis: 100 * pelvis)),
-)
-altered(
-    RightBodies,
-    "the frame of the crop",
-    "bodies_are_in_place",
-    of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
-)
+for mistake, check, change in (
+    ("an unknown body", "bodies_can_be_posed", fields(body_model=lambda _: "mhr")),
+    ("degrees", "bodies_can_be_posed", fields(parameters=fields(body_pose=np.degrees))),
+    ("an OpenGL camera", "bodies_are_in_front", pelvis_at(lambda pelvis: pelvis * [1, -1, -1])),
+    ("centimetres", "bodies_are_as_far_away", pelvis_at(lambda pelvis: 100 * pelvis)),
+    (
+        "the frame of the crop",
+        "bodies_are_in_place",
+        pelvis_at(lambda pelvis: np.add(pelvis, [1.5, 0, 0])),
+    ),
+):
+    altered(RightBodies, mistake, check, change)
 restless(
     RightBodies,
     "hints that are there",
@@ -734,23 +658,10 @@ restless(
     AttributeError("'NoneType' object has no attribute 'normal'"),
 )
 altered(
-    RightBodies,
-    "observed inverted",
-    "observed_is_true_in_sight",
-    lambda a, *_: replace(a, observed=None if a.observed is None else ~a.observed),
+    RightBodies, "observed inverted", "observed_is_true_in_sight", fields(observed=np.logical_not)
 )
-altered(
-    RightHands,
-    "degrees",
-    "angles_are_radians",
-    lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)),
-)
-altered(
-    RightContact,
-    "another mesh",
-    "mesh_is_known",
-    lambda a, *_: replace(a, topology="smplx"),
-)
+altered(RightHands, "degrees", "angles_are_radians", fields(rotvecs=np.degrees))
+altered(RightContact, "another mesh", "mesh_is_known", fields(topology=lambda _: "smplx"))
 
 
 @wrong("a placeholder that looks at the image", "ignores_the_image")
@@ -775,8 +686,9 @@ class Inexact(RightMetricDepth):
         return replace(answer, depth=answer.depth ** np.float32(1.05))
 
 
-@wrong("zero in the sky", "accepts_or_refuses_any_photo")
-class ZeroInTheSky(RightMetricDepth):
-    def infer(self, image, hints):
-        answer = super().infer(image, hints)
-        return replace(answer, depth=np.where(np.isfinite(answer.depth), answer.depth, 0))
+altered(
+    RightMetricDepth,
+    "zero in the sky",
+    "accepts_or_refuses_any_photo",
+    fields(depth=lambda z: np.where(np.isfinite(z), z, 0)),
+)

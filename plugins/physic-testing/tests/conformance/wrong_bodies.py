@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import torch
 from right_backends import RightBodies, RightContact, RightHands
-from wrong_backends import altered
+from wrong_backends import altered, fields
 
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
@@ -79,42 +79,26 @@ class WristHands(RightHands):
 RIGHT = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
 
 
-def hipless(correct, *_):
-    joints = correct.joints.copy()
-    joints[:, 1] = np.nan
-    return replace(correct, joints=joints)
+def hipless(joints):
+    return np.where(np.arange(joints.shape[1])[:, None] == 1, np.nan, joints)
 
 
-def against_the_forearm(correct, image, people, keypoints):
-    """What stands in the body's own pose."""
-    return replace(correct, wrists=0.1 * np.ones_like(correct.wrists))
-
-
-altered(OtherBodies, "joints without hips", "bodies_can_be_posed", hipless)
+WRISTS = "wrists_are_in_the_cameras_frame"
+MILLIMETRES = fields(vertices=lambda vertices: 1000 * vertices)
+altered(OtherBodies, "joints without hips", "bodies_can_be_posed", fields(joints=hipless))
 altered(
     OtherBodies,
     "joints about the pelvis",
     "bodies_are_in_front",
-    lambda a, *_: replace(a, joints=a.joints - a.joints[:, :1]),
+    fields(joints=lambda joints: joints - joints[:, :1]),
 )
-altered(
-    SurfaceBodies,
-    "a surface in millimetres",
-    "bodies_can_be_posed",
-    lambda a, *_: replace(a, mesh=replace(a.mesh, vertices=1000 * a.mesh.vertices)),
-)
-altered(
-    OtherContact,
-    "a T-pose in millimetres",
-    "mesh_is_known",
-    lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
-)
-altered(
-    WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_frame", against_the_forearm
-)
+altered(SurfaceBodies, "a surface in millimetres", "bodies_can_be_posed", fields(mesh=MILLIMETRES))
+altered(OtherContact, "a T-pose in millimetres", "mesh_is_known", fields(rest=MILLIMETRES))
+# of the body's own pose
 altered(
     WristHands,
-    "wrists exchanged",
-    "wrists_are_in_the_cameras_frame",
-    lambda a, *_: replace(a, wrists=a.wrists[:, ::-1].copy()),
+    "wrists against the forearm",
+    WRISTS,
+    fields(wrists=lambda wrists: 0.1 * np.ones_like(wrists)),
 )
+altered(WristHands, "wrists exchanged", WRISTS, fields(wrists=lambda w: w[:, ::-1].copy()))
