@@ -160,15 +160,20 @@ def dressed_texture(
     """
     dressed = dressed_bodies(result)
     faces = np.asarray(result.faces, np.int64)
-    points, normals = (
-        raster.interpolate(faces, of[index]) for of in (dressed.vertices, dressed.normals)
-    )
-    photo, seen, near = photo_colors(result, index, points, normals, dressed.bodies)
     guess = dressed.fill[index]
     if darken:
         guess = _darkened(guess, dressed.normals[index], result)
-    image: UInt8Array = raster.image(_mixed(photo, near, raster.interpolate(faces, guess)))
-    return image, raster.image(np.round(255 * (1 - seen)).astype(np.uint8))
+    colors = []
+    filled = []
+    for part in raster.parts():
+        points, normals, beside = (
+            part.interpolate(faces, values)
+            for values in (dressed.vertices[index], dressed.normals[index], guess)
+        )
+        photo, seen, near = photo_colors(result, index, points, normals, dressed.bodies)
+        colors.append(_mixed(photo, near, beside))
+        filled.append(np.round(255 * (1 - seen)).astype(np.uint8))
+    return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
 
 
 def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:

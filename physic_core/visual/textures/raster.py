@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import as_file, files
@@ -15,7 +16,9 @@ from scipy.sparse import csr_array
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import read_arrays
 
-_BLOCK = 2048  # triangles at a time, whose arrays fit into the processor's cache
+# at a time, whose arrays fit into the processor's cache
+_BLOCK = 512  # triangles
+_TEXELS = 32_000
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,14 @@ class TextureRaster:
     columns: NDArray[np.int64]
     faces: NDArray[np.int64]
     corners: NDArray[np.float64]
+
+    def parts(self) -> Iterator[TextureRaster]:
+        """Yield the texels in blocks."""
+        for start in range(0, len(self.rows), _TEXELS):
+            own = slice(start, start + _TEXELS)
+            yield TextureRaster(
+                self.size, self.rows[own], self.columns[own], self.faces[own], self.corners[own]
+            )
 
     def interpolate(
         self, triangles: NDArray[np.int64], values: NDArray[Any]

@@ -20,6 +20,7 @@ from physic_core.visual.glb import (
 )
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
+from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.photo import encode_image
 from physic_export.skeleton import bone_names, t_pose, with_ends
 from physic_export.skins import Skins, skins_of
@@ -74,7 +75,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     if options["contact_texture"] and textured is not None:
         for index in request.people:
             files[f"{request.stem}_contact_{index}.png"] = encode_image(
-                textured.contact_image(result, index), "PNG"
+                textured.contact_image(index), "PNG"
             )
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
@@ -85,14 +86,16 @@ def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Appearance:
     request = colors.request
     if textured is None:
         return Appearance(body_material("body", BODY_RGB))
-    texture = textured.textures[index]
+    dressed = dressed_bodies(request.result)
     mesh = textured.mesh
-    contact = encode_image(textured.contact_image(request.result, index), "PNG"), "image/png"
-    photo = encode_image(texture.image, "JPEG")
+    contact = encode_image(textured.contact_image(index), "PNG"), "image/png"
+    photo = encode_image(textured.photo_images(index)[0], "JPEG")
     skin = str(request.options["skin"])
-    look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
+    look = photo_appearance(
+        glb, f"person_{index}", photo, contact, mesh, dressed.shown[index], skin
+    )
     return replace(
-        look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]}
+        look, attributes={**look.attributes, "_FILLED": dressed.filled[index][mesh.vertex]}
     )
 
 

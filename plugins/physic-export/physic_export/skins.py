@@ -24,55 +24,55 @@ from physic_core.visual.textures.raster import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core import ExportRequest
     from physic_core.types import Reconstruction, UInt8Array
 
 
 @dataclass(frozen=True)
-class BodyTexture:
-    """Texture of one person.
-
-    Attributes:
-        image: (N, N, 3) uint8 sRGB.
-        filled: (N, N) uint8, 255 where the photo does not show the texel, 0 where it does.
-        vertex_colors: (V, 3) uint8 sRGB, the same for formats without textures.
-        vertex_filled: (V,) float32 in 0-1.
-        shown: share of the body's surface that the photo shows.
-    """
-
-    image: UInt8Array
-    filled: UInt8Array
-    vertex_colors: UInt8Array
-    vertex_filled: NDArray[np.float32]
-    shown: float
-
-
-@dataclass(frozen=True)
 class TexturedBodies:
-    """Texture coordinates of a result's bodies, and a texture per person.
+    """Texture coordinates of a result's bodies, and their textures, which are made when they are
+    read.
 
     Attributes:
-        mesh: with split vertices.
-        raster: of the textures.
-        textures: person -> texture.
+        result: of the photo.
+        source: "embedded", or the path of the SMPL-X file.
+        size: texels along a side of a texture.
     """
 
-    mesh: TextureCoordinates
-    raster: TextureRaster
-    textures: dict[int, BodyTexture]
+    result: Reconstruction
+    source: str
+    size: int
 
-    def contact_image(self, result: Reconstruction, index: int) -> UInt8Array:
+    @property
+    def mesh(self) -> TextureCoordinates:
+        """Bodies with split vertices."""
+        return _mesh(self.source)
+
+    @property
+    def raster(self) -> TextureRaster:
+        """Texels of the textures."""
+        return _raster(self.source, self.size)
+
+    def photo_images(self, index: int) -> tuple[UInt8Array, UInt8Array]:
+        """Return the texture (N, N, 3) sRGB of a person, and (N, N) 255 where the photo does not
+        show the texel, 0 where it does.
+        """
+        return dressed_texture(self.result, index, self.raster, darken=False)
+
+    def vertex_colors(self, index: int) -> UInt8Array:
+        """Return the colours (V, 3) sRGB of a person, for formats without textures."""
+        return np.clip(np.round(dressed_bodies(self.result).fill[index]), 0, 255).astype(np.uint8)
+
+    def contact_image(self, index: int) -> UInt8Array:
         """Return contact of a person as a texture (N, N, 3): the colour of what is touched, or that
         of the body.
         """
-        person = result.people[index]
-        nearest = np.take_along_axis(
-            np.asarray(result.faces)[self.raster.faces], self.raster.corners.argmax(1)[:, None], 1
-        )[:, 0]
-        image: UInt8Array = self.raster.image(
-            contact_colors(person, result.contact_partners)[nearest]
+        person = self.result.people[index]
+        raster = self.raster
+        corners = np.asarray(self.result.faces)[raster.faces]
+        nearest = np.take_along_axis(corners, raster.corners.argmax(1)[:, None], 1)[:, 0]
+        image: UInt8Array = raster.image(
+            contact_colors(person, self.result.contact_partners)[nearest]
         )
         return image
 
@@ -96,23 +96,19 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
         if model.name == "embedded"
         else str(request.body_file or result.config["body_model"]["path"])
     )
-    mesh, raster = _mesh(source, size)
-    dressed = dressed_bodies(result)
-    textures = dict[int, BodyTexture]()
-    for index, _ in request.chosen():
-        image, filled = dressed_texture(result, index, raster, darken=False)
-        colors = np.clip(np.round(dressed.fill[index]), 0, 255).astype(np.uint8)
-        textures[index] = BodyTexture(
-            image, filled, colors, dressed.filled[index], dressed.shown[index]
-        )
-    return TexturedBodies(mesh, raster, textures)
+    _mesh(source)  # raises if there are no texture coordinates
+    return TexturedBodies(result, source, size)
 
 
 @lru_cache(maxsize=2)
-def _mesh(source: str, size: int) -> tuple[TextureCoordinates, TextureRaster]:
+def _mesh(source: str) -> TextureCoordinates:
     body = embedded_arrays() if source == "embedded" else smplx_arrays(source)
-    mesh = load_texture_coordinates(source, body.faces)
-    return mesh, rasterize_texture(mesh, size)
+    return load_texture_coordinates(source, body.faces)
+
+
+@lru_cache(maxsize=2)
+def _raster(source: str, size: int) -> TextureRaster:
+    return rasterize_texture(_mesh(source), size)
 
 
 @dataclass(frozen=True)
@@ -141,7 +137,7 @@ class Skins:
         if self.kind == "contact":
             return contact_colors(person, self.request.result.contact_partners)
         if self.kind == "photo" and self.textured is not None:
-            return self.textured.textures[index].vertex_colors
+            return self.textured.vertex_colors(index)
         return np.tile(np.array(BODY_RGB, np.uint8), (len(person.vertices), 1))
 
     def pictures(self) -> dict[str, bytes]:
@@ -153,10 +149,10 @@ class Skins:
         if self.textured is None:
             return made
         for index in self.request.people:
-            texture = self.textured.textures[index]
-            made[f"{stem}_person_{index}.jpg"] = encode_image(texture.image, "JPEG")
-            made[f"{stem}_person_{index}_filled.png"] = encode_image(texture.filled, "PNG")
-            contact = self.textured.contact_image(self.request.result, index)
+            image, filled = self.textured.photo_images(index)
+            made[f"{stem}_person_{index}.jpg"] = encode_image(image, "JPEG")
+            made[f"{stem}_person_{index}_filled.png"] = encode_image(filled, "PNG")
+            contact = self.textured.contact_image(index)
             made[f"{stem}_person_{index}_contact.png"] = encode_image(contact, "PNG")
         return made
 

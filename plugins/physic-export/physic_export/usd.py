@@ -17,6 +17,7 @@ from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
 from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
+from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.photo import encode_image
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import bone_names, t_pose
@@ -183,7 +184,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
     if skins.textured is not None:
-        values["filled"] = skins.textured.textures[index].vertex_filled
+        values["filled"] = dressed_bodies(skins.request.result).filled[index]
         _add_uv(made, skins.textured.mesh.uv, skins.textured.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)

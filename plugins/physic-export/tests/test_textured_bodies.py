@@ -10,6 +10,7 @@ import pytest
 from physic_core import ExportRequest
 from physic_core.errors import InputError
 from physic_core.visual.export.request import export_frame
+from physic_core.visual.textures.dressed import dressed_bodies
 from physic_export.skins import textured_bodies
 
 
@@ -26,24 +27,21 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
         image[person.mask] = color
     textured = textured_bodies(request_of(replace(result, image=image)), 256)
     for index, color in enumerate(colors):
-        texture = textured.textures[index]
-        assert 0.15 < texture.shown < 0.5
-        assert (texture.filled < 128).any()
-        assert (texture.filled > 128).any()
-        np.testing.assert_allclose(
-            texture.image[texture.filled == 0], np.tile(color, ((texture.filled == 0).sum(), 1))
-        )
+        picture, filled = textured.photo_images(index)
+        assert 0.15 < dressed_bodies(textured.result).shown[index] < 0.5
+        assert (filled < 128).any()
+        assert (filled > 128).any()
+        np.testing.assert_allclose(picture[filled == 0], np.tile(color, ((filled == 0).sum(), 1)))
         # What the photo does not show is filled with colours of the same person.
-        assert np.abs(texture.image.astype(int) - color).max() <= 3
-        assert np.abs(texture.vertex_colors.astype(int) - color).max() <= 3
+        assert np.abs(picture.astype(int) - color).max() <= 3
+        assert np.abs(textured.vertex_colors(index).astype(int) - color).max() <= 3
 
 
 def test_the_side_away_from_the_camera_is_marked_as_filled(result):
-    textured = textured_bodies(request_of(result), 256)
     for index, person in enumerate(result.people):
         mesh = person.mesh()
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-        filled = textured.textures[index].vertex_filled
+        filled = dressed_bodies(result).filled[index]
         assert np.quantile(filled[away > 0.3], 0.02) > 0.95
         assert np.median(filled[away < -0.8]) < 0.5
 
@@ -51,8 +49,8 @@ def test_the_side_away_from_the_camera_is_marked_as_filled(result):
 def test_a_person_without_a_mask_is_filled_everywhere(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
-    assert textured.textures[0].shown == 0
-    assert textured.textures[0].filled.min() == 255
+    assert dressed_bodies(textured.result).shown[0] == 0
+    assert textured.photo_images(0)[1].min() == 255
 
 
 def test_bodies_of_another_mesh_have_no_texture(result):
