@@ -419,200 +419,173 @@ _FINGER_ORDER = np.arange(15).reshape(5, 3)
 _MEAN_HAND = np.radians(np.tile([5.0, 3.0, 20.0], (15, 1)))
 
 FORTY = {
-    "MockSegmenter": (
-        (
-            "masks of the mirrored photo",
-            lambda p, *_: with_masks(p, lambda m: m[:, ::-1]),
-        ),
-        ("padding left", lambda p, *_: with_masks(p, lambda m: moved(m, 0, 6, False))),
-        ("masks 3 px too small", lambda p, *_: with_masks(p, eroded)),
-        ("masks 3 % too large", lambda p, *_: with_masks(p, enlarged)),
-        ("floor upside down", with_floor(np.flipud)),
-    ),
-    "MockInpainter": (
-        ("blended", blended),
-        ("faded", changed_fill(lambda f: f * 0.5 + 64)),
-        ("one pixel down", changed_fill(lambda f: moved(f, 0, 1))),
-        ("BGR", changed_fill(lambda f: f[..., ::-1])),
-    ),
-    "MockMetricDepth": (
-        ("canonical focal length", canonical),
-        ("along the ray", along_rays),
-        ("mean with the mirrored photo", with_depth(lambda z: (z + z[:, ::-1]) / 2)),
-        ("8 bit", with_depth(eight_bit)),
-        ("sky at 65.5 m", with_sky),
-        ("one pixel to the right", with_depth(lambda z: moved(z, 1, 0))),
-    ),
-    "MockRelativePointmap": (
-        (
-            "ray length",
-            with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c))),
-        ),
-        ("sky valid", sky_valid),
-        ("rays of a square photo", with_points_of_map(rays_of_a_square)),
-        ("half a pixel off", with_points_of_map(half_a_pixel_right)),
-        ("mean with the mirrored photo", with_points_of_map(flip_mean_of_z)),
-    ),
-    "MockKeypointDetector": (
-        ("half a pixel off", with_points(lambda p, _: p + 0.5)),
-        (
-            "sigmoid twice",
-            lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence))),
-        ),
-        ("mean with the mirrored photo", both_sides),
-        ("clipped", in_box),
-        ("stretched crop", with_points(square_crop)),
-        ("corner of the cell", in_cells),
-    ),
-    "MockBodyEstimator": (
-        ("Euler angles", with_parameters(lambda p: pose_of(p, euler))),
-        (
-            "inverse root",
-            with_parameters(lambda p: {"global_orient": -p.global_orient}),
-        ),
-        ("distance for a focal length of 250 px", at_a_wide_angle),
-        ("seen by the camera of a crop", seen_by_the_crop),
-        ("mean with the mirrored photo", with_parameters(flip_mean)),
-        ("0.25 m too low", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
-    ),
-    "MockHandEstimator": (
-        (
-            "left hand not mirrored",
-            with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]),
-        ),
-        (
-            "thumb first",
-            with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
-        ),
-        ("inverse", with_fingers(np.negative)),
-        ("degrees", with_fingers(np.degrees)),
-    ),
-    "MockContactPrior": (
-        ("vertices moved by 37", with_contact(lambda p: np.roll(p, 37, axis=1))),
-        ("constant", with_contact(lambda p: np.full_like(p, 0.5))),
-        ("second half reversed", with_contact(second_half_reversed)),
-        ("mirrored", with_contact(mirrored_contact)),
-    ),
+    "MockSegmenter": {
+        "masks of the mirrored photo": lambda p, *_: with_masks(p, lambda m: m[:, ::-1]),
+        "padding left": lambda p, *_: with_masks(p, lambda m: moved(m, 0, 6, False)),
+        "masks 3 px too small": lambda p, *_: with_masks(p, eroded),
+        "masks 3 % too large": lambda p, *_: with_masks(p, enlarged),
+        "floor upside down": with_floor(np.flipud),
+    },
+    "MockInpainter": {
+        "blended": blended,
+        "faded": changed_fill(lambda f: f * 0.5 + 64),
+        "one pixel down": changed_fill(lambda f: moved(f, 0, 1)),
+        "BGR": changed_fill(lambda f: f[..., ::-1]),
+    },
+    "MockMetricDepth": {
+        "canonical focal length": canonical,
+        "along the ray": along_rays,
+        "mean with the mirrored photo": with_depth(lambda z: (z + z[:, ::-1]) / 2),
+        "8 bit": with_depth(eight_bit),
+        "sky at 65.5 m": with_sky,
+        "one pixel to the right": with_depth(lambda z: moved(z, 1, 0)),
+    },
+    "MockRelativePointmap": {
+        "ray length": with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c))),
+        "sky valid": sky_valid,
+        "rays of a square photo": with_points_of_map(rays_of_a_square),
+        "half a pixel off": with_points_of_map(half_a_pixel_right),
+        "mean with the mirrored photo": with_points_of_map(flip_mean_of_z),
+    },
+    "MockKeypointDetector": {
+        "half a pixel off": with_points(lambda p, _: p + 0.5),
+        "sigmoid twice": lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence))),
+        "mean with the mirrored photo": both_sides,
+        "clipped": in_box,
+        "stretched crop": with_points(square_crop),
+        "corner of the cell": in_cells,
+    },
+    "MockBodyEstimator": {
+        "Euler angles": with_parameters(lambda p: pose_of(p, euler)),
+        "inverse root": with_parameters(lambda p: {"global_orient": -p.global_orient}),
+        "distance for a focal length of 250 px": at_a_wide_angle,
+        "seen by the camera of a crop": seen_by_the_crop,
+        "mean with the mirrored photo": with_parameters(flip_mean),
+        "0.25 m too low": pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0])),
+    },
+    "MockHandEstimator": {
+        "left hand not mirrored": with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]),
+        "thumb first": with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
+        "inverse": with_fingers(np.negative),
+        "degrees": with_fingers(np.degrees),
+    },
+    "MockContactPrior": {
+        "vertices moved by 37": with_contact(lambda p: np.roll(p, 37, axis=1)),
+        "constant": with_contact(lambda p: np.full_like(p, 0.5)),
+        "second half reversed": with_contact(second_half_reversed),
+        "mirrored": with_contact(mirrored_contact),
+    },
 }
-"""Mock -> faults, each in words and as ``change(result, *arguments)``."""
+"""Mock -> fault in words -> ``change(result, *arguments)``."""
 
 FURTHER = {
-    "MockSegmenter": (
-        (
-            "masks one pixel to the right",
-            lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False)),
+    "MockSegmenter": {
+        "masks one pixel to the right": lambda p, *_: with_masks(
+            p, lambda m: moved(m, 1, 0, False)
         ),
-        (
-            "boxes with the last pixel",
-            lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
+        "boxes with the last pixel": lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
+        "floor one pixel to the right": with_floor(lambda floor: moved(floor, 1, 0)),
+        "everybody in one mask": in_one_mask,
+        "boxes in another order": lambda p, *_: replace(p, boxes=p.boxes[::-1].copy()),
+    },
+    "MockInpainter": {
+        "whole picture one pixel to the right": moved_picture,
+        "fill mirrored": with_fill(lambda image: image[:, ::-1]),
+        "blended at its border": soft_rim,
+        "10 % darker": with_fill(lambda image: 0.9 * image),
+        "one pixel of the border of people left": rim_left(1),
+        "without colour": with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1]),
+    },
+    "MockMetricDepth": {
+        "principal point half a pixel off": with_camera(half_a_pixel_off),
+        "times 1.25": with_depth(lambda z: 1.25 * z),
+        "0.3 m too far": with_depth(lambda z: z + 0.3),
+        "camera of a square photo": with_camera(lambda c: replace(c, fx=0.75 * c.fx)),
+        "half-size grid": with_depth(of_half_a_grid),
+    },
+    "MockRelativePointmap": {
+        "y up": with_points_of_map(lambda p, _: p * [1, -1, 1]),
+        "OpenGL camera": with_points_of_map(lambda p, _: p * [1, -1, -1]),
+        "offset of z not declared": with_points_of_map(lambda p, _: farther(p)),
+        "rays of a focal length 2 % longer": with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
+        "z of the next row": with_points_of_map(next_row),
+        "principal point W / 2": with_camera(half_a_pixel_off),
+        "offset of 1 / z declared as one of z": bent,
+    },
+    "MockKeypointDetector": {
+        "1.25 % too large": with_points(lambda p, centre: centre + 1.0125 * (p - centre)),
+        "knees for ankles": lambda k, *_: exchanged(k, *_LEGS),
+        "wrists exchanged": lambda k, *_: exchanged(k, ("left_wrist", "right_wrist")),
+        "1 is unsure": lambda k, *_: replace(k, confidence=1 - k.confidence),
+        "lens distortion": of_a_lens,
+        "world points with x to the left": lambda *a: with_world(*a, right=-1),
+    },
+    "MockBodyEstimator": {
+        "joints with left and right exchanged": with_joints(sides_of_joints),
+        "joints with knees for ankles": with_joints(knees_for_ankles),
+        "pose of the mirrored person": with_parameters(of_mirrored_person),
+        "pose always zero": with_parameters(lambda p: pose_of(p, np.zeros_like)),
+        "at the focal length of the crop": at_the_focal_length_of_the_crop,
+        "distance times 1.4": pelvis_at(lambda pelvis: 1.4 * pelvis),
+        "8 degrees turned about the vertical": with_parameters(
+            lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}
         ),
-        ("floor one pixel to the right", with_floor(lambda floor: moved(floor, 1, 0))),
-        ("everybody in one mask", in_one_mask),
-        (
-            "boxes in another order",
-            lambda p, *_: replace(p, boxes=p.boxes[::-1].copy()),
-        ),
-    ),
-    "MockInpainter": (
-        ("whole picture one pixel to the right", moved_picture),
-        ("fill mirrored", with_fill(lambda image: image[:, ::-1])),
-        ("blended at its border", soft_rim),
-        ("10 % darker", with_fill(lambda image: 0.9 * image)),
-        ("one pixel of the border of people left", rim_left(1)),
-        (
-            "without colour",
-            with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1]),
-        ),
-    ),
-    "MockMetricDepth": (
-        ("principal point half a pixel off", with_camera(half_a_pixel_off)),
-        ("times 1.25", with_depth(lambda z: 1.25 * z)),
-        ("0.3 m too far", with_depth(lambda z: z + 0.3)),
-        ("camera of a square photo", with_camera(lambda c: replace(c, fx=0.75 * c.fx))),
-        ("half-size grid", with_depth(of_half_a_grid)),
-    ),
-    "MockRelativePointmap": (
-        ("y up", with_points_of_map(lambda p, _: p * [1, -1, 1])),
-        ("OpenGL camera", with_points_of_map(lambda p, _: p * [1, -1, -1])),
-        ("offset of z not declared", with_points_of_map(lambda p, _: farther(p))),
-        (
-            "rays of a focal length 2 % longer",
-            with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
-        ),
-        ("z of the next row", with_points_of_map(next_row)),
-        ("principal point W / 2", with_camera(half_a_pixel_off)),
-        ("offset of 1 / z declared as one of z", bent),
-    ),
-    "MockKeypointDetector": (
-        ("1.25 % too large", with_points(lambda p, centre: centre + 1.0125 * (p - centre))),
-        ("knees for ankles", lambda k, *_: exchanged(k, *_LEGS)),
-        ("wrists exchanged", lambda k, *_: exchanged(k, ("left_wrist", "right_wrist"))),
-        ("1 is unsure", lambda k, *_: replace(k, confidence=1 - k.confidence)),
-        ("lens distortion", of_a_lens),
-        ("world points with x to the left", lambda *a: with_world(*a, right=-1)),
-    ),
-    "MockBodyEstimator": (
-        ("joints with left and right exchanged", with_joints(sides_of_joints)),
-        ("joints with knees for ankles", with_joints(knees_for_ankles)),
-        ("pose of the mirrored person", with_parameters(of_mirrored_person)),
-        ("pose always zero", with_parameters(lambda p: pose_of(p, np.zeros_like))),
-        ("at the focal length of the crop", at_the_focal_length_of_the_crop),
-        ("distance times 1.4", pelvis_at(lambda pelvis: 1.4 * pelvis)),
-        (
-            "8 degrees turned about the vertical",
-            with_parameters(
-                lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}
-            ),
-        ),
-        (
-            "collars for shoulders",
-            with_parameters(lambda p: pose_of(p, of_pose(*_COLLARS))),
-        ),
-        ("inverse rotations", with_parameters(lambda p: pose_of(p, np.negative))),
-    ),
-    "MockHandEstimator": (
-        ("always flat", with_fingers(np.zeros_like)),
-        ("relative to a relaxed hand", with_fingers(lambda r: r - _MEAN_HAND)),
-        (
-            "joints from tip to palm",
-            with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]),
-        ),
-    ),
-    "MockContactPrior": (
-        ("vertices reversed", with_contact(lambda p: p[:, ::-1].copy())),
-        ("sigmoid twice", with_contact(lambda p: 1 / (1 + np.exp(-p)))),
-    ),
+        "collars for shoulders": with_parameters(lambda p: pose_of(p, of_pose(*_COLLARS))),
+        "inverse rotations": with_parameters(lambda p: pose_of(p, np.negative)),
+    },
+    "MockHandEstimator": {
+        "always flat": with_fingers(np.zeros_like),
+        "relative to a relaxed hand": with_fingers(lambda r: r - _MEAN_HAND),
+        "joints from tip to palm": with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]),
+    },
+    "MockContactPrior": {
+        "vertices reversed": with_contact(lambda p: p[:, ::-1].copy()),
+        "sigmoid twice": with_contact(lambda p: 1 / (1 + np.exp(-p))),
+    },
 }
 """Further faults, which are looked for in mocks without noise."""
 
 FOUND_BY = {
-    ("MockSegmenter", "boxes with the last pixel"): "boxes_are_tight",
-    ("MockSegmenter", "boxes in another order"): "boxes_enclose_their_masks",
-    ("MockSegmenter", "floor one pixel to the right"): "floor_is_in_place",
-    ("MockSegmenter", "everybody in one mask"): "masks_lie_on_people",
-    ("MockInpainter", "blended"): "fill_has_the_colours_around",
-    ("MockInpainter", "one pixel down"): "fill_is_not_shifted",
-    ("MockInpainter", "whole picture one pixel to the right"): "only_the_mask_is_filled",
-    ("MockMetricDepth", "canonical focal length"): "depth_does_not_depend_on_the_focal_length",
-    ("MockMetricDepth", "one pixel to the right"): "depth_is_not_shifted",
-    ("MockMetricDepth", "principal point half a pixel off"): "intrinsics_are_not_biased",
-    ("MockMetricDepth", "sky at 65.5 m"): "depth_is_where_it_can_be_known",
-    ("MockMetricDepth", "0.3 m too far"): "unknown_names_the_ambiguity",
-    ("MockRelativePointmap", "half a pixel off"): "points_lie_on_the_rays_of_the_camera",
-    ("MockKeypointDetector", "sigmoid twice"): "confidence_tells_hidden_joints",
-    ("MockKeypointDetector", "half a pixel off"): "joints_are_not_shifted_or_scaled",
-    ("MockKeypointDetector", "world points with x to the left"): "world_points_are_metres",
-    ("MockBodyEstimator", "inverse root"): "bodies_face_the_right_way",
-    (
-        "MockBodyEstimator",
-        "distance for a focal length of 250 px",
-    ): "distance_does_not_depend_on_the_crop",
-    ("MockBodyEstimator", "Euler angles"): "joints_turn_as_in_the_photo",
-    ("MockBodyEstimator", "joints with left and right exchanged"): "pose_is_not_turned_or_mirrored",
-    ("MockHandEstimator", "left hand not mirrored"): "hands_are_those_of_the_person",
-    ("MockContactPrior", "constant"): "contact_is_more_likely_where_bodies_touch",
-    ("MockContactPrior", "second half reversed"): "vertices_are_in_order",
+    "MockSegmenter": {
+        "boxes with the last pixel": "boxes_are_tight",
+        "boxes in another order": "boxes_enclose_their_masks",
+        "floor one pixel to the right": "floor_is_in_place",
+        "everybody in one mask": "masks_lie_on_people",
+    },
+    "MockInpainter": {
+        "blended": "fill_has_the_colours_around",
+        "one pixel down": "fill_is_not_shifted",
+        "whole picture one pixel to the right": "only_the_mask_is_filled",
+    },
+    "MockMetricDepth": {
+        "canonical focal length": "depth_does_not_depend_on_the_focal_length",
+        "one pixel to the right": "depth_is_not_shifted",
+        "principal point half a pixel off": "intrinsics_are_not_biased",
+        "sky at 65.5 m": "depth_is_where_it_can_be_known",
+        "0.3 m too far": "unknown_names_the_ambiguity",
+    },
+    "MockRelativePointmap": {
+        "half a pixel off": "points_lie_on_the_rays_of_the_camera",
+    },
+    "MockKeypointDetector": {
+        "sigmoid twice": "confidence_tells_hidden_joints",
+        "half a pixel off": "joints_are_not_shifted_or_scaled",
+        "world points with x to the left": "world_points_are_metres",
+    },
+    "MockBodyEstimator": {
+        "inverse root": "bodies_face_the_right_way",
+        "distance for a focal length of 250 px": "distance_does_not_depend_on_the_crop",
+        "Euler angles": "joints_turn_as_in_the_photo",
+        "joints with left and right exchanged": "pose_is_not_turned_or_mirrored",
+    },
+    "MockHandEstimator": {
+        "left hand not mirrored": "hands_are_those_of_the_person",
+    },
+    "MockContactPrior": {
+        "constant": "contact_is_more_likely_where_bodies_touch",
+        "second half reversed": "vertices_are_in_order",
+    },
 }
-"""Mock and fault -> the check that finds it, for the checks that no wrong backend of
+"""Mock -> fault -> the check that finds it, for the checks that no wrong backend of
 ``wrong_backends.py`` is for.
 """

@@ -28,17 +28,17 @@ UNSEEN = {
     ("MockContactPrior", "mirrored"),
 }
 """Faults that are lost among errors as large as those of a network."""
-CLEAN = [
-    (mock, fault)
-    for mock in FORTY
-    for fault in (*FORTY[mock], *FURTHER[mock])
-    if (mock, fault[0]) not in LOST
-]
-NOISY = [(mock, f) for mock, faults in FORTY.items() for f in faults if (mock, f[0]) not in UNSEEN]
+FAULTS = {mock: FORTY[mock] | FURTHER[mock] for mock in FORTY}
+
+
+def found_of(faults, lost):
+    """Mock and fault for each fault that is not lost."""
+    pairs = [(mock, fault) for mock, changes in faults.items() for fault in changes]
+    return [pair for pair in pairs if pair not in lost]
 
 
 def name_of(value):
-    return value.removeprefix("Mock") if isinstance(value, str) else value[0].replace(" ", "_")
+    return value.removeprefix("Mock").replace(" ", "_")
 
 
 def failures(run):
@@ -50,15 +50,15 @@ def failures(run):
     return (found for name in names if (found := run.result(name)).outcome in ("failed", "warned"))
 
 
-@pytest.mark.parametrize(("mock", "fault"), CLEAN, ids=name_of)
+@pytest.mark.parametrize(("mock", "fault"), found_of(FAULTS, LOST), ids=name_of)
 def test_a_fault_is_found_in_a_perfect_network(mock, fault):
-    found = [failure.check for failure in failures(run_checks(mock, fault[1]))]
-    assert FOUND_BY.get((mock, fault[0]), found[0]) in found
+    found = [failure.check for failure in failures(run_checks(mock, FAULTS[mock][fault]))]
+    assert FOUND_BY[mock].get(fault, found[0]) in found
 
 
-@pytest.mark.parametrize(("mock", "fault"), NOISY, ids=name_of)
+@pytest.mark.parametrize(("mock", "fault"), found_of(FORTY, UNSEEN), ids=name_of)
 def test_a_fault_is_found_among_the_errors_of_a_network(mock, fault):
-    assert any(failures(run_checks(mock, fault[1], noise=1, seed=1000)))
+    assert any(failures(run_checks(mock, FORTY[mock][fault], noise=1, seed=1000)))
 
 
 @pytest.mark.parametrize("mock", FORTY)
