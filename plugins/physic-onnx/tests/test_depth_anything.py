@@ -43,8 +43,8 @@ ONE_PHOTO = {
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs
-    are given.
+    """A network whose map is the red of its input plus 4, or a sigmoid of it; its other outputs are
+    given.
     """
 
     def build(
@@ -53,12 +53,9 @@ def contract_graph(graph, node, tmp_path):
         gives="predicted_depth",
         shape=FREE,
         map_shape=FREE_MAP,
-        channel=0,
         sigmoid=False,
-        depth=None,
         further=None,
     ):
-        where = np.array(channel, np.int64)
         nodes = [node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3)]
         if sigmoid:
             nodes += [
@@ -67,7 +64,7 @@ def contract_graph(graph, node, tmp_path):
             ]
         else:
             nodes += [node("Add", ["plane", "four"], [gives])]
-        constants = {"channel": where, "four": np.float32(4), "most": np.float32(20)}
+        constants = {"channel": np.int64(0), "four": np.float32(4), "most": np.float32(20)}
         outputs = {gives: ("float32", map_shape)}
         for other, value in (further or {}).items():
             constants[f"given_{other}"] = np.asarray(value, np.float32)
@@ -88,8 +85,8 @@ def metric(loaded):
     return partial(loaded, DepthAnythingMetric)
 
 
-def normalised(image, channel=0):
-    return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel]
+def normalised(image):
+    return (image[..., 0] / 255 - IMAGENET_MEAN[0]) / IMAGENET_STD[0]
 
 
 class TestExports:
@@ -264,18 +261,11 @@ def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, kind, shape, map_s
 class TestVersion3:
     """Depth Anything 3 relative: depth, and of some files a camera, a confidence, a sky."""
 
-    def image_of_views(self, contract_graph, **further):
-        return contract_graph(
-            "da.onnx",
-            shape=("b", 1, 3, "h", "w"),
-            map_shape=("b", 1, "h", "w"),
-            further=further or None,
-        )
-
     def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph, relative):
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
-        backend = relative(self.image_of_views(contract_graph))
+        views = {"shape": ("b", 1, 3, "h", "w"), "map_shape": ("b", 1, "h", "w")}
+        backend = relative(contract_graph("da.onnx", **views))
         assert backend.network.signature == VIEWS
         answer = backend.infer(image, Hints())
         assert answer.unknown == "scale"
@@ -319,8 +309,8 @@ class TestVersion3:
         path = contract_graph(**ONE_PHOTO, further={"intrinsics": matrix[None, None]})
         answer = relative(path).infer(ramp(504, 1008), Hints())
         camera = answer.intrinsics
-        assert (camera.fx, camera.fy) == (pytest.approx(800.0), pytest.approx(600.0))
-        assert (camera.cx, camera.cy) == (pytest.approx(503.5), pytest.approx(251.5))
+        found = (camera.fx, camera.fy, camera.cx, camera.cy)
+        assert found == pytest.approx((800.0, 600.0, 503.5, 251.5))
         assert camera.source == "Depth Anything 3"
         assert "800 px" in answer.notes[0]
 

@@ -35,16 +35,23 @@ def scripts_of(page):
     return re.findall(r"<script(?: type=\"module\")?>(.*?)</script>", page, re.S)
 
 
+def unpacked(text, dtype="u1"):
+    return np.frombuffer(base64.b64decode(text), dtype)
+
+
 def points_of(packed):
-    levels = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(-1, 3)
+    levels = unpacked(packed["data"], "<u2").reshape(-1, 3)
     assert len(levels) == packed["count"]
     return np.array(packed["origin"]) + np.array(packed["step"]) * levels
 
 
 def flags_of(text, count):
-    return np.unpackbits(
-        np.frombuffer(base64.b64decode(text), np.uint8), count=count, bitorder="little"
-    ).astype(bool)
+    return np.unpackbits(unpacked(text), count=count, bitorder="little").astype(bool)
+
+
+def shown(result, people=None):
+    """The data of the page of a result, or of one with other people."""
+    return data_of(report_html(result if people is None else replace(result, people=people)))
 
 
 @pytest.fixture
@@ -111,22 +118,18 @@ def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
     packed = pack_bodies(crowd)
     count = packed["people"][0]["points"]["count"]
     assert count < 0.4 * len(standing.people[0].vertices)
-    contact, colors = (
-        base64.b64decode(packed["people"][0][name]) for name in ("contact", "colors")
-    )
+    contact, colors = (unpacked(packed["people"][0][name]) for name in ("contact", "colors"))
     assert max(contact) == 255
     assert (len(contact), len(colors)) == (count, 3 * count)
     assert packed["people"][0]["texture"] is packed["uv"] is None
-    faces = np.frombuffer(base64.b64decode(packed["faces"]["data"]), "<u2")
-    assert faces.max() < count
+    assert unpacked(packed["faces"]["data"], "<u2").max() < count
 
 
 def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_seams(standing):
     packed = pack_bodies(standing)
     count = len(standing.people[0].vertices)
     faces, split, uv = (
-        np.frombuffer(base64.b64decode(packed[name]["data"]), "<u2").astype(int)
-        for name in ("faces", "split", "uv")
+        unpacked(packed[name]["data"], "<u2").astype(int) for name in ("faces", "split", "uv")
     )
     vertex = np.r_[np.arange(count), split]
     np.testing.assert_array_equal(vertex[faces].reshape(-1, 3), standing.faces)
@@ -140,35 +143,32 @@ def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_
 def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(standing):
     person = standing.people[0]
     unsure = replace(person, contact_probability=np.full(len(person.vertices), 0.4, np.float16))
-    data = data_of(report_html(replace(standing, people=(unsure,))))
-    strength = np.frombuffer(base64.b64decode(data["bodies"]["people"][0]["contact"]), np.uint8)
+    data = shown(standing, (unsure,))
+    strength = unpacked(data["bodies"]["people"][0]["contact"])
     assert set(strength[person.contact]) == {51}
     assert not strength[~person.contact].any()
     assert data["faint"] == "faint: less likely than not"
-    assert data_of(report_html(standing))["faint"] == ""
+    assert shown(standing)["faint"] == ""
 
 
 def test_the_page_tells_assumed_contacts_from_others(standing):
     foot = BodyContact("left_foot", ContactPartner("floor", "floor"), 0.8, 9, assumed=True)
     hand = replace(foot, part="left_hand", assumed=False)
     person = replace(standing.people[0], contacts=(foot, hand))
-    contacts = data_of(report_html(replace(standing, people=(person,))))["people"][0]["contacts"]
-    assert [(one["part"], one["assumed"]) for one in contacts] == [
-        ("left foot", True),
-        ("left hand", False),
-    ]
+    contacts = shown(standing, (person,))["people"][0]["contacts"]
+    assumed = {one["part"]: one["assumed"] for one in contacts}
+    assert assumed == {"left foot": True, "left hand": False}
 
 
 def test_stature_and_distances_are_those_of_the_bodies(standing):
-    person, other = data_of(report_html(standing))["people"]
+    person, other = shown(standing)["people"]
     model = load_body()
+    first, second = (one.joints[0] for one in standing.people)
     assert person["stature"] == pytest.approx(float(model.stature(torch.zeros(1, 16))), abs=1e-4)
     assert 1.5 < person["stature"] < 1.9
-    assert person["camera"] == pytest.approx(
-        float(np.linalg.norm(standing.people[0].joints[0])), abs=1e-6
-    )
+    assert person["camera"] == pytest.approx(float(np.linalg.norm(first)), abs=1e-6)
     assert person["lowest"] == pytest.approx(0.0, abs=1e-5)
-    pelvis = float(np.linalg.norm(standing.people[0].joints[0] - standing.people[1].joints[0]))
+    pelvis = float(np.linalg.norm(first - second))
     (record,) = person["others"]
     assert (record["person"], record["pelvis"]) == (1, pytest.approx(pelvis, abs=1e-6))
     assert 1.5 <= pelvis < 1.6
@@ -178,7 +178,7 @@ def test_stature_and_distances_are_those_of_the_bodies(standing):
 
 
 def test_contact_is_counted_by_body_part(standing):
-    contact = data_of(report_html(standing))["people"][0]["contact"]
+    contact = shown(standing)["people"][0]["contact"]
     assert {row["part"] for row in contact} == {"left foot", "right foot"}
     for row in contact:
         assert 100 < row["cm2"] < 400
@@ -188,15 +188,9 @@ def test_contact_is_counted_by_body_part(standing):
 
 def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, tmp_path):
     # The mannequins of the room have other vertices than the embedded body.
-    for result in (
-        reconstruction,
-        replace(
-            reconstruction,
-            body_model="smplx",
-            config={"body_model": {"path": str(tmp_path / "SMPLX.npz")}},
-        ),
-    ):
-        person = data_of(report_html(result))["people"][0]
+    config = {"body_model": {"path": str(tmp_path / "SMPLX.npz")}}
+    for changes in ({}, {"body_model": "smplx", "config": config}):
+        person = shown(replace(reconstruction, **changes))["people"][0]
         assert person["stature"] is None
         assert person["contact"] is None
         assert person["contact_vertices"] > 0
@@ -214,14 +208,10 @@ def test_a_page_has_no_address_and_is_small(make, people):
 
 
 def test_a_person_without_a_body_is_on_the_page(reconstruction):
-    person = reconstruction.people[1]
+    first, person = reconstruction.people
     lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
-    result = replace(
-        reconstruction,
-        people=(reconstruction.people[0], lost),
-        unposed=(UnposedPerson((1.0, 2.0, 3.0, 4.0), 0.5, "no pose fits the box"),),
-    )
-    data = data_of(report_html(result))
+    unposed = (UnposedPerson((1.0, 2.0, 3.0, 4.0), 0.5, "no pose fits the box"),)
+    data = shown(replace(reconstruction, unposed=unposed), (first, lost))
     assert data["bodies"]["people"][1] is None
     assert (data["people"][1]["posed"], data["people"][1]["others"]) == (False, [])
     assert data["people"][0]["others"] == []
@@ -229,21 +219,18 @@ def test_a_person_without_a_body_is_on_the_page(reconstruction):
 
 
 def test_a_person_of_other_photos_has_no_box_in_the_reference_photo(reconstruction):
-    person = reconstruction.people[1]
+    first, person = reconstruction.people
     other = replace(person, mask=np.zeros_like(person.mask), box=np.zeros_like(person.box))
-    data = data_of(report_html(replace(reconstruction, people=(reconstruction.people[0], other))))
-    assert data["people"][0]["box"] == reconstruction.people[0].box.tolist()
+    data = shown(reconstruction, (first, other))
+    assert data["people"][0]["box"] == first.box.tolist()
     assert data["people"][1]["box"] is None
     assert data["people"][1]["posed"]
 
 
 def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):
-    scene = replace(
-        reconstruction.scene, floor=None, valid=np.zeros_like(reconstruction.scene.valid)
-    )
-    data = data_of(
-        report_html(replace(reconstruction, scene=scene, people=(), checks=(), stages=()))
-    )
+    scene = reconstruction.scene
+    empty = replace(scene, floor=None, valid=np.zeros_like(scene.valid))
+    data = shown(replace(reconstruction, scene=empty, checks=(), stages=()), ())
     assert data["floor"] is False
     assert data["scene"]["points"]["count"] == 0
 
@@ -257,8 +244,8 @@ def test_text_of_others_is_never_markup(reconstruction):
     assert data["warnings"] == data["notes"] == [ODD]
     assert "alert(1)</script>" not in page
     assert page.count("<script") == page.count("</script") == 3
-    shown = html.escape(ODD).replace("\udce9", "\\udce9")
-    assert f"<h1>{shown}</h1>" in page
+    title = html.escape(ODD).replace("\udce9", "\\udce9")
+    assert f"<h1>{title}</h1>" in page
 
 
 def test_only_the_scripts_of_the_page_may_run(reconstruction):
@@ -284,10 +271,8 @@ def test_a_page_of_failure_says_what_is_wrong():
 
 def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
     content = (PAGE / "vendor" / "three.js").read_bytes()
-    assert (PAGE / "vendor" / "three.sha256").read_text().split() == [
-        hashlib.sha256(content).hexdigest(),
-        "three.js",
-    ]
+    stated = (PAGE / "vendor" / "three.sha256").read_text().split()
+    assert stated == [hashlib.sha256(content).hexdigest(), "three.js"]
     head = content[:1400].decode()
     assert "The MIT License" in head
     assert "three.js authors" in head
