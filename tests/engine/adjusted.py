@@ -31,6 +31,11 @@ def shifted(state, *metres):
     return replace(state, transl=state.transl + torch.tensor(metres))
 
 
+def posed(state):
+    """Return the bodies of the state, as its model poses them."""
+    return state.model(state.rotations, state.betas, state.transl, state.expression)
+
+
 def without_joints(state, *names, sides=("left", "right")):
     """Return the state of a photo that does not show some joints."""
     observed = state.observed.clone()

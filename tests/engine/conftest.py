@@ -141,6 +141,19 @@ def two(make_stage):
     return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
 
 
+@pytest.fixture(scope="session")
+def with_box(make_stage):
+    """Two who stand apart, the first one partly in a box."""
+    people = [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))]
+    return make_stage(people, boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
+
+
+@pytest.fixture(scope="session")
+def behind_box(make_stage):
+    """One whose legs a box hides, right before them."""
+    return make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
+
+
 @pytest.fixture(autouse=True)
 def _one_thread():
     """Small tensors: several threads beside a busy machine are many times slower than one."""

@@ -24,7 +24,7 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.tensors import to_device
 
-from .adjusted import adjusted, shifted, with_options
+from .adjusted import adjusted, posed, shifted, with_options
 from .drawn import normal
 
 DEFAULT = engine_preset("default").joint
@@ -33,13 +33,6 @@ HERE = {
     "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
-
-
-@pytest.fixture(scope="module")
-def two(make_stage):
-    return make_stage(
-        [({}, (-0.3, 0.0, 3.5)), ({}, (0.3, 0.0, 3.9))], boxes=[((0.5, 0.7, 3.0), (1.0, 1.3, 4.0))]
-    )
 
 
 def relocated(thing, device, memo):
@@ -69,9 +62,9 @@ def relocated(thing, device, memo):
 
 
 @pytest.mark.parametrize("name", HERE)
-def test_an_evaluation_stays_on_one_device(two, name):
+def test_an_evaluation_stays_on_one_device(with_box, name):
     """Without a GPU: tensors without content refuse to meet those of the CPU."""
-    energy = JointEnergy(two.state, HERE[name])
+    energy = JointEnergy(with_box.state, HERE[name])
     expected = energy()
     there = relocated(energy, "meta", {})
     found = there()
@@ -109,9 +102,9 @@ class HostReads(TorchFunctionMode):
 
 
 @pytest.mark.parametrize("steps", [1, 9])
-def test_the_host_waits_once_an_evaluation_and_once_a_step(two, steps):
+def test_the_host_waits_once_an_evaluation_and_once_a_step(with_box, steps):
     """For energy and checksum; for the slope of a step."""
-    energy = JointEnergy(two.state, DEFAULT)
+    energy = JointEnergy(with_box.state, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
         block = settings.start(energy)(steps)
@@ -125,9 +118,9 @@ def as_double(state, device):
 
 @needs_cuda
 @pytest.mark.parametrize("name", [*HERE, "paper"])
-def test_cuda_has_the_cpus_energy(two, name):
+def test_cuda_has_the_cpus_energy(with_box, name):
     settings = HERE.get(name, engine_preset("paper").joint)
-    here, there = (JointEnergy(as_double(two.state, d), settings) for d in ("cpu", "cuda"))
+    here, there = (JointEnergy(as_double(with_box.state, d), settings) for d in ("cpu", "cuda"))
     for energy in (here, there):
         packed = energy.variables.pack()
         energy.variables.load(packed + 0.01 * normal(len(packed)).to(packed))
@@ -139,8 +132,8 @@ def test_cuda_has_the_cpus_energy(two, name):
 
 
 @needs_cuda
-def test_cuda_ends_where_the_cpu_does(two):
-    state = shifted(two.state, 0.0, -0.05, 0.1)
+def test_cuda_ends_where_the_cpu_does(with_box):
+    state = shifted(with_box.state, 0.0, -0.05, 0.1)
     here, there = (
         optimize(as_double(state, d), adjusted(DEFAULT, optimiser__steps=30))
         for d in ("cpu", "cuda")
@@ -150,11 +143,11 @@ def test_cuda_ends_where_the_cpu_does(two):
 
 
 @needs_cuda
-def test_cuda_gives_the_distances_of_the_cpu(two):
+def test_cuda_gives_the_distances_of_the_cpu(with_box):
     answers = []
     for device in ("cpu", "cuda"):
-        state = as_double(two.state, device)
-        body = state.model(state.rotations, state.betas, state.transl)
+        state = as_double(with_box.state, device)
+        body = posed(state)
         around = state.surroundings
         scene = NearestPointSearch(around.points, around.normals)
         rows = torch.arange(len(around.points), device=device)

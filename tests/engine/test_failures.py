@@ -26,11 +26,6 @@ NAN = float("nan")
 INF = float("inf")
 
 
-@pytest.fixture(scope="module")
-def two(make_stage):
-    return make_stage([({}, (-0.7, 0.0, 3.5)), ({}, (0.7, 0.0, 4.0))])
-
-
 @pytest.mark.parametrize("free", [(), ("scale",)])
 def test_held_people_stay_where_they_were_placed(two, free):
     held = adjusted(DEFAULT, frozen=tuple(group for group in PARAMETER_GROUPS if group not in free))

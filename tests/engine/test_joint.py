@@ -100,9 +100,9 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     assert abs(gap) < 0.025
 
 
-def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
+def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(behind_box):
     """The box's front is all that the camera knows of it, and the legs are right behind."""
-    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
+    stage = behind_box
     aware = optimize(stage.state, SHORT)
     blind = optimize(stage.state, adjusted(SHORT, visibility__occlusion_aware=False))
     legs = stage.vertices[0, :, 1] > 0.7
@@ -232,15 +232,12 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
     ],
     ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
 )
-def test_gradient_of_the_whole_energy(make_stage, settings):
+def test_gradient_of_the_whole_energy(with_box, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth
     all in play.
     """
-    stage = make_stage(
-        [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
-    )
-    leaning = moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05)
-    views = (view_of(stage, 40.0), view_of(stage, 120.0)) if settings is SETTINGS else ()
+    leaning = moved(with_box.state, by=(0.01, 0.02, 0.05), turn=0.05)
+    views = tuple(view_of(with_box, turn) for turn in (40.0, 120.0)) if settings is SETTINGS else ()
     lean = torch.tensor([0.05, 0.1])
     state = in_float64(replace(leaning, lean_sigma=lean, views=views))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.

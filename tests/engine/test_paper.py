@@ -55,10 +55,9 @@ def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
 
 
 @pytest.mark.parametrize("visible", [0.0, 1.0])
-def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visible):
-    stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
+def test_hidden_vertices_are_regularised_more_than_visible_ones(behind_box, visible):
     energy = JointEnergy(
-        floor_grid(stage.state), adjusted(PAPER, regularisation__visible_weight=visible)
+        floor_grid(behind_box.state), adjusted(PAPER, regularisation__visible_weight=visible)
     )
     weight = energy.weights["regularisation"]
     hidden = energy.snapshot.visibility.hidden | ~energy.snapshot.visibility.eligible
@@ -87,15 +86,14 @@ def test_contact_outside_the_picture_counts(make_stage):
     assert (energy.weights["contact"][0, soles] > 0).float().mean() > 0.9
 
 
-def test_penetration_looks_as_far_as_a_metre(make_stage):
+def test_penetration_looks_as_far_as_a_metre(standing):
     """A wall 40 cm before the person, of whom all is shown: they are inside of it, as printed."""
-    stage = make_stage([({}, (0.0, 0.0, 3.5))])
     v, u = torch.meshgrid(
         torch.linspace(-1.2, 1.2, 60), torch.linspace(-1.2, 1.2, 60), indexing="ij"
     )
     wall = torch.stack([u, v, torch.full_like(u, 3.1)], -1).reshape(-1, 3)
     normals = torch.tensor([0.0, 0.0, -1.0]).expand_as(wall)
-    state = with_scene(with_points(stage.state, wall, normals), floor=None)
+    state = with_scene(with_points(standing.state, wall, normals), floor=None)
     with torch.no_grad():
         far, near = (
             JointEnergy(state, adjusted(PAPER, penetration__max_depth_m=reach))()["penetration"]

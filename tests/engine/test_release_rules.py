@@ -17,7 +17,7 @@ from physic_paper.released.pointmap import published_floor_grid, published_norma
 from physic_paper.released.reprojection import released_keypoint_weights
 from physic_paper.released.visibility import visible_part_shares
 
-from .adjusted import with_scene
+from .adjusted import posed, with_scene
 
 RELEASE = engine_preset("release")
 PAPER = engine_preset("paper")
@@ -28,7 +28,7 @@ def released(state, **changed):
     x, z = torch.meshgrid(torch.linspace(-2, 2, 41), torch.linspace(2, 6, 41), indexing="ij")
     height = torch.full_like(x, state.scene.floor.offset)
     floor = torch.stack([x, height, z], -1).reshape(-1, 3)
-    body = state.model(state.rotations, state.betas, state.transl, state.expression)
+    body = posed(state)
     points = tuple(v[::40] for v in body.vertices)
     return replace(with_scene(state, floor_points=floor), **{"human_points": points} | changed)
 

@@ -41,12 +41,9 @@ UNALIKE = (0.7, 1.3)  # what the gradient of each person's energy is multiplied 
 
 
 @pytest.fixture(scope="module")
-def sunk(make_stage):
+def sunk(with_box):
     """Two who stand partly in a box and in the floor, one of them with hidden feet, in float64."""
-    stage = make_stage(
-        [({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))]
-    )
-    state = shifted(stage.state, 0.01, 0.03, 0.08)
+    state = shifted(with_box.state, 0.01, 0.03, 0.08)
     return in_float64(state)
 
 

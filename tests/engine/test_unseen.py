@@ -20,7 +20,7 @@ from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
-from .adjusted import adjusted, part_of, with_scene, without_joints
+from .adjusted import adjusted, part_of, posed, with_scene, without_joints
 
 SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
@@ -75,7 +75,7 @@ def sole_height(state, vertices):
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
     monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.0)
     state = lifted(standing, 0.06)
-    start = state.model(state.rotations, state.betas, state.transl, state.expression).vertices
+    start = posed(state).vertices
     assert 0.03 < sole_height(state, start) < 0.1
     free = adjusted(SETTINGS, soles__unseen_weight=0.0)
     pulled, left = (
@@ -103,14 +103,14 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
     state = lifted(standing, 0.0)
     hip = JOINT_INDEX["left_hip"]
     ankle = JOINT_INDEX["left_ankle"]
-    posed = state.model(state.rotations, state.betas, state.transl, state.expression)
+    body = posed(state)
     aside = state.rotations.clone()
     aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
 
     def off(weight):
         monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", weight)
         end = optimize(replace(state, rotations=aside), SETTINGS).joints
-        return float((end - posed.joints)[0, ankle].norm())
+        return float((end - body.joints)[0, ankle].norm())
 
     assert off(0.0) > 0.08
     assert off(0.4) < 0.03

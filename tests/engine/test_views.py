@@ -85,11 +85,6 @@ def raised(make_stage):
     return make_stage([(RAISED, PLACE)])
 
 
-@pytest.fixture(scope="module")
-def two(make_stage):
-    return make_stage([({}, (-0.5, 0.0, 3.3)), ({}, (0.5, 0.0, 3.8))])
-
-
 def posed(energy):
     """The bodies of the energy's state, as its terms get them."""
     state = energy.state
