@@ -36,32 +36,55 @@ _JOINTS = ("nose", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 # least .35 and at most .40.
 _FEW_OWN_JOINTS = 0.3
 _MOST_JOINTS = 0.6
+# Least area of a mask over that of the hull of its joints, of a person most of whose joints lie on
+# another mask; mean distance of the corners of two trunks, over the smaller trunk, below which they
+# are of one person. Of 296 people in 67 photos none has less than .31, or is nearer than .70.
+_VISIBLE = 0.25
+_SAME_TRUNK = 0.5
+_TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
 def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
     """Return which people (N,) bool are real, by the keypoints of the segmenter: all without
     keypoints or with masks.
 
-    A false person has most joints on the mask of another one, and few on its own. Of a real person
-    behind another one, the photo shows more.
+    A false person has most joints on the mask of another one, and few on its own or a mask much
+    smaller than its joints; of a real person behind another one, the photo shows more. Or it has
+    the trunk of another one, with a lower score.
     """
+    import cv2
+
     keypoints = people.keypoints
     count = len(people)
-    real = np.ones(count, bool)
     if keypoints is None or count < 2 or (prompt is not None and prompt.masks is not None):
-        return real
+        return np.ones(count, bool)
     height, width = people.masks.shape[1:]
-    names = [name.removesuffix("_surface").split("_")[-1] for name in keypoints.joint_set.names]
-    columns = [j for j, name in enumerate(names) if name in _JOINTS]
+    names = [name.removesuffix("_surface") for name in keypoints.joint_set.names]
+    columns = [j for j, name in enumerate(names) if name.split("_")[-1] in _JOINTS]
     x, y = np.moveaxis(keypoints.points[:, columns], -1, 0).round()
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     rows, across = (np.where(inside, values, 0).astype(int) for values in (y, x))
     on_mask = np.array([(mask[rows, across] & inside).sum(1) for mask in people.masks])
     share = on_mask.T / np.maximum(inside.sum(1), 1)[:, None]
-    doubtful = np.diag(share) < _FEW_OWN_JOINTS
-    others = np.where(np.eye(count, dtype=bool) | doubtful, 0.0, share)
-    real[doubtful & (others.max(1) > _MOST_JOINTS)] = False
-    return real
+    own = np.diag(share)
+    few = own < _FEW_OWN_JOINTS
+    hulls = [
+        cv2.contourArea(cv2.convexHull(points[known].astype(np.float32))) if known.any() else 0.0
+        for points, known in zip(keypoints.points[:, columns], inside, strict=True)
+    ]
+    small = people.masks.sum((1, 2)) < _VISIBLE * np.array(hulls)
+    double = np.zeros(count, bool)
+    if set(_TRUNK) <= set(names):
+        trunks = keypoints.points[:, [names.index(name) for name in _TRUNK]]
+        lengths = np.linalg.norm(trunks[:, :2].mean(1) - trunks[:, 2:].mean(1), axis=-1)
+        apart = np.linalg.norm(trunks[:, None] - trunks, axis=-1).mean(-1)
+        same = apart < _SAME_TRUNK * np.minimum(lengths[:, None], lengths)
+        rank = np.argsort(np.argsort(-people.scores, kind="stable"))
+        double = (same & (rank[:, None] > rank)).any(1)
+    none = np.eye(count, dtype=bool) | few | small | double
+    others = np.where(none, 0.0, share).max(1)
+    false: BoolArray = double | (few & (others > _MOST_JOINTS)) | (small & (others > own))
+    return ~false
 
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:

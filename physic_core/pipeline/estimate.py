@@ -118,6 +118,9 @@ def run_backends(
     else:
         known, notes = _known_people(sizes, found_people, chosen=True)
         known = known.select(real)
+        if not real.all():
+            # The others have their pixels back only in a segmentation without the false persons.
+            people = run.people(image, prompt.select(real), required=True)
     stages.note(*notes)
     keypoints = run.keypoints(image, people)
     changed = None

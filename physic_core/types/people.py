@@ -4,7 +4,8 @@ chose.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from physic_core.types.arrays import PER_PERSON
@@ -234,6 +235,12 @@ class PeoplePrompt(ShortRepr):
 
     def __len__(self) -> int:
         return len(self.points) + len(self.boxes) + (0 if self.masks is None else len(self.masks))
+
+    def select(self, rows: BoolArray) -> PeoplePrompt:
+        """Return a selection (N,) of the points and boxes, with all masks."""
+        points = tuple(compress(self.points, rows))
+        boxes = tuple(compress(self.boxes, rows[len(self.points) :]))
+        return replace(self, points=points, boxes=boxes)
 
     def describe(self, index: int) -> str:
         """Return the number and the px of a prompt as text for messages, such as "point 1 (310,

@@ -202,3 +202,31 @@ def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     people = People(masks, np.zeros((2, 4)), np.ones(2), keypoints=keypoints)
     assert real_people(people).tolist() == [True, real]
     assert real_people(people, PeoplePrompt(masks=masks)).all()
+
+
+@pytest.mark.parametrize(("columns", "real"), [(2, False), (12, True)])
+def test_a_person_with_a_mask_much_smaller_than_the_joints_is_not_real(columns, real):
+    """Of the joints of the second person half lie on the mask of the first."""
+    masks = np.zeros((2, 40, 60), bool)
+    masks[1, 10:30, 20 : 20 + columns] = True
+    masks[0, :, :50] = ~masks[1, :, :50]
+    points = np.full((2, 17, 2), 5.0, np.float32)
+    points[1, :, 0] = np.resize([20, 26, 27, 55], 17)
+    points[1, :, 1] = np.linspace(10, 28, 17)
+    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
+    people = People(masks, np.zeros((2, 4)), np.ones(2), keypoints=keypoints)
+    assert real_people(people).tolist() == [True, real]
+
+
+@pytest.mark.parametrize(("apart", "real"), [(4, False), (16, True)])
+def test_of_two_people_with_one_trunk_the_lower_score_is_not_real(apart, real):
+    masks = np.zeros((2, 40, 60), bool)
+    masks[0, :20] = True
+    masks[1, 20:] = True
+    one = np.stack([np.resize([5, 20], 17), np.linspace(5, 35, 17)], -1)
+    points = np.stack([one, one + np.array([apart, 0])]).astype(np.float32)
+    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
+    for scores in ([0.5, 0.9], [0.9, 0.5]):
+        people = People(masks, np.zeros((2, 4)), np.array(scores), keypoints=keypoints)
+        lower = int(np.argmin(scores))
+        assert real_people(people).tolist() == [real or i != lower for i in range(2)]

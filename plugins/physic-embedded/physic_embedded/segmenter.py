@@ -40,6 +40,12 @@ NETWORKS = (
     "deeplabv3_mnv2_ade20k",
 )
 
+_PART = 0.75
+"""Share of the pixels of a person whom the detector did not find, above which the person is a part
+of others. Of 23 real people left out of its answer one has 1, and the others at most .67; of false
+persons in boxes within a couple, none has less than .77.
+"""
+
 
 class EmbeddedSegmenterOptions(Options):
     """Settings of :class:`EmbeddedSegmenter`."""
@@ -143,9 +149,14 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             )
             found = choose_poses(detected, prompt)
             unposed = []
-            masks = _with_given_masks(
-                self._masks(embedding, [person.pose for person in found]), prompt
+            masks = self._masks(embedding, [person.pose for person in found])
+            sure = np.array(
+                [any(one.pose is other.pose for other in detected.found) for one in found]
             )
+            if sure.any() and not sure.all():
+                alone = self._masks(embedding, [found[i].pose for i in np.flatnonzero(sure)])
+                masks = _without_parts(masks, sure, alone)
+            masks = _with_given_masks(masks, prompt)
         else:
             found, masks, low = self._leave_out_low(found, masks)
             unposed += low
@@ -241,6 +252,20 @@ def _with_labelled_floor(
     floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray
 ) -> BoolArray:
     return floor if surfaces is None else add_labelled_floor(floor, surfaces, people)
+
+
+def _without_parts(masks: BoolArray, sure: BoolArray, alone: BoolArray) -> BoolArray:
+    """Return masks (N, H, W) in which the people who are ``sure`` (N,) have the pixels that parts
+    of them took: others, most of whose mask is in the masks (S, H, W) of the sure people alone.
+    """
+    changed = masks.copy()
+    theirs = np.asarray(alone.any(0))
+    for i in np.flatnonzero(~sure):
+        taken = masks[i] & theirs
+        if taken.sum() > _PART * masks[i].sum():
+            changed[i] &= ~theirs
+            changed[sure] |= alone & taken
+    return changed
 
 
 def _with_given_masks(masks: BoolArray, prompt: PeoplePrompt) -> BoolArray:

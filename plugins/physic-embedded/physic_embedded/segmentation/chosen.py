@@ -123,7 +123,9 @@ def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
             return detected.found[int(overlap.argmax())]
     others = [person.pose for person in detected.found]
     pose = max(_poses(detected, box, others), key=lambda pose: pose.score * box_fit(pose, box))
-    return DetectedPose(pose, float(pose.score), box) if pose.score > 0.5 else None
+    if pose.score <= 0.5:
+        return None
+    return DetectedPose(pose, float(pose.score * np.sqrt(box_fit(pose, box))), box)
 
 
 def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
