@@ -112,9 +112,20 @@ class Comparison:
     people: tuple[PersonPair, ...]
 
 
-def pair_results(
-    a: Path, b: Path
-) -> tuple[tuple[tuple[Path, Path], ...], tuple[tuple[Path, ...], tuple[Path, ...]]]:
+@dataclass(frozen=True)
+class PairedFolders:
+    """Folders of the results in two folders A and B, paired by photo.
+
+    Attributes:
+        both: (result in A, result in B) of each photo that both folders hold.
+        only: (results only in A, results only in B).
+    """
+
+    both: tuple[tuple[Path, Path], ...]
+    only: tuple[tuple[Path, ...], tuple[Path, ...]]
+
+
+def pair_results(a: Path, b: Path) -> PairedFolders:
     """Find the results of the same photos, by the digests of the photos.
 
     Two results of one photo each are one pair.
@@ -123,21 +134,18 @@ def pair_results(
         a: folder of a result, or of a batch, or of results.
         b: the same.
 
-    Returns:
-        Pairs (result in A, result in B), and the results only in A and only in B.
-
     Raises:
         InputError: a folder has no result.
     """
     if is_result(a) and is_result(b):
-        return ((a, b),), ((), ())
+        return PairedFolders(((a, b),), ((), ()))
     found = _by_photo(a), _by_photo(b)
     both = tuple((folder, found[1][key]) for key, folder in found[0].items() if key in found[1])
     only = [
         tuple(folder for key, folder in one.items() if key not in other)
         for one, other in (found, found[::-1])
     ]
-    return both, (only[0], only[1])
+    return PairedFolders(both, (only[0], only[1]))
 
 
 def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Comparison:

@@ -48,12 +48,12 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 
     if page is not None:
         check_own(page)
-    both, only = pair_results(a, b)
+    paired = pair_results(a, b)
     photos = []
     pictures = []
     links = []
     failed = None
-    for pair in both:
+    for pair in paired.both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
             photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
@@ -73,11 +73,14 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         ("A", [str(a)]),
         ("B", [str(b)]),
         ("changed", changed_lines(photos)),
-        ("all photos", summary_lines(photos, only)),
+        ("all photos", summary_lines(photos, paired.only)),
     ]
     if as_json:
-        alone = {f"only_{name}": list(map(str, own)) for name, own in zip("ab", only, strict=True)}
-        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **alone})
+        only = {
+            f"only_{name}": list(map(str, folders))
+            for name, folders in zip("ab", paired.only, strict=True)
+        }
+        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
         for title, lines in about[:-1]:
             echo(f"{title}: {'; '.join(lines)}")

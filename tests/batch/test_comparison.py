@@ -117,9 +117,9 @@ def test_a_person_without_a_body_has_no_joints_to_compare(result):
 def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):
     for place, photo in {"a/1": "x", "a/2": "y", "b/one": "y", "b/two": "z"}.items():
         save_reconstruction(replace(result, photo=f"sha256:{photo}"), tmp_path / place, "numbers")
-    both, only = pair_results(tmp_path / "a", tmp_path / "b")
-    assert both == ((tmp_path / "a/2", tmp_path / "b/one"),)
-    assert only == ((tmp_path / "a/1",), (tmp_path / "b/two",))
+    paired = pair_results(tmp_path / "a", tmp_path / "b")
+    assert paired.both == ((tmp_path / "a/2", tmp_path / "b/one"),)
+    assert paired.only == ((tmp_path / "a/1",), (tmp_path / "b/two",))
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ UNIT = 3.7
 """Metres in one unit of the relative scene."""
 CAMERA_HEIGHT = 1.45
 ANKLES = [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]
-NOBODY = KnownPeople()
+NONE_KNOWN = KnownPeople()
 
 
 EMPTY = np.zeros((HEIGHT, WIDTH), bool)
@@ -118,7 +118,7 @@ class World:
             people_of(np.isfinite(bodies)),
             keypoints_of(len(places)),
             Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded"),
-            NOBODY,
+            NONE_KNOWN,
         )
 
     def answer(self, candidates=FLOOR, depth=None, **changed):
@@ -383,11 +383,15 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
 
 def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     bodies = replace(world.given.bodies, parameters=world.given.bodies.parameters[0:0])
-    nobody = {"people": people_of(EMPTY[None][:0]), "bodies": bodies, "keypoints": keypoints_of(0)}
-    found = world.answer(**nobody)
+    no_people = {
+        "people": people_of(EMPTY[None][:0]),
+        "bodies": bodies,
+        "keypoints": keypoints_of(0),
+    }
+    found = world.answer(**no_people)
     assert found.scale.sigma is None
     assert "1.45 m above the floor" in found.warning
-    assert "3 m" in world.answer((NO_FLOOR,), **nobody).warning
+    assert "3 m" in world.answer((NO_FLOOR,), **no_people).warning
 
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])

@@ -39,12 +39,12 @@ def prior_of(state, **changes):
     ],
 )
 def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
-    nobody = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
-    ids = JointEnergy(nobody, adjusted(SETTINGS, **changes)).sampling.ids
-    likely = torch.zeros(nobody.model.num_vertices)
+    without_prior = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
+    ids = JointEnergy(without_prior, adjusted(SETTINGS, **changes)).sampling.ids
+    likely = torch.zeros(without_prior.model.num_vertices)
     for name in STATIC_CONTACT_PARTS:
-        likely[nobody.model.contact_sets[name]] = share
-    assert_close(prior_of(nobody, **changes)[0], likely[ids])
+        likely[without_prior.model.contact_sets[name]] = share
+    assert_close(prior_of(without_prior, **changes)[0], likely[ids])
 
 
 def test_the_prior_goes_before_likely_parts(standing):
@@ -99,7 +99,7 @@ def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
 
 
 def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
-    """A leg that nobody sees is 7 degrees too far to the side, its ankle 10 cm."""
+    """A leg that no pixel shows is 7 degrees too far to the side, its ankle 10 cm."""
     state = lifted(standing, 0.0)
     hip = JOINT_INDEX["left_hip"]
     ankle = JOINT_INDEX["left_ankle"]

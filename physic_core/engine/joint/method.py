@@ -88,7 +88,7 @@ class JointMethod(ABC):
 
     @abstractmethod
     def weigh_keypoints(self, state: State) -> Tensor:
-        """Return the weights (B, J) of the keypoints, 0 for those that are skipped.
+        """Return the weights (B, J) of the keypoints, 0 for those that do not count.
 
         Args:
             state: from :meth:`prepare`, with finite people only.

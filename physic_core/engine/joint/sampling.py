@@ -65,7 +65,7 @@ class Sampling:
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
-        keypoint_weights: (B, J), 0 for keypoints that are skipped.
+        keypoint_weights: (B, J), 0 for keypoints that do not count.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.

@@ -41,12 +41,12 @@ def photo(rows=300, columns=600, below=180):
     return image
 
 
-NOBODY = np.zeros((300, 600), bool)
+NO_PEOPLE = np.zeros((300, 600), bool)
 
 
 def test_a_surface_lies_at_the_pixels_of_its_logits():
     """One cell of the grid is 4.7 px of this photo."""
-    labels = label_surfaces(Network(), photo(), NOBODY).labels
+    labels = label_surfaces(Network(), photo(), NO_PEOPLE).labels
     assert (labels[:175] == WALL).all()
     assert (labels[185:] == FLOOR).all()
 
@@ -65,7 +65,7 @@ def test_pixels_of_people_are_people_and_grey_to_the_network():
 
 def test_an_improbable_surface_is_unknown():
     """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
-    labels = label_surfaces(Network(margin=0), photo(), NOBODY).labels
+    labels = label_surfaces(Network(margin=0), photo(), NO_PEOPLE).labels
     assert (labels == 0).all()
 
 

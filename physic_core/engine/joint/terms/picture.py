@@ -57,7 +57,7 @@ def reprojection_energy(
     Args:
         projected: (B, J, 2) px.
         observed: (B, J, 2) px, finite.
-        weight: (B, J), 0 for keypoints that are skipped.
+        weight: (B, J), 0 for keypoints that do not count.
         unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and
             height.
     """
