@@ -256,7 +256,7 @@ def _write(name: str, sha256: str) -> None:
     kept = claimed_cache("hashes")
     with suppress(OSError, OutputError):  # it can be computed again
         if kept is not None:
-            with atomic_write(kept.path) as temporary:
+            with atomic_write(kept.path, lock=False) as temporary:
                 part = temporary(f"{name}{kept.suffix}")
                 part.touch(mode=0o600)
                 part.write_text(sha256, "ascii")

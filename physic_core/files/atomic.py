@@ -3,7 +3,7 @@ killed.
 
 New files are written under temporary names and renamed at the end. A folder is locked while it is
 written, where its file system has locks. Temporary files of a killed process are deleted by the
-next write with a lock.
+next write with a lock, unless they are the only copy of files that belong together.
 
 Outside a result's folder, PhySIC replaces only files with its mark, and never writes through a
 link. It reads only regular files, since reading a pipe could wait for ever.
@@ -13,13 +13,15 @@ from __future__ import annotations
 
 import errno
 import glob
+import logging
 import os
 import re
 import secrets
 import stat
 import sys
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from io import BufferedReader
 from pathlib import Path
 from types import MappingProxyType
@@ -30,9 +32,15 @@ from physic_core.errors import OutputError
 MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
 
+LOCK_WAIT_S = 600.0
+"""Longest wait for another process that writes a folder, s."""
+
+_SILENT_S = 5.0  # of that wait
+_POLL_S = 0.05
 _START_BYTES = 1 << 16  # that have the mark
 # As no other program names its files.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
+_LOG = logging.getLogger(__name__)
 
 
 class AtomicWrite:
@@ -43,36 +51,91 @@ class AtomicWrite:
     Args:
         folder: of the files.
         parts: name -> temporary path of files that were written already.
+
+    Attributes:
+        is_only_copy: whether :meth:`clean` keeps the files, since nothing else has their content.
     """
 
     def __init__(self, folder: Path, parts: Mapping[str, Path] = MappingProxyType({})) -> None:
+        self.is_only_copy = False
         self._folder = folder
         self._token = secrets.token_hex(4)
         self._parts = dict(parts)
+        self._inodes = dict[str, int]()
 
-    def __call__(self, name: str) -> Path:
-        """Return the temporary path of a file, of which the name may begin with folders."""
-        # In the same folder, since a rename is atomic only within one file system.
-        return self._parts.setdefault(name, self._folder / _part_name(name, self._token))
+    def __call__(self, name: str, part: Path | None = None) -> Path:
+        """Return the temporary path of a file, by default a new one.
+
+        Raises:
+            OutputError: the file would lie outside the folder.
+        """
+        if name not in self._parts:
+            if not is_inside(self._folder, name):
+                raise OutputError(
+                    f"cannot write {self._folder / name}: a link there leads out of "
+                    f"{self._folder}; move the link away, or name another folder"
+                )
+            # In the same folder, since a rename is atomic only within one file system.
+            self._parts[name] = part or self._folder / _part_name(name, self._token)
+        return self._parts[name]
+
+    def expect(self, name: str) -> None:
+        """Let :meth:`rename` fail if another process replaces a file that is in the folder now."""
+        with suppress(FileNotFoundError):
+            self._inodes[name] = os.lstat(self._folder / name).st_ino
+
+    def seal(self) -> None:
+        """Remember which files were written, by which :meth:`rename` finds them again.
+
+        Raises:
+            OSError: one of them is missing.
+        """
+        for name, part in self._parts.items():
+            if name not in self._inodes:
+                self._inodes[name] = os.lstat(part).st_ino
 
     def rename(self) -> None:
         """Give the files that were written so far their names, in the order of the calls.
 
         After an error or an interruption, another call renames the rest.
+
+        Raises:
+            OSError: a file cannot be renamed, or another process has replaced one since.
         """
+        self.seal()
         for name, part in list(self._parts.items()):
             path = self._folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            # A part that is missing was renamed by a call that was interrupted.
+            # A call that was interrupted, or a request that a server got twice, may have renamed
+            # it: its inode tells.
             with suppress(FileNotFoundError):
                 os.replace(part, path)
+            self._check(name)
             del self._parts[name]
+        for name in self._inodes:
+            self._check(name)
+
+    def _check(self, name: str) -> None:
+        if os.lstat(self._folder / name).st_ino != self._inodes[name]:
+            raise FileNotFoundError(errno.ENOENT, "replaced by another process", name)
 
     def clean(self) -> None:
         """Delete the files that have no names."""
+        if self.is_only_copy:
+            return
         for part in self._parts.values():
             with suppress(OSError):
                 part.unlink(missing_ok=True)
+
+
+def is_inside(folder: Path, name: str) -> bool:
+    """Return whether a file name, which may begin with folders, leads into a folder when all links
+    are followed.
+    """
+    with suppress(ValueError):  # characters that no path has
+        root = Path(os.path.realpath(folder))
+        return root in Path(os.path.realpath(root / name)).parents
+    return False
 
 
 def _part_name(name: str, token: str) -> str:
@@ -87,7 +150,7 @@ def parts_of(folder: Path, name: str) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
+def atomic_write(folder: Path, *, lock: bool = True) -> Iterator[AtomicWrite]:
     """Yield a function from a file name to a temporary path; on success, rename all temporary
     files.
 
@@ -96,22 +159,23 @@ def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
 
     Args:
         folder: of the files; it must exist.
+        lock: whether to lock it; False for files of which any version will do.
 
     Raises:
-        OutputError: the folder cannot be written, the disk is full, or a folder has the name of a
-            file.
+        OutputError: the folder cannot be written, the disk is full, a folder has the name of a
+            file, or another process does not end its write.
     """
     folder = Path(folder)
     write = AtomicWrite(folder)
     try:
-        with locked(folder) as is_locked:
-            if is_locked:  # else the files can be of another process that writes now
-                _clean(folder)
+        with locked(folder) if lock else nullcontext(False) as is_locked:
             try:
                 yield write
                 write.rename()
             finally:
                 write.clean()
+                if is_locked:  # else the files can be of another process that writes now
+                    _clean(folder)
     except OSError as error:
         raise _refusal(folder, error) from error
 
@@ -143,7 +207,10 @@ def locked(folder: Path) -> Iterator[bool]:
     """Lock a folder against other processes and threads; yield False where folders have no locks,
     as on Windows.
 
+    A warning names the process that is waited for, if it takes seconds.
+
     Raises:
+        TimeoutError: it still has the lock after :data:`LOCK_WAIT_S`.
         OSError: the folder cannot be opened.
     """
     if sys.platform == "win32":
@@ -153,12 +220,7 @@ def locked(folder: Path) -> Iterator[bool]:
 
     file = os.open(folder, os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX)
-        except OSError:  # some network file systems have none
-            yield False
-        else:
-            yield True
+        yield _lock(file, folder)
     finally:
         with suppress(OSError):
             # at once: a process that was forked meanwhile has the folder open too
@@ -166,8 +228,55 @@ def locked(folder: Path) -> Iterator[bool]:
         os.close(file)
 
 
+def _lock(file: int, folder: Path) -> bool:
+    import fcntl
+
+    start = time.monotonic()
+    is_silent = True
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            waited = time.monotonic() - start
+        except OSError:  # some network file systems have none
+            return False
+        else:
+            return True
+        if waited >= LOCK_WAIT_S:
+            why = f"{_holder(file)} has been writing there for {LOCK_WAIT_S:.0f} s"
+            raise TimeoutError(errno.ETIMEDOUT, why, str(folder))
+        if is_silent and waited >= _SILENT_S:
+            is_silent = False
+            _LOG.warning(
+                "%s: waiting up to %.0f s for %s, which writes there",
+                folder,
+                LOCK_WAIT_S,
+                _holder(file),
+            )
+        time.sleep(_POLL_S)
+
+
+def _holder(file: int) -> str:
+    """Return who has locked an open folder, as far as this machine knows."""
+    with suppress(OSError):
+        status = os.fstat(file)
+        device = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}"
+        for line in Path("/proc/locks").read_text("ascii").splitlines():
+            match line.split():
+                case [_, "FLOCK", _, "WRITE", pid, place, *_] if (
+                    place == f"{device}:{status.st_ino}"
+                ):
+                    return f"process {pid} of this machine"
+    return "another process"
+
+
 def _clean(folder: Path) -> None:
-    """Delete temporary files that a process left when it was killed."""
+    """Delete temporary files that a process left when it was killed, unless a document that has no
+    name yet lists them.
+    """
+    for part in folder.glob(".*.physic-document"):
+        if not os.path.lexists(folder / part.name[1:].rsplit(".", 2)[0]):
+            return
     with os.scandir(folder) as entries:
         for entry in entries:
             if _PART.fullmatch(entry.name):
@@ -175,10 +284,12 @@ def _clean(folder: Path) -> None:
                     os.unlink(entry.path)
 
 
+_REPLACED = "a file there was moved or replaced meanwhile, as if another process wrote there too"
 _REMEDY = {
     errno.EACCES: ", or check who may write there",
     errno.EPERM: ", or check who may write there",
     errno.ENOSPC: ", or free space there",
+    errno.ETIMEDOUT: ", or end or continue that process",
 }
 
 
@@ -187,9 +298,10 @@ def _refusal(folder: Path, error: OSError) -> OutputError:
         return OutputError(
             f"cannot write results to {folder}: it is a file; name a folder, or move the file away"
         )
-    # Of a file system such as /proc, "No such file or directory" is about the folder that is to be
-    # made.
-    why = "no folder can be made there" if error.errno == errno.ENOENT else error.strerror or error
+    why = error.strerror or error
+    if error.errno == errno.ENOENT:
+        # Of a file system such as /proc, it is about the folder that is to be made.
+        why = _REPLACED if os.path.isdir(folder) else "no folder can be made there"
     return OutputError(
         f"cannot write results to {folder}: {why}; name another "
         f"folder{_REMEDY.get(error.errno or 0, '')}"

@@ -111,7 +111,7 @@ def write_value(
     arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     text = np.frombuffer(json.dumps(document, allow_nan=False).encode(), np.uint8)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path.parent) as temporary:
+    with atomic_write(path.parent, lock=False) as temporary:
         temporary(path.name).touch(mode=0o600)
         write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)
 

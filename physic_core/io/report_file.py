@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import check_own, write_own
-from physic_core.io.result_folder import REPORT_FILE, add_result_file, is_result, repair_result
+from physic_core.io.result_folder import REPORT_FILE, add_result_file, check_finished, is_result
 from physic_core.io.results import load_reconstruction
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def add_report(
         raise InputError(
             f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
         )
-    repair_result(folder)
+    check_finished(folder)
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
     shown = reconstruction
     try:

@@ -3,8 +3,9 @@ together.
 
 The document names the other files with their SHA-256, which tells files of a run from those that
 the user edited. It is moved away first and renamed last. Until the end, old and new document stay
-under temporary names, so that the next run knows the files of a killed run. ``people.csv``, a row
-for each person, and ``report.html``, a page for a browser, are beside them.
+under temporary names, so that the next run completes the result of a killed run. Readers write
+nothing. ``people.csv``, a row for each person, and ``report.html``, a page for a browser, are
+beside them.
 """
 
 from __future__ import annotations
@@ -20,15 +21,17 @@ import secrets
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from io import BufferedReader, BytesIO
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import OutputError
+from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import (
     AtomicWrite,
     atomic_write,
     check_writable,
+    is_inside,
     locked,
     open_regular,
     parts_of,
@@ -52,8 +55,6 @@ FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE
 _RUN = re.compile(
     rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"'
 )
-_LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)*[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
-"""Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
 _LOG = logging.getLogger(__name__)
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
@@ -130,18 +131,23 @@ def write_result_files(
     with atomic_write(check_writable(folder)) as write:
         check_overwrite(folder, replaced, [DOCUMENT_FILE, *contents])
         unchanged, edited = _earlier_files(folder, replaced)
-        new = _write_parts(folder, write, document, contents)
-        to_keep = list(edited)
-        gone = unchanged - {DOCUMENT_FILE, *contents}
+        former = list(folder.glob(_PARTS))
+        _write_parts(folder, write, document, contents)
+        write.seal()
+        swap = partial(
+            _swap, folder, write, list(edited), unchanged - {DOCUMENT_FILE, *contents}, former
+        )
         try:
-            with suppress(FileNotFoundError):
-                os.replace(folder / DOCUMENT_FILE, _part(folder))
-            _swap(folder, write, new, to_keep, gone)
+            if DOCUMENT_FILE in unchanged:
+                former.append(_part(folder))
+                os.replace(folder / DOCUMENT_FILE, former[-1])
+            swap()
         except BaseException:
             # Without a document nothing is readable, so the new result is made whole before the
             # error is raised.
             if not (folder / DOCUMENT_FILE).exists():
-                _swap(folder, write, new, to_keep, gone)
+                write.is_only_copy = True
+                swap()
             raise
 
 
@@ -155,14 +161,14 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
         OutputError: the folder cannot be written.
     """
     with atomic_write(check_writable(folder)) as write:
+        write.expect(ARRAYS_FILE)
         document = _document(folder / DOCUMENT_FILE)
         if document is None:
             write(name).write_bytes(content)
             return
-        new = _write_parts(folder, write, document, {name: content})
+        _write_parts(folder, write, document, {name: content})
         if name in _earlier_files(folder, Replaced(""))[1]:
             _keep(folder / name)
-        _rename(folder, write, new)
 
 
 def list_exports(folder: Path, files: Iterable[Path]) -> None:
@@ -173,24 +179,37 @@ def list_exports(folder: Path, files: Iterable[Path]) -> None:
         OutputError: the folder cannot be written.
     """
     names = [file.relative_to(folder).as_posix() for file in files if file.is_relative_to(folder)]
-    document = _document(folder / DOCUMENT_FILE)
-    if names and document is not None:
-        listed = {**_files(document), **{name: file_digest(folder / name) for name in names}}
-        with atomic_write(check_writable(folder)) as write:
-            _rename(folder, write, _write_parts(folder, write, {**document, "files": listed}, {}))
+    digests = {name: file_digest(folder / name) for name in names}
+    with atomic_write(check_writable(folder)) as write:
+        write.expect(ARRAYS_FILE)
+        document = _document(folder / DOCUMENT_FILE)
+        if names and document is not None:
+            listed = _files(folder, document) | digests
+            _write_parts(folder, write, {**document, "files": listed}, {})
+
+
+def check_finished(folder: Path) -> None:
+    """Raise InputError if a process was killed while it put the files of a result in place."""
+    if is_unfinished(folder):
+        raise InputError(
+            f"cannot read {folder / DOCUMENT_FILE}: the result is unfinished, since a process was "
+            f"killed while it wrote it; run the same command (physic run, scene or batch) with "
+            f"this folder again, which completes it"
+        )
 
 
 def repair_result(folder: Path) -> None:
     """Put the new files of a result in place if a process was killed while it did; a log message
     says so.
 
-    Where folders have no locks, nothing is done: another process may be writing there.
+    Only writers of results call it. Where folders have no locks, nothing is done: another process
+    may be writing there.
     """
-    if not _is_torn(folder):
+    if not is_unfinished(folder):
         return
     try:
         with locked(folder) as is_locked:
-            if is_locked and _is_torn(folder) and _complete(folder):
+            if is_locked and is_unfinished(folder) and _complete(folder):
                 _LOG.warning(
                     "%s: a process was killed while it wrote the result there, which was completed",
                     folder,
@@ -204,7 +223,7 @@ def repair_result(folder: Path) -> None:
         )
 
 
-def _is_torn(folder: Path) -> bool:
+def is_unfinished(folder: Path) -> bool:
     """Return whether a folder has no document but those that a killed process has moved away or not
     yet renamed.
     """
@@ -221,7 +240,7 @@ def _complete(folder: Path) -> bool:
         if (document := _document(path)) is not None
     ]
     for path, document in sorted(found, key=lambda each: each[0].stat().st_mtime_ns, reverse=True):
-        digests = _files(document)
+        digests = _files(folder, document)
         ready = {
             name: part
             for name in digests
@@ -232,10 +251,10 @@ def _complete(folder: Path) -> bool:
             unchanged, edited = _earlier_files(folder, Replaced(""))
             _swap(
                 folder,
-                AtomicWrite(folder, ready),
-                path,
+                AtomicWrite(folder, {**ready, DOCUMENT_FILE: path}),
                 list(edited),
                 unchanged - {DOCUMENT_FILE, *digests},
+                list(folder.glob(_PARTS)),
             )
             return True
     return False
@@ -243,55 +262,47 @@ def _complete(folder: Path) -> bool:
 
 def _write_parts(
     folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]
-) -> Path:
-    """Write files under temporary names, and the document that lists them; return its temporary
-    path.
-    """
-    new = _part(folder)
-    files = {**_files(document), **{name: digest_of(content) for name, content in contents.items()}}
+) -> None:
+    """Write files under temporary names, and last the document that lists them."""
+    listed = _files(folder, document)
+    files = {**listed, **{name: digest_of(content) for name, content in contents.items()}}
     text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
-    try:
-        for name, content in contents.items():
-            write(name).write_bytes(content)
-        # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON
-        # escapes.
-        new.write_bytes(text.encode("utf-8", "backslashreplace"))
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise
-    return new
+    for name, content in contents.items():
+        write(name).write_bytes(content)
+    # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON
+    # escapes.
+    write(DOCUMENT_FILE, _part(folder)).write_bytes(text.encode("utf-8", "backslashreplace"))
 
 
 def _swap(
-    folder: Path, write: AtomicWrite, new: Path, to_keep: list[str], gone: Iterable[str]
+    folder: Path,
+    write: AtomicWrite,
+    to_keep: list[str],
+    gone: Iterable[str],
+    former: Iterable[Path],
 ) -> None:
     """Put the files of a new result in the place of an earlier one; after an interruption, another
     call goes on.
 
     Args:
         folder: of the result.
-        write: of the new files.
-        new: temporary path of the new document.
+        write: of the new files, the document last.
         to_keep: files that the user edited; those that are done are removed from the list.
         gone: files of the earlier result that the new one does not have.
+        former: temporary paths of earlier documents.
     """
     while to_keep:
         if os.path.lexists(folder / to_keep[-1]):
             _keep(folder / to_keep[-1])
         to_keep.pop()
     for name in gone:
-        (folder / name).unlink(missing_ok=True)
+        if os.path.lexists(folder / name):
+            (folder / name).unlink()
         with suppress(OSError):  # other files are in the folder
             for inner in PurePosixPath(name).parents[:-1]:
                 (folder / inner).rmdir()
-    _rename(folder, write, new)
-
-
-def _rename(folder: Path, write: AtomicWrite, new: Path) -> None:
     write.rename()
-    with suppress(FileNotFoundError):  # a call that was interrupted has renamed it
-        os.replace(new, folder / DOCUMENT_FILE)
-    for part in folder.glob(_PARTS):
+    for part in former:
         part.unlink(missing_ok=True)
 
 
@@ -319,11 +330,10 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
         for path in (folder / DOCUMENT_FILE, *folder.glob(_PARTS))
         if (found := _document(path))
     ]
-    digests = [_files(document) for document in documents]
+    digests = [_files(folder, document) for document in documents]
+    earlier = (name for name in replaced.earlier if is_inside(folder, name))
     there = {
-        name
-        for name in (*replaced.earlier, *itertools.chain(*digests))
-        if os.path.lexists(folder / name)
+        name for name in (*earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)
     }
 
     def is_unchanged(name: str) -> bool:
@@ -343,9 +353,12 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
 
 
 def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
-    """Read the digests of the photo from the result in a folder; None if there is no result."""
-    document = _document(Path(folder, DOCUMENT_FILE))
-    return None if document is None else str(document.get("photo", ""))
+    """Read the digests of the photo from the result in a folder, finished or not; None if there is
+    no result.
+    """
+    paths = (Path(folder, DOCUMENT_FILE), *Path(folder).glob(_PARTS))
+    found = (str(document.get("photo", "")) for path in paths if (document := _document(path)))
+    return next(found, None)
 
 
 def run_of_result(folder: str | os.PathLike[str]) -> str:
@@ -401,16 +414,16 @@ def _document(path: Path) -> dict[str, Any] | None:
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
 
-def _files(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return name -> digest of the files that a document lists, some in folders; the document is
-    untrusted.
+def _files(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
+    """Return name -> digest of the files in a folder that a document lists, some in folders of it;
+    the document is untrusted.
     """
     files = document.get("files")
     pairs = files.items() if isinstance(files, dict) else ()
     return {
         name: str(digest)
         for name, digest in pairs
-        if _LISTED.fullmatch(name) and name != DOCUMENT_FILE
+        if name != DOCUMENT_FILE and is_inside(folder, name)
     }
 
 
@@ -430,4 +443,4 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
     """Return whether a folder has a result, valid or not, or one that a killed process has not
     completed.
     """
-    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE)) or _is_torn(Path(folder))
+    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE)) or is_unfinished(Path(folder))

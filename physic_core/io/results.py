@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.atomic import open_regular, read_regular, unreadable
+from physic_core.files.atomic import is_inside, open_regular, read_regular, unreadable
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
@@ -35,6 +35,7 @@ from physic_core.io.result_folder import (
     REPORT_FILE,
     SCHEMA,
     Replaced,
+    check_finished,
     check_overwrite,
     file_digest,
     repair_result,
@@ -129,6 +130,7 @@ def save_reconstruction(
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     if page is not None:
         pictures.append(REPORT_FILE)
+    repair_result(folder)
     check_overwrite(folder, replaced, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
     arrays: Arrays = {}
     document = _document(reconstruction, arrays)
@@ -205,10 +207,10 @@ def read_document(folder: Path) -> dict[str, Any]:
     """Read ``reconstruction.json`` of a folder; NaN and infinities stay strings.
 
     Raises:
-        InputError: it is missing, damaged, not a reconstruction, or of another version.
+        InputError: it is missing, unfinished, damaged, not a reconstruction, or of another version.
     """
     path = folder / DOCUMENT_FILE
-    repair_result(folder)
+    check_finished(folder)
     try:
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -452,7 +454,8 @@ def read_record(folder: Path) -> ResultRecord:
         record: ResultRecord = join(ResultRecord, document, {})
     except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(folder, error) from error
-    return record
+    listed = {name: one for name, one in record.files.items() if is_inside(folder, name)}
+    return replace(record, files=listed)
 
 
 def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:

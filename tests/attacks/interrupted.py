@@ -1,4 +1,4 @@
-"""End a write at any of its steps: as a killed process, as Ctrl-C, or as a full disk."""
+"""End a write at any of its steps: as a killed process, as Ctrl-C, or by an error of the disk."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ class Steps:
         folder: whose files count.
         last: number of the step that fails; None for a count only.
         how: "killed": the step and all after it do nothing. "full": this one step raises OSError,
-            and only writes are steps. "failing": this one step raises OSError, whatever it is.
-            "interrupted": this one step raises KeyboardInterrupt, as Ctrl-C does.
+            and only writes are steps. "interrupted": this one step raises KeyboardInterrupt, as
+            Ctrl-C does. A name of :mod:`errno`: this one step raises OSError, and with "EROFS" all
+            after it. A function: it is called before this one step.
     """
 
     def __init__(self, folder, last=None, how="killed"):
@@ -39,19 +40,24 @@ class Steps:
         """Count a step on a path, and fail if it is the last one."""
         if not str(path).startswith(self.folder) or (self.how == "full" and not is_write):
             return
-        if self.is_dead:
-            raise Killed
         if is_write:
             self.writes.setdefault(str(path), []).append(self.count)
-        if self.count == self.last:
-            self.count += 1
-            if self.how in ("full", "failing"):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            if self.how == "interrupted":
-                raise KeyboardInterrupt
-            self.is_dead = True
-            raise Killed
+        is_last = self.count == self.last
         self.count += 1
+        if is_last or self.is_dead:
+            self._fail()
+
+    def _fail(self):
+        self.is_dead = self.how in ("killed", "EROFS")
+        if callable(self.how):
+            self.how()
+        elif self.how == "killed":
+            raise Killed
+        elif self.how == "interrupted":
+            raise KeyboardInterrupt
+        else:
+            number = errno.ENOSPC if self.how == "full" else getattr(errno, self.how)
+            raise OSError(number, os.strerror(number))
 
     def chosen(self):
         """Return the steps that were counted; of many writes to one file the first, the last, and

@@ -15,7 +15,15 @@ from pathlib import Path
 import pytest
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import MARK, atomic_write, check_own, open_to_append
+from physic_core.files.atomic import (
+    LOCK_WAIT_S,
+    MARK,
+    atomic_write,
+    check_own,
+    open_to_append,
+    read_regular,
+)
+from physic_core.files.plain import read_value, write_value
 
 pytestmark = [
     pytest.mark.quick,
@@ -78,6 +86,49 @@ def test_where_nothing_can_be_locked_writes_go_on(tmp_path, monkeypatch):
     with atomic_write(tmp_path) as temporary:
         temporary("a").write_text("a")
     assert {path.name for path in tmp_path.iterdir()} == {"a", ".b.0123abcd.physic-part"}
+
+
+@pytest.fixture
+def passed(monkeypatch):
+    """A function that returns the seconds that have passed: they pass in sleep alone."""
+    slept = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr(time, "monotonic", lambda: sum(slept))
+    return time.monotonic
+
+
+@pytest.fixture
+def locked_folder(tmp_path):
+    """A folder that a process has locked, which is stopped and never ends its write."""
+    import fcntl
+
+    file = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(file, fcntl.LOCK_EX)
+    yield tmp_path
+    os.close(file)
+
+
+def test_a_write_says_for_whom_it_waits_and_ends(locked_folder, passed, caplog):
+    locks = Path("/proc/locks")
+    is_known = locks.exists() and "FLOCK" in locks.read_text()
+    who = f"process {os.getpid()} of this machine" if is_known else "another process"
+    with pytest.raises(OutputError, match=who), atomic_write(locked_folder) as temporary:
+        temporary("a").write_text("a")
+    assert passed() == pytest.approx(LOCK_WAIT_S, abs=1)
+    assert [who in record.getMessage() for record in caplog.records] == [True]
+
+
+def test_a_cache_waits_for_nobody(locked_folder, passed):
+    write_value(locked_folder / "a.npz", "a text")
+    assert read_value(locked_folder / "a.npz", [str]) == "a text"
+    assert passed() == 0
+
+
+def test_a_file_that_is_larger_than_its_limit_is_refused(tmp_path):
+    (tmp_path / "a").write_bytes(b"1234")
+    assert read_regular(tmp_path / "a", 4) == b"1234"
+    with pytest.raises(OSError, match="4 bytes, more than 3"):
+        read_regular(tmp_path / "a", 3)
 
 
 LONG = "x" * 1_000_000

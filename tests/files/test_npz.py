@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 import zipfile
 
 import numpy as np
@@ -45,3 +46,31 @@ def test_an_array_that_is_not_as_long_as_its_header_says_is_refused(shape, size,
     assert read_arrays(with_shape((5, 3)))["points"].shape == (5, 3)
     with pytest.raises(ValueError, match=rf"of 60 bytes should have {size}"):
         read(with_shape(shape))
+
+
+def with_members(*members, compression=zipfile.ZIP_STORED):
+    """A file with these arrays under one name."""
+    file = io.BytesIO()
+    with warnings.catch_warnings(), zipfile.ZipFile(file, "w", compression) as archive:
+        warnings.simplefilter("ignore")  # of a name that is there twice
+        for array in members:
+            member = io.BytesIO()
+            np.save(member, array)
+            archive.writestr("points.npy", member.getvalue())
+    return file
+
+
+@pytest.mark.parametrize("read", [read_arrays, read_headers])
+@pytest.mark.parametrize(
+    ("file", "word"),
+    [
+        (with_members(np.zeros(3), np.ones(3)), "'points' twice"),
+        (with_members(np.zeros(3), compression=zipfile.ZIP_BZIP2), "another method than deflate"),
+        (with_members(np.zeros(3, [("x", "<f4")])), "dtype"),
+        (with_shape((-5, -3)), "shape"),
+    ],
+    ids=["twice", "compression", "structured", "negative"],
+)
+def test_an_unusual_archive_is_refused(file, word, read):
+    with pytest.raises(ValueError, match=word):
+        read(file)

@@ -59,7 +59,10 @@ LISTS = {
     "Files that PhySIC writes": {
         "Each file of a result": "test_a_write_happens_completely_or_not_at_all",
         "The files of a result belong together": "test_a_first_result_is_complete_or_not_there "
-        "test_the_next_reader_completes_the_result test_the_next_reader_keeps_a_file",
+        "test_the_next_run_completes_the_result test_the_next_run_keeps_a_file "
+        "test_two_writers_without_a_common_lock",
+        "Commands that read a result": "test_a_reader_of_an_unfinished_result_writes_nothing",
+        "A name that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file",
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",
