@@ -194,7 +194,7 @@ def test_a_row_with_a_value_of_another_type_is_skipped_and_counted(tmp_path, nam
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("a", trust=0.5))
     with (tmp_path / "journal.jsonl").open("a") as file:
-        file.write(json.dumps(row("a", trust=0.9) | {name: value}) + "\n")
+        file.write(json.dumps(row("a", trust=0.9, run=1) | {name: value}) + "\n")
     index = JournalIndex(journal_files(tmp_path))
     assert [found and found["trust"] for found in index.rows(["a"])] in ([0.5], [None])
     assert index.damaged == 1
