@@ -23,7 +23,7 @@ from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.workers import peak_memory_mb
 from physic_core.cache.digests import CodeDigester, files_named_by
 from physic_core.cache.results import made_of
-from physic_core.configuration.model import as_config
+from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
 from physic_core.discovery.entry_points import core_version
@@ -124,10 +124,13 @@ class BatchJob:
             PhysicError: a backend cannot be constructed, or its ``fingerprint`` fails.
         """
         code = CodeDigester()
+        preset = self.config.engine.preset
+        # the hook imports every plugin
+        offers = () if preset == DEFAULT_ENERGY else find_items("physic_engine_presets")
         owners = {
             f"{found.distribution} {found.version}"
-            for found in find_items("physic_engine_presets")
-            if found.record.name == self.config.engine.preset
+            for found in offers
+            if found.record.name == preset
         }
         parts = []
         for one in resolve(self.config).backends.values():
