@@ -116,6 +116,11 @@ class BatchJob:
         return _digest([tables, list(files_named_by(tables))])
 
     @cached_property
+    def version(self) -> str:
+        """The version of physic-core, read once."""
+        return core_version()
+
+    @cached_property
     def plugins(self) -> str:
         """The plugins of the backends, with versions, and a digest of what :func:`made_of` lists;
         code that has no digest is never the same again.
@@ -263,7 +268,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "config": job.digest(item),
         "save": job.save,
         "result": run_of_result(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
-        "version": core_version(),
+        "version": job.version,
         "plugins": job.plugins,
         **dict.fromkeys(("trust", "peak_mb", "run")),
     }

@@ -18,7 +18,6 @@ from physic_core.batch.photos import PhotoItem, Shard, photo_folder
 from physic_core.batch.process import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
-from physic_core.discovery.entry_points import core_version
 from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
 from physic_core.files.atomic import check_writable
@@ -155,7 +154,7 @@ def _why(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: str) -> 
     version, plugins = row.get("version", ""), row.get("plugins", "").split(", ")
     if row["config"] != job.digest(item):
         return "with other settings"
-    if version != core_version():
+    if version != job.version:
         return f"made by physic-core {version}"
     if plugins != job.plugins.split(", "):
         other = [one for one in plugins if one not in job.plugins.split(", ")]
