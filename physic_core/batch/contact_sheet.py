@@ -10,11 +10,10 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.journal import last_rows
+from physic_core.batch.journal import JournalIndex, journal_files
 from physic_core.batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
@@ -56,9 +55,10 @@ def write_contact_sheet(out: Path, results: Sequence[Path] = ()) -> Path:
     """
     check_contact_sheet(out)
     if any(out.glob("journal*.jsonl")):
-        rows = last_rows(out)
-        shown = list(islice(rows, _MAX_PHOTOS))
-        hidden = sum(1 for _ in rows)
+        index = JournalIndex(journal_files(out))
+        ids = index.ids()
+        shown = [row for row in index.rows(ids[:_MAX_PHOTOS]) if row is not None]
+        hidden = len(ids[_MAX_PHOTOS:])
         above = _common_folder([str(row.get("path", "")) for row in shown])
         cards = [_photo_card(out, row, above) for row in shown]
     else:

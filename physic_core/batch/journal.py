@@ -3,26 +3,30 @@ from it.
 
 The last line of an id counts. Lines of one file are in order of time. In several files, such as
 those of shards, the line of the run with the larger number is the later one; clocks of machines may
-differ. A damaged or truncated line is ignored. The tables are the last line of each photo, and of
-each person in them.
+differ. A damaged or truncated line is ignored and counted. The tables are the last line of each
+photo, and of each person in them.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Set
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, check_own, foreign_file, open_to_append
-from physic_core.files.text import from_json, parse_json, to_json, write_csv
+from physic_core.files.text import csv_writer, from_json, to_json
 from physic_core.io.result_folder import PEOPLE_TABLE
 from physic_core.types.results import PERSON_COLUMNS, SUMMARY_KEYS
+
+if TYPE_CHECKING:
+    from physic_core.batch.photos import Shard
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",
@@ -39,14 +43,15 @@ COLUMNS: Mapping[str, str] = {
     "finished": "end, UTC",
     "run": "number of the run in this folder",
     "photo": "SHA-256 of the file; empty if it cannot be read",
-    "bytes": "size of the file; empty if it cannot be found",
-    "modified": "modification time of the file, ns since 1970",
-    "config": "digest of the settings that the result depends on",
+    "stamp": "of the file: size in bytes, times of the last change of content and of inode (ns "
+    "since 1970), inode; empty if it cannot be found",
+    "config": "digest of the settings that the result depends on, and of the files that they name",
     "save": "what was saved: pictures, numbers, people or none",
     "folder": "of the results, relative to the output folder; empty without files",
     "files": "names and sizes of the files, such as reconstruction.npz=2048 thumbnail=512",
     "result": "run that wrote the files, as they state it; empty without files",
     "version": "of physic-core",
+    "plugins": "of the backends, with versions, and a digest of their code and libraries",
 }
 """Columns of every row; rows of finished photos also have the numbers of
 ``Reconstruction.summary``, which tables have before "seconds".
@@ -60,12 +65,20 @@ PEOPLE_COLUMN = "people_rows"
 table has it.
 """
 
+_PEOPLE_START = f', "{PEOPLE_COLUMN}": '.encode()  # the last entry of its line
 _ALWAYS = ("id", "state", "config", "finished")
+NUMBERS = ("trust", "seconds", "peak_mb", "attempts", "run")
+"""Columns of every row that are numbers; the others are texts."""
+
+_TEXTS = COLUMNS.keys() - set(NUMBERS)
+_MAX_OPEN = 256  # journals at a time: processes may have 1024 files
+_END_BYTES = 1 << 20
 _TABLE = "summary.csv"
 _BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
-_MARK = ",".join(_BEFORE_NUMBERS)  # CSV has no comments: the start of its first line is the mark
+# CSV has no comments: the mark is the start of the first line, which is the same in every version.
+_MARK = "id,path,state,"
 _PEOPLE_COLUMNS = ("id", "path", *(name for name in PERSON_COLUMNS if name != "id"))
-_PEOPLE_MARK = ",".join(_PEOPLE_COLUMNS)
+_PEOPLE_MARK = "id,path,person,"
 
 
 def check_journal(path: Path) -> None:
@@ -96,7 +109,7 @@ class Journal:
             self._lock.acquire()
             self._file = open_to_append(path)
             self._end_torn_line()
-            self._run = 1 + max((row["run"] for _, _, row in _lines(path.parent)), default=0)
+            self._run = 1 + max(map(_last_run, journal_files(path.parent)))
         except Timeout:
             raise OutputError(
                 f"another batch is writing {path}: wait for its end, or name another folder"
@@ -118,9 +131,10 @@ class Journal:
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        line = json.dumps(
-            to_json({**row, "run": self._run}, digits=9), ensure_ascii=True, allow_nan=False
-        )
+        row = {**row, "run": self._run}
+        if PEOPLE_COLUMN in row:
+            row[PEOPLE_COLUMN] = row.pop(PEOPLE_COLUMN)  # to the end of the line
+        line = json.dumps(to_json(row, digits=9), ensure_ascii=True, allow_nan=False)
         try:
             self._file.write(f"{line}\n".encode())
             self._file.flush()
@@ -142,52 +156,101 @@ class Journal:
         )
 
 
+def journal_files(out: Path, shard: Shard | None = None) -> list[Path]:
+    """Return the journals of an output folder; of a shard, without those of its sister shards,
+    which have other photos.
+    """
+    files = sorted(filter(Path.is_file, out.glob("journal*.jsonl")))
+    if shard is None:
+        return files
+    own = shard_journal(shard)
+    sister = re.compile(rf"journal-[0-9]+-of-{shard.count}\.jsonl")
+    return [path for path in files if path.name == own or not sister.fullmatch(path.name)]
+
+
+def shard_journal(shard: Shard | None) -> str:
+    """Return the name of the journal of a shard, or of a batch without shards."""
+    return "journal.jsonl" if shard is None else f"journal-{shard.number}-of-{shard.count}.jsonl"
+
+
+class JournalIndex:
+    """Where the last row of each id is in journals; made in one pass, and holds no row.
+
+    Attributes:
+        damaged: number of lines that are no row: cut off, or with a value of another type.
+    """
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        self.damaged = 0
+        self._last: dict[str, tuple[int, float, Path, int, tuple[str, ...]]] = {}
+        names: dict[tuple[str, ...], tuple[str, ...]] = {}
+        for path in paths:
+            start = 0
+            with path.open("rb") as file:
+                for line in file:
+                    row = _row(line, whole=False)
+                    if row is None:
+                        self.damaged += 1
+                    elif row["run"] >= self._last.get(row["id"], (0,))[0]:
+                        trust = row.get("trust")
+                        mistrust = -trust if isinstance(trust, float) else 1.0
+                        keys = tuple(row)
+                        keys = names.setdefault(keys, keys)
+                        self._last[row["id"]] = (row["run"], mistrust, path, start, keys)
+                    start += len(line)
+
+    def ids(self) -> list[str]:
+        """Return the ids, the most trusted first and those without trust last."""
+        return sorted(self._last, key=lambda name: self._last[name][1:4])
+
+    def columns(self) -> set[str]:
+        """Return the names of all columns of the rows, without people."""
+        return {name for keys in {last[4] for last in self._last.values()} for name in keys}
+
+    def rows(self, ids: Iterable[str]) -> Iterator[dict[str, Any] | None]:
+        """Yield the last row of each of some ids; None for one that has none, or a damaged one."""
+        files: dict[Path, BinaryIO] = {}
+        with ExitStack() as opened:
+            for name in ids:
+                if name not in self._last:
+                    yield None
+                    continue
+                _, _, path, start, _ = self._last[name]
+                if path not in files:
+                    if len(files) == _MAX_OPEN:
+                        opened.close()
+                        files.clear()
+                    files[path] = opened.enter_context(path.open("rb"))
+                files[path].seek(start)
+                found = _row(files[path].readline())
+                self.damaged += found is None
+                yield found
+
+
 def read_journals(folder: Path, columns: Iterable[str] | None = None) -> dict[str, dict[str, Any]]:
     """Return the last row of each id in all journals of a folder, or only some columns of it.
 
     An id can be in several journals after a change of shards; then the row of the later run counts.
     """
-    found: dict[str, dict[str, Any]] = {}
-    runs: dict[str, int] = {}
+    index = JournalIndex(journal_files(folder))
     wanted = None if columns is None else {*columns, "id"}
-    for _, _, row in _lines(folder):
-        if row["run"] >= runs.get(row["id"], 0):
-            runs[row["id"]] = row["run"]
-            found[row["id"]] = (
-                row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-            )
-    return found
+    return {
+        row["id"]: row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+        for row in index.rows(index.ids())
+        if row is not None
+    }
 
 
-def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the last row of each id, the most trusted first and those without trust last, without
-    holding all rows in memory.
-    """
-    last: dict[str, tuple[int, float, Path, int]] = {}
-    for path, start, row in _lines(folder):
-        if row["run"] >= last.get(row["id"], (0,))[0]:
-            trust = row.get("trust")
-            mistrust = -trust if isinstance(trust, float) else 1.0
-            last[row["id"]] = (row["run"], mistrust, path, start)
-    for _, _, path, start in sorted(last.values(), key=lambda place: place[1:]):
-        with path.open("rb") as file:
-            file.seek(start)
-            found = _row(file.readline())
-        if found is not None:
-            yield found
-
-
-def _lines(folder: Path) -> Iterator[tuple[Path, int, dict[str, Any]]]:
-    """Yield file and first byte of each line, and its row; a damaged or truncated line is
-    skipped.
-    """
-    for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
-        with path.open("rb") as file:
-            start = 0
-            for line in file:
-                if (row := _row(line)) is not None:
-                    yield path, start, row
-                start += len(line)
+def _last_run(path: Path) -> int:
+    """Return the number of the last run in a journal, from its end; 0 without rows."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        for length in (min(size, _END_BYTES), size):
+            file.seek(size - length)
+            for line in reversed(file.read().splitlines()):
+                if (row := _row(line, whole=False)) is not None:
+                    return int(row["run"])
+    return 0
 
 
 def _is_journal(path: Path) -> bool:
@@ -195,16 +258,49 @@ def _is_journal(path: Path) -> bool:
         return any(_row(line) is not None for line in file) or path.stat().st_size == 0
 
 
-def _row(line: bytes) -> dict[str, Any] | None:
+def _row(line: bytes, *, whole: bool = True) -> dict[str, Any] | None:
+    """Return the row of a line, or its columns without people; None if it is damaged."""
+    # No text has these bytes, since it has no quotation mark without a backslash.
+    head, mark, people = line.rstrip().partition(_PEOPLE_START)
     try:
-        row = parse_json(line)
-    except ValueError:
+        row = _DECODER.decode((head + b"}" if mark and not whole else line).decode())
+        if mark and not people.endswith(b"]}"):
+            return None
+        return _with_types(row)
+    except (ValueError, RecursionError):
         return None
-    if not isinstance(row, dict):
-        return None
-    found = {name: from_json(value) for name, value in row.items()}
-    found["run"] = found["run"] if isinstance(found.get("run"), int) else 0
-    return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None
+
+
+def _with_types(row: Any) -> dict[str, Any]:
+    """Return a row with numbers in place of "NaN" and infinities.
+
+    Raises:
+        ValueError: a value has another type than its column.
+    """
+    if not isinstance(row, dict) or not all(isinstance(row.get(name), str) for name in _ALWAYS):
+        raise ValueError
+    for name, value in row.items():
+        if name in _TEXTS:
+            is_valid = isinstance(value, str)
+        elif isinstance(value, str):
+            row[name] = from_json(value)
+            is_valid = not value or row[name] != value
+        elif name == PEOPLE_COLUMN and isinstance(value, list):
+            is_valid = all(isinstance(one, dict) for one in value)
+            row[name] = from_json(value)
+        else:
+            is_valid = value is None or isinstance(value, int | float)
+        if not is_valid:
+            raise ValueError
+    row["run"] = row["run"] if isinstance(row.get("run"), int) else 0
+    return row
+
+
+def _refuse(word: str) -> Any:
+    raise ValueError(word)
+
+
+_DECODER = json.JSONDecoder(parse_constant=_refuse)
 
 
 def all_columns() -> tuple[str, ...]:
@@ -234,23 +330,22 @@ def write_tables(out: Path) -> list[Path]:
 
     Photos with the highest trust come first. Numbers of results are empty for failed photos. People
     are in the order of the photos' rows.
-    Texts are those of :func:`physic_core.files.text.write_csv`.
+    Texts are those of :func:`physic_core.files.text.csv_writer`.
 
     Raises:
         OutputError: a file cannot be written, or no batch has written the one there.
     """
     check_tables(out)
-    numbers = {name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN}
-    people = (
-        {"id": row["id"], "path": row.get("path", ""), **one}
-        for row in last_rows(out)
-        for one in row.get(PEOPLE_COLUMN) or ()
-    )
-    tables = ((_TABLE, _in_order(numbers), last_rows(out)), (PEOPLE_TABLE, _PEOPLE_COLUMNS, people))
-    for name, columns, rows in tables:
-        with (
-            atomic_write(out) as temporary,
-            temporary(name).open("w", newline="", encoding="utf-8") as file,
-        ):
-            write_csv(file, columns, rows)
-    return [out / name for name, _, _ in tables]
+    index = JournalIndex(journal_files(out))
+    with (
+        atomic_write(out) as temporary,
+        temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,
+        temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as people_table,
+    ):
+        write = csv_writer(table, _in_order(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN}))
+        write_person = csv_writer(people_table, _PEOPLE_COLUMNS)
+        for row in filter(None, index.rows(index.ids())):
+            write(row)
+            for one in row.get(PEOPLE_COLUMN) or ():
+                write_person({"id": row["id"], "path": row.get("path", ""), **one})
+    return [out / _TABLE, out / PEOPLE_TABLE]

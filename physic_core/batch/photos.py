@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import glob
 import hashlib
 import math
 import os
@@ -15,6 +16,7 @@ from urllib.parse import quote
 
 from pydantic import ValidationError
 
+from physic_core.cache.digests import file_stamp
 from physic_core.configuration.model import PhotoSettings
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError
@@ -24,6 +26,7 @@ from physic_core.io.result_folder import DOCUMENT_FILE
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
+_THUMBNAILS = os.path.join("thumbnails", "[0-9a-f][0-9a-f]")
 _COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
@@ -36,15 +39,15 @@ class PhotoItem:
         id: unique in the batch, and equal in every run of it.
         path: absolute.
         settings: of the table ``[photo]``, only for this photo.
-        stamp: size in bytes and modification time in ns of the file at some time before it is read,
-            by :meth:`stamped`; None if it is unknown, or there is no file.
+        stamp: :func:`physic_core.cache.digests.file_stamp` of the file at some time before it is
+            read, by :meth:`stamped`; "" if it is unknown, or there is no file.
         replaces: names of the files of an earlier result, of which some are lost.
     """
 
     id: str
     path: str
     settings: Mapping[str, Any] = field(default_factory=dict)
-    stamp: tuple[int, int] | None = field(default=None, compare=False)
+    stamp: str = field(default="", compare=False)
     replaces: tuple[str, ...] = field(default=(), compare=False)
 
     @classmethod
@@ -57,12 +60,11 @@ class PhotoItem:
         return cls(**{"id": name, "path": absolute, **fields})
 
     def stamped(self) -> PhotoItem:
-        """Return a copy with the size and time that the file has now."""
+        """Return a copy with the stamp that the file has now."""
         try:
-            status = os.stat(self.path)
-            stamp = status.st_size, status.st_mtime_ns
+            stamp = file_stamp(os.stat(self.path))
         except OSError:
-            stamp = None
+            stamp = ""
         return replace(self, stamp=stamp)
 
 
@@ -79,14 +81,14 @@ class PhotoList:
     skipped: int
 
 
-def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> PhotoList:
+def list_photos(inputs: Iterable[str]) -> PhotoList:
     """List the photos of files, folders (recursively) and CSV tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length
     in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and
-    "id". Photos of folders are sorted by path. Of these, files below ``out``, and in folders of
-    results and of earlier batches, are skipped, and so are files that are hidden or have a suffix
-    that no photo has.
+    "id". Photos of folders are sorted by path. Of these, files in and below folders of results, and
+    thumbnails of batches, are skipped, and so are files that are hidden or have a suffix that no
+    photo has.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
@@ -95,9 +97,7 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     skipped = 0
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items_of(text)):
-        if item is None or (
-            out is not None and Path(item.path).is_relative_to(os.path.abspath(out))
-        ):
+        if item is None:
             skipped += 1
             continue
         same = found.setdefault(item.id, item)
@@ -190,12 +190,13 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
 
 def _files_below(top: str) -> Iterator[tuple[str, bool]]:
     """Yield the files of a folder and its sub-folders, and whether each is a photo."""
-    of_batch: set[str] = set()
+    written: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
-        in_batch = folder in of_batch or any(map(_JOURNAL.fullmatch, names))
-        if in_batch:
-            of_batch.update(os.path.join(folder, name) for name in folders)
-        is_result = in_batch or DOCUMENT_FILE in names
+        is_result = folder in written or DOCUMENT_FILE in names
+        if is_result:
+            written.update(os.path.join(folder, name) for name in folders)
+        if any(map(_JOURNAL.fullmatch, names)):
+            written.update(glob.glob(os.path.join(glob.escape(folder), _THUMBNAILS)))
         for name in names:
             suffix = os.path.splitext(name)[1].lower()
             yield (
@@ -224,9 +225,9 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
         except ValidationError as error:
             found = problems_from_pydantic(error, PhotoSettings)
             problems = "; ".join(f"{one.path}: {one.message}" for one in found)
-            raise InputError(f"{table}, row {number}: {problems}") from error
+            raise InputError(f"{table}, row {number}: {problems}{_hint(row)}") from error
         except ValueError as error:
-            raise InputError(f"{table}, row {number}: {error}") from error
+            raise InputError(f"{table}, row {number}: {error}{_hint(row)}") from error
         yield item
 
 
@@ -250,14 +251,28 @@ def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
     return replace(item, id=_text(row.get("id")) or item.id)
 
 
+def _hint(row: Mapping[str, Any]) -> str:
+    """Return what to write instead of a number with a decimal comma; "" if there is none."""
+    found = next((t for t in map(_text, row.values()) if re.fullmatch(r"[0-9]+,[0-9]+", t)), "")
+    return f"; write a number with a point, as {found.replace(',', '.')}" if found else ""
+
+
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            for number, row in enumerate(csv.DictReader(stream), start=1):
+            reader = csv.DictReader(stream)
+            for name in reader.fieldnames or ():
+                if mark := re.search("[;\t]", name):
+                    kind = "tabs" if mark[0] == "\t" else "semicolons"
+                    raise InputError(
+                        f"{table}: its cells are separated by {kind}: save it as CSV with commas "
+                        "between cells, and points in numbers (path,stature and a.jpg,1.7)"
+                    )
+            for number, row in enumerate(reader, start=1):
                 if None in row:
                     raise InputError(
-                        f"{table}, row {number}: it has more cells than the first line; quote "
-                        f"commas"
+                        f"{table}, row {number}: it has more cells than the first line: write "
+                        'numbers with a point (1.7), and several in quotes ("1.7,1.8")'
                     )
                 yield row
     except UnicodeDecodeError as error:

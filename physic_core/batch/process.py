@@ -21,11 +21,14 @@ from physic_core.batch.contact_sheet import write_thumbnail
 from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.workers import peak_memory_mb
-from physic_core.cache.digests import files_named_by
-from physic_core.configuration.model import as_config
+from physic_core.cache.digests import CodeDigester, files_named_by
+from physic_core.cache.results import made_of
+from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
 from physic_core.discovery.entry_points import core_version
+from physic_core.discovery.plugin_code import named_plugin_code
+from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
 from physic_core.files.atomic import check_writable
 from physic_core.interfaces import INTERFACES
@@ -66,36 +69,12 @@ def batch_config(config: Config, *, cache: bool) -> Config:
     )
 
 
-def config_digest(config: Config) -> str:
-    """Return a short digest of the settings of a configuration that results depend on.
-
-    Of files that ``[photo]`` names, such as a depth map, the content counts.
-    """
-    tables = config.as_dict()
-    for name in WITHOUT_EFFECT:
-        tables["run"].pop(name, None)
-    for table in tables.values():
-        if isinstance(options := table.get("options"), dict):
-            options.pop("threads", None)
-    return _digest([tables, list(files_named_by(tables["photo"]))])
-
-
-def settings_digest(of_config: str, settings: Mapping[str, Any]) -> str:
-    """Return a short digest of a configuration, given by its digest, with the settings of one
-    photo.
-
-    Of files that the settings name, such as a depth map, the content counts.
-    """
-    return (
-        _digest([of_config, dict(settings), list(files_named_by(settings))])
-        if settings
-        else of_config
-    )
-
-
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
+
+OTHER_CODE = "code"
+"""Word before the digest of the code in the column ``plugins``."""
 
 _MAX_MESSAGE = 5000
 """Characters of a message in the journal."""
@@ -119,12 +98,54 @@ class BatchJob:
     thumbnails: bool = True
 
     def digest(self, item: PhotoItem) -> str:
-        """Return the digest of the settings that the result of a photo depends on."""
-        return settings_digest(self._tables_digest, item.settings)
+        """Return the digest of the settings that the result of a photo depends on.
+
+        Of files that they name, such as weights or a depth map, the content counts.
+        """
+        of_all, own = self._tables_digest, dict(item.settings)
+        return _digest([of_all, own, list(files_named_by(own))]) if own else of_all
 
     @cached_property
     def _tables_digest(self) -> str:
-        return config_digest(self.config)
+        tables = self.config.as_dict()
+        for name in WITHOUT_EFFECT:
+            tables["run"].pop(name, None)
+        for table in tables.values():
+            if isinstance(options := table.get("options"), dict):
+                options.pop("threads", None)
+        return _digest([tables, list(files_named_by(tables))])
+
+    @cached_property
+    def version(self) -> str:
+        """The version of physic-core, read once."""
+        return core_version()
+
+    @cached_property
+    def plugins(self) -> str:
+        """The plugins of the backends, with versions, and a digest of what :func:`made_of` lists;
+        code that has no digest is never the same again.
+
+        Raises:
+            PhysicError: a backend cannot be constructed, or its ``fingerprint`` fails.
+        """
+        code = CodeDigester()
+        preset = self.config.engine.preset
+        # the hook imports every plugin
+        offers = () if preset == DEFAULT_ENERGY else find_items("physic_engine_presets")
+        owners = {
+            f"{found.distribution} {found.version}"
+            for found in offers
+            if found.record.name == preset
+        }
+        parts = []
+        for one in resolve(self.config).backends.values():
+            kind = type(one.backend)
+            with named_plugin_code(f"{one.title}: fingerprint() fails", kind):
+                found = code.digest(kind) or f"{os.getpid()} {time.time_ns()}"
+                parts.append(made_of(one.backend, one.provenance, found))
+            if one.provenance.version:
+                owners.add(f"{one.provenance.distribution} {one.provenance.version}")
+        return ", ".join([*sorted(owners), f"{OTHER_CODE} {_digest(parts)}"])
 
 
 class PhotoProcessor:
@@ -237,21 +258,19 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
     """Return a row with the columns that do not depend on the result, and empty ones for the
     others.
     """
-    size, modified = item.stamp or (None, None)
     return dict.fromkeys(COLUMNS, "") | {
         "id": item.id,
         "path": item.path,
         "seconds": 0.0,
         "attempts": 1,
         "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "bytes": size,
-        "modified": modified,
+        "stamp": item.stamp,
         "config": job.digest(item),
         "save": job.save,
         "result": run_of_result(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
-        "version": core_version(),
-        "peak_mb": None,
-        "run": None,
+        "version": job.version,
+        "plugins": job.plugins,
+        **dict.fromkeys(("trust", "peak_mb", "run")),
     }
 
 
@@ -287,4 +306,6 @@ def prepare_job(
     settings = batch_config(chosen, cache=cache)
     require_available(resolve(settings))
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
-    return BatchJob(settings, str(folder), save, thumbnails)
+    job = BatchJob(settings, str(folder), save, thumbnails)
+    _ = job.plugins  # once, for all workers, and before anything is computed
+    return job

@@ -4,23 +4,25 @@ for each.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.journal import THUMBNAIL, Journal, read_journals
-from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
+from physic_core.batch.journal import THUMBNAIL, Journal, JournalIndex, journal_files
+from physic_core.batch.photos import PhotoItem, Shard, photo_folder
+from physic_core.batch.process import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
+from physic_core.io.results import SAVE
 
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
@@ -29,7 +31,9 @@ It raises PhysicError if the backends cannot be loaded, and OutputError if resul
 written.
 """
 
-_NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modified")
+_LOST = "files missing or damaged"
+_LEVELS = ("none", *reversed(SAVE))
+"""What can be saved; each has the files of those before it."""
 
 
 @dataclass(frozen=True)
@@ -38,60 +42,63 @@ class BatchPlan:
 
     Attributes:
         todo: photos without a valid row in the journal.
+        why: number of photos in ``todo`` by reason, such as "photo changed".
         done: number of photos that are done.
-        failed: number of photos that failed in an earlier run and are not tried again.
-        replaced: number of the photos in ``todo`` that are done with other settings, whose results
-            are replaced.
-        again: number of the other photos in ``todo`` that were tried before, with other content or
-            settings, or that were done before, but with files missing, truncated or replaced.
+        failed: number of photos that failed in an earlier run and are not tried again, by error.
+        replaced: number of the photos in ``todo`` that have a whole result, which is replaced.
+        damaged: number of lines of the journals that are no row.
     """
 
     todo: tuple[PhotoItem, ...]
+    why: Mapping[str, int]
     done: int
-    failed: int
+    failed: Mapping[str, int]
     replaced: int
-    again: int
+    damaged: int
 
 
 def plan_batch(
-    items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False
+    items: Sequence[PhotoItem],
+    job: BatchJob,
+    *,
+    retry_failed: bool = False,
+    shard: Shard | None = None,
+    least: str | None = None,
 ) -> BatchPlan:
     """Compare the photos with the journals in the output folder.
 
-    A photo is done anew if its content, the configuration, its settings or what is saved differ
-    from its last row, or if its files are missing, truncated or of another run. Content is compared
-    by size and modification time first, then by digest.
+    A photo is done anew if its content, the configuration, its settings, or the code and version of
+    the core and of a chosen plugin differ from its last row, or if its files are missing, truncated
+    or of another run. Content is compared by the stamp of the file first, then by digest.
 
     Args:
         items: the photos.
         job: of the batch.
         retry_failed: whether photos that failed are done again.
+        shard: whose photos these are; journals of its sister shards are not read.
+        least: what must be saved; the default is what the job saves.
     """
-    rows = read_journals(Path(job.out), _NEEDED)
+    index = JournalIndex(journal_files(Path(job.out), shard))
     todo: list[PhotoItem] = []
-    count: Counter[str] = Counter()
-    for item in items:
-        row = rows.get(item.id)
+    why: Counter[str] = Counter()
+    rest: Counter[str] = Counter()
+    replaced = 0
+    for item, row in zip(items, index.rows(item.id for item in items), strict=True):
+        item = item.stamped()
+        reason = "new" if row is None else _why(row, item, job, least or job.save)
         if row is None:
             todo.append(item)
-        elif not _is_current(row, item, job):
-            todo.append(item)
-            is_result = row["state"] == "done" and not _has_settings(row, item, job)
-            count["replaced" if is_result else "again"] += 1
-        elif not _has_its_files(row, item, job):
+        elif reason == _LOST:
             todo.append(replace(item, replaces=tuple(_sizes(row))))
-            count["again"] += 1
-        elif row["state"] == "failed" and retry_failed:
+        elif reason or (retry_failed and row["state"] == "failed"):
             todo.append(item)
+            replaced += row["state"] == "done" and row.get("save") != "none"
+            reason = reason or "failed before"
         else:
-            count[row["state"]] += 1
-    return BatchPlan(
-        tuple(item.stamped() for item in todo),
-        count["done"],
-        count["failed"],
-        count["replaced"],
-        count["again"],
-    )
+            rest["" if row["state"] == "done" else row.get("error", "")] += 1
+        if reason:
+            why[reason] += 1
+    return BatchPlan(tuple(todo), why, rest.pop("", 0), rest, replaced, index.damaged)
 
 
 def run_batch(
@@ -140,19 +147,32 @@ def run_locally(
                 yield {**one.value, "attempts": one.attempts}
 
 
-def _has_settings(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    return bool(row["config"] == job.digest(item) and row.get("save") == job.save)
+def _why(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: str) -> str:
+    """Return why a photo is done again; "" if its row is that of today's photo, settings, code and
+    files.
+    """
+    version, plugins = row.get("version", ""), row.get("plugins", "").split(", ")
+    if row["config"] != job.digest(item):
+        return "with other settings"
+    if version != job.version:
+        return f"made by physic-core {version}"
+    if plugins != job.plugins.split(", "):
+        other = [one for one in plugins if one not in job.plugins.split(", ")]
+        named = [one for one in other if one and not one.startswith(OTHER_CODE)]
+        return f"made by {' and '.join(named) or f'other code of physic-core {version} or plugins'}"
+    if row.get("save") not in _LEVELS[_LEVELS.index(least) :]:
+        return f"saved as {row.get('save')}"
+    if not _is_same_photo(row, item):
+        return "photo changed"
+    return "" if _has_its_files(row, item, job) else _LOST
 
 
-def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    item = item.stamped()
-    if not _has_settings(row, item, job):
-        return False
-    if item.stamp is None:
-        return row.get("bytes") is None
-    if item.stamp == (row.get("bytes"), row.get("modified")):
+def _is_same_photo(row: Mapping[str, Any], item: PhotoItem) -> bool:
+    stamp = row.get("stamp", "")
+    if item.stamp == stamp:
         return True
-    return item.stamp[0] == row.get("bytes") and file_digest(item.path) == row.get("photo")
+    same_size = item.stamp.partition(" ")[0] == stamp.partition(" ")[0]
+    return same_size and file_digest(item.path) == row.get("photo")
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
@@ -162,7 +182,7 @@ def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bo
     Pictures and the document may be edited; the size of the arrays must agree. The thumbnail does
     not count.
     """
-    if job.save == "none":
+    if row.get("save") == "none":
         return True
     folder = Path(job.out, photo_folder(item.id))
     sizes = _sizes(row)
@@ -180,8 +200,8 @@ def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bo
 
 def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
     """Return name -> bytes of the files in a photo's folder that its row of the journal states."""
-    pairs = (text.rpartition("=") for text in str(row.get("files", "")).split())
-    return {name: int(size) for name, _, size in pairs if name != THUMBNAIL}
+    pairs = re.findall(r"(\S+)=([0-9]+)", row.get("files", ""))
+    return {name: int(size) for name, size in pairs if name != THUMBNAIL}
 
 
 _LOCAL = "local"

@@ -113,8 +113,8 @@ class CodeDigester:
     def digest(self, kind: type) -> str | None:
         """Compute the digest of the packages that define a class and its bases.
 
-        Sources count with their content, other files (weights, tables) with size and modification
-        time. For a module outside any package, the modules in the same folder count.
+        All files count with their content, so that two installations agree. For a module outside
+        any package, the modules in the same folder count.
 
         Returns:
             The digest. None if there is no reliable one: the class is defined in a function or an
@@ -175,14 +175,11 @@ def _digest_of_files(files: list[Path]) -> bytes | None:
     digest = hashlib.blake2b(digest_size=_CODE_BYTES)
     try:
         for path in files:
-            status = path.stat()
-            digest.update(f"{path.name} {status.st_size};".encode())
-            if path.suffix != ".py":
-                digest.update(f"{status.st_mtime_ns};".encode())
-            elif _STARTED < status.st_mtime <= time.time():
+            is_source = path.suffix == ".py"
+            if is_source and _STARTED < path.stat().st_mtime <= time.time():
                 return None
-            else:
-                digest.update(path.read_bytes())
+            content = path.read_bytes() if is_source else remembered_sha256(path).encode()
+            digest.update(f"{path.name} {len(content)};".encode() + content)
     except OSError:
         return None
     return digest.digest()
@@ -196,22 +193,25 @@ _CLOCK_NS = 2_000_000_000
 _known: dict[str, str] = {}
 
 
+def file_stamp(status: os.stat_result) -> str:
+    """Return size in bytes, times of the last change of content and of inode (ns since 1970), and
+    inode of a file: as long as they are the same, so is its content.
+
+    No user can set the time of the inode.
+    """
+    return f"{status.st_size} {status.st_mtime_ns} {status.st_ctime_ns} {status.st_ino}"
+
+
 def remembered_sha256(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits, from the cache if the file has not
-    changed.
-
-    A changed file has another size, inode, or time of the last change of content or inode. No user
-    can set the last.
+    changed: see :func:`file_stamp`.
 
     Raises:
         OSError: the file cannot be read.
     """
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
-        stamp = (
-            f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns} "
-            f"{status.st_ctime_ns}"
-        )
+        stamp = f"{status.st_dev} {file_stamp(status)}"
         name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
         found = _known.get(name) or _read(name)
         if found is None:

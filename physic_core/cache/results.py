@@ -88,6 +88,30 @@ def restored(result: _T, *, copies: bool = False) -> _T:
     return same
 
 
+def made_of(backend: Backend, who: Provenance, code: str) -> dict[str, Any]:
+    """Return what a backend's results depend on beside its inputs, options, device and the files
+    that options name.
+
+    Args:
+        backend: need not be loaded.
+        who: the backend is.
+        code: digest of the source code of its class.
+
+    Raises:
+        Exception: raised by the backend's ``fingerprint``.
+    """
+    kind = type(backend)
+    return {
+        "api": INTERFACES[who.interface].api,
+        "class": f"{kind.__module__}.{kind.__qualname__}",
+        "code": code,
+        "distribution": who.distribution,
+        "fingerprint": str(backend.fingerprint()),
+        "libraries": required_versions("physic-core") | required_versions(who.distribution),
+        "version": who.version,
+    }
+
+
 _VERSION = 4
 """Version of the file format; increase it if old files would be read differently or fail a stricter
 validation.
@@ -154,13 +178,9 @@ class ResultCache:
             return None
         parts = {
             **asdict(who),
-            "api": INTERFACES[who.interface].api,
-            "class": f"{kind.__module__}.{kind.__qualname__}",
-            "code": code,
+            **made_of(backend, who, code),
             "device": device,
             "files": list(files_named_by(who.options)),
-            "fingerprint": str(backend.fingerprint()),
-            "libraries": required_versions("physic-core") | required_versions(who.distribution),
         }
         try:
             name = self._digester.digest(_VERSION, parts, inputs)

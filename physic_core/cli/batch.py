@@ -4,12 +4,15 @@ table and a page.
 
 from __future__ import annotations
 
+import shlex
 import signal
+import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +20,23 @@ import click
 
 from physic_core.cli.arguments import AnyPath, Device, Number, configuration_options
 from physic_core.cli.output import echo
-from physic_core.errors import OutputError
+from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
+    from physic_core.batch.photos import PhotoItem
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-_SAVE = "Files per photo, as in physic run; none: only a row of the tables."
+_SAVE = (
+    "Files per photo, as in physic run; none: only a row of the tables. [default: pictures of up "
+    "to 100 photos with a contact sheet, else numbers]"
+)
+_FEW = 100
+"""So many photos have pictures by default."""
+
+_SHOWN = 20
+"""Photos that will fail, of which a dry run says why."""
+
 _ROWS = 20
 """New rows after which the tables are written while a batch runs."""
 
@@ -36,16 +49,14 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True)
+@click.argument("photos", nargs=-1)
 @click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for all results.")
 @click.option(
     "--workers",
     type=click.IntRange(1, 1024),
     help="Worker processes. [default: by cores and memory]",
 )
-@click.option(
-    "--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE
-)
+@click.option("--save", type=click.Choice(_LEVELS), help=_SAVE)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
     "--timeout",
@@ -62,6 +73,9 @@ _LEVELS = ("pictures", "numbers", "people", "none")
     "--dry-run", is_flag=True, help="Print the photos to process, one per line, and write nothing."
 )
 @click.option("--shard", metavar="I/N", help="Process only the I-th of N parts, such as 3/16.")
+@click.option(
+    "--tables", is_flag=True, help="Only write tables and contact sheet of the rows of all shards."
+)
 @click.option("--cache", is_flag=True, help="Cache backend outputs; off by default in batches.")
 @click.option(
     "--executor",
@@ -84,6 +98,7 @@ def batch(
     limit: int | None,
     dry_run: bool,
     shard: str | None,
+    tables: bool,
     **options: Any,
 ) -> None:
     """Reconstruct PHOTOS: files, folders, or a CSV table.
@@ -91,57 +106,95 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the
     reason.
     """
-    from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
-    from physic_core.batch.journal import check_tables, write_tables
+    from physic_core.batch.contact_sheet import check_contact_sheet
+    from physic_core.batch.journal import check_tables, shard_journal
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
 
+    if tables == bool(photos):
+        raise click.UsageError("--tables takes no photos" if tables else "name photos, or --tables")
     check_tables(out)
-    if not options["no_thumbnails"]:
+    with_sheet = not options["no_thumbnails"]
+    if with_sheet:
         check_contact_sheet(out)
-    name = "journal.jsonl"
+    if tables:
+        _write_tables(out, with_sheet=with_sheet)
+        return
+    part = None if shard is None else Shard.parse(shard)
     logs = out.absolute() / "logs"
-    if shard is not None:
-        part = Shard.parse(shard)
-        words = f"{part.number}-of-{part.count}"
-        name = f"journal-{words}.jsonl"
-        logs = logs / words
+    if part is not None:
+        logs = logs / f"{part.number}-of-{part.count}"
     run = _executor(logs, options)
-    listed = list_photos(photos, out)
-    items = listed.photos
-    if shard is not None:
-        items = [item for item in items if item.id in part]
-    job = _job(out, options, write=not dry_run)
-    plan = plan_batch(items, job, retry_failed=options["retry"] is not None)
+    listed = list_photos(photos)
+    items = [item for item in listed.photos if part is None or item.id in part]
+    default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
+    job = _job(out, {**options, "save": options["save"] or default}, write=not dry_run)
+    plan = plan_batch(
+        items,
+        job,
+        retry_failed=options["retry"] is not None,
+        shard=part,
+        least=options["save"] or "numbers",
+    )
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     if listed.skipped:
         echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
     echo(_describe(plan, len(items)) + now, err=True)
     if dry_run:
-        for item in todo:
-            echo(item.path)
+        _print_forecast(todo, job)
         return
     folder = Path(job.out)
-
-    def write() -> list[Path]:
-        return write_tables(folder) + ([write_contact_sheet(folder)] if job.thumbnails else [])
+    write = None if part else partial(_tables, folder, with_sheet=with_sheet)
+    progress = _Progress(len(todo), write)
 
     def finish(start: str) -> None:
-        written = write()
-        echo(f"{start}{_summary(folder, items)}")
-        echo("\n".join(f"wrote {path}" for path in written))
+        echo(f"{start}{_summary(progress.counts + Counter({'': plan.done, **plan.failed}))}")
+        if part is None:
+            _write_tables(folder, with_sheet=with_sheet)
+        else:
+            echo(f"tables of all shards, when they are done: physic batch --tables -o {folder}")
 
-    progress = _Progress(len(todo), write if shard is None else None)
     try:
         with _stopped_by_signals():
-            run_batch(todo, job, run, folder / name, progress.add)
-    except BaseException:  # a batch that is stopped has the tables of its rows, too
+            run_batch(todo, job, run, folder / shard_journal(part), progress.add)
+    except BaseException as error:  # a batch that is stopped has the tables of its rows, too
         if progress.done:
             with suppress(OutputError):
                 finish(f"stopped after {progress.done:,} of {len(todo):,} photos: ")
+        if isinstance(error, KeyboardInterrupt):
+            command = shlex.join(["physic", *sys.argv[1:]])
+            echo(f"stopped; the same command continues: {command}", err=True)
         raise
     finish("")
+
+
+def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
+    from physic_core.batch.contact_sheet import write_contact_sheet
+    from physic_core.batch.journal import journal_files, write_tables
+
+    if not journal_files(folder):
+        raise InputError(f"no journal in {folder}: name the output folder of a batch")
+    return write_tables(folder) + ([write_contact_sheet(folder)] if with_sheet else [])
+
+
+def _write_tables(folder: Path, *, with_sheet: bool) -> None:
+    echo("\n".join(f"wrote {path}" for path in _tables(folder, with_sheet=with_sheet)))
+
+
+def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
+    """Print the photos, and to stderr those that will fail as far as that is known."""
+    from physic_core.batch.forecast import expected_failure
+
+    failing = 0
+    for item in todo:
+        echo(item.path)
+        if reason := expected_failure(item, job.config):
+            failing += 1
+            if failing <= _SHOWN:
+                echo(f"will fail: {item.path}: {reason}", err=True)
+    if failing:
+        echo(f"{failing:,} of {len(todo):,} photos will fail", err=True)
 
 
 def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
@@ -187,18 +240,19 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
 
 
 def _describe(plan: BatchPlan, photos: int) -> str:
-    parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
-    if plan.failed:
-        parts.append(f"{plan.failed:,} failed before (--retry failed retries them)")
+    failed = sum(plan.failed.values())
+    reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.why.items())
+    parts = [f"{photos:,} photos: {plan.done:,} done before"]
+    if failed:
+        parts.append(f"{failed:,} failed before (--retry failed tries them again)")
+    parts.append(f"{len(plan.todo):,} to do{f': {reasons}' if reasons else ''}")
     if plan.replaced:
         parts.append(
-            f"{plan.replaced:,} of those to do have a result of other settings, which is replaced: "
-            "name another folder with -o to keep it"
+            f"{plan.replaced:,} of these have a result, which is replaced: name another folder "
+            "with -o to keep it"
         )
-    if plan.again:
-        parts.append(
-            f"{plan.again:,} of those to do were tried before, but photo, settings or files differ"
-        )
+    if plan.damaged:
+        parts.append(f"{plan.damaged:,} damaged lines of the journal are skipped")
     return "; ".join(parts)
 
 
@@ -212,23 +266,26 @@ class _Progress:
 
     Attributes:
         done: number of rows so far.
+        counts: the same by the class of the error, "" of those that are done.
     """
 
     def __init__(self, total: int, write: Callable[[], Any] | None) -> None:
         self.done = 0
+        self.counts = Counter[str]()
         self._total = total
         self._write = write
         self._start = self._next_write = time.monotonic()
-        self._failed = self._unwritten = 0
+        self._unwritten = 0
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Take a row that was appended to the journal."""
         self.done += 1
-        self._failed += row["state"] == "failed"
+        self.counts[row["error"] if row["state"] == "failed" else ""] += 1
         seconds = time.monotonic() - self._start
         message = str(row["message"]).replace(row["path"], Path(row["path"]).name)
         reason = f": {row['error']}: {message}" if row["error"] else ""
-        failures = f", {self._failed} failed" if self._failed else ""
+        failed = self.done - self.counts[""]
+        failures = f", {failed} failed" if failed else ""
         left = _duration((self._total - self.done) * seconds / self.done)
         rate = f"{60 * self.done / seconds:.1f} photos/min, {left} left{failures}"
         echo(f"[{self.done}/{self._total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
@@ -270,18 +327,11 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def _summary(out: Path, items: list[Any]) -> str:
-    from physic_core.batch.journal import read_journals
-
-    rows = read_journals(out, ("state", "error"))
-    wanted = {item.id for item in items}
-    states = Counter(row["state"] for name, row in rows.items() if name in wanted)
-    errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])
-    reasons = ", ".join(f"{number} {error}" for error, number in errors.most_common())
+def _summary(counts: Counter[str]) -> str:
+    """Return how many photos are done and failed, by the class of their error ("" if done)."""
+    done = counts.pop("", 0)
+    reasons = ", ".join(f"{number} {name}" for name, number in counts.most_common())
     again = (
-        "; --retry failed tries these again" if errors.keys() & {"Timeout", "WorkerDied"} else ""
+        "; --retry failed tries these again" if counts.keys() & {"Timeout", "WorkerDied"} else ""
     )
-    return (
-        f"{states['done']:,} done, {states['failed']:,} "
-        f"failed{f' ({reasons})' if reasons else ''}{again}"
-    )
+    return f"{done:,} done, {counts.total():,} failed{f' ({reasons})' if reasons else ''}{again}"

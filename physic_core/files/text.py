@@ -10,7 +10,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
@@ -61,20 +61,26 @@ def path_problem(text: str) -> str:
 
 
 def write_csv(file: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write a line with the columns, then one for each row; a value that is missing or None is
-    empty.
+    """Write a table: see :func:`csv_writer`."""
+    write = csv_writer(file, columns)
+    for row in rows:
+        write(row)
+
+
+def csv_writer(file: TextIO, columns: Sequence[str]) -> Callable[[Mapping[str, Any]], object]:
+    """Write a line with the columns, and return a function that writes a row; a value that is
+    missing or None is empty.
 
     A text that a spreadsheet would take for a formula has an apostrophe before it, and so has one
     that begins with an apostrophe: without the first apostrophe, each text is the original.
 
     Args:
         file: opened with ``newline=""``.
-        columns: names.
-        rows: column -> value; other entries are skipped.
+        columns: names; other entries of a row are skipped.
     """
-    writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
-    writer.writeheader()
-    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    writer = csv.writer(file)
+    writer.writerow(columns)
+    return lambda row: writer.writerow([_cell(row.get(name)) for name in columns])
 
 
 def as_utf8(value: Any) -> Any:
@@ -83,8 +89,10 @@ def as_utf8(value: Any) -> Any:
 
 
 def _cell(value: Any) -> Any:
+    if not value or not isinstance(value, str):
+        return value
     value = as_utf8(value)
-    return f"'{value}" if isinstance(value, str) and value.startswith((*_FORMULA, "'")) else value
+    return f"'{value}" if value.startswith((*_FORMULA, "'")) else value
 
 
 def to_json(value: Any, *, digits: int | None = None) -> Any:

@@ -8,6 +8,7 @@ import csv
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -31,7 +32,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
         f"wrote {tmp_path / 'out' / 'people.csv'}",
         f"wrote {tmp_path / 'out' / 'contact-sheet.html'}",
     ]
-    assert done.stderr.startswith("2 photos: 2 to do, 0 done before\n[1/2] failed ")
+    assert done.stderr.startswith("2 photos: 0 done before; 2 to do: 2 new\n[1/2] failed ")
     with Path("out/summary.csv").open(newline="") as file:
         rows = {Path(row["path"]).name: row for row in csv.DictReader(file)}
     assert (rows["stand.png"]["people"], rows["stand.png"]["state"]) == ("1", "done")
@@ -59,14 +60,15 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
     assert again.exit_code == 0  # summary.csv and the page of the first run are replaced
     assert len(Path("out/people.csv").read_text().splitlines()) == 2
     assert again.stderr == (
-        "2 photos: 0 to do, 1 done before; 1 failed before (--retry failed retries them)\n"
+        "2 photos: 1 done before; 1 failed before (--retry failed tries them again); 0 to do\n"
     )
     assert Path("out/journal.jsonl").read_text() == journal
     for name in ("x", "y"):
         Path("photos", f"{name}.jpg").write_text("no photo")
     rest = physic("batch", *options, "--limit", "1", "--dry-run")
     assert rest.stdout == f"{tmp_path}/photos/x.jpg\n"
-    assert "2 to do, 1 done before; 1 failed before" in rest.stderr
+    assert "1 done before; 1 failed before" in rest.stderr
+    assert "2 to do: 2 new; 1 of them now" in rest.stderr
 
 
 def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, physic):
@@ -80,8 +82,8 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, ph
     ]
     assert (
         done.stderr
-        == "files skipped (not photos, hidden, or of results): 1\n3 photos: 3 to do, 0 done "
-        "before\n"
+        == "files skipped (not photos, hidden, or of results): 1\n3 photos: 0 done before; "
+        "3 to do: 3 new\n"
     )
     assert not Path("out").exists()
 
@@ -143,6 +145,7 @@ def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physi
         "stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed"
     )
     assert "contact-sheet.html" in stopped.stdout
+    assert "the same command continues: physic " in stopped.stderr
     assert (
         "42 to do" in physic("batch", "photos", "-o", "out", "--preset", "mock", "--dry-run").stderr
     )
@@ -156,10 +159,107 @@ def test_a_changed_configuration_says_how_many_results_it_replaces(folder, monke
             yield failed_row(job, item, "", "", 0.0) | {"state": "done"}
 
     use_executor(monkeypatch, rows)
-    options = ("photos", "-o", "out", "--preset", "mock", "--save", "none", "--no-thumbnails")
+    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--no-thumbnails")
     assert physic("batch", *options).exit_code == 0
     again = physic("batch", *options, "--set", "photo.max_side=640", "--dry-run")
-    assert "45 to do" in again.stderr
-    assert "40 of those to do have a result of other settings" in again.stderr
-    assert "-o" in again.stderr
-    assert "5 of those to do were tried before" in again.stderr
+    assert "45 to do: 45 with other settings" in again.stderr
+    assert "40 of these have a result, which is replaced: name another folder" in again.stderr
+
+
+def failed_rows(items, job):
+    for item in items:
+        yield failed_row(job, item, "InputError", "no photo", 0.0)
+
+
+def test_shards_write_their_own_journals_and_one_command_the_tables(folder, monkeypatch, physic):
+    use_executor(monkeypatch, failed_rows)
+    options = ("photos", "-o", "out", "--preset", "mock")
+    for shard in ("1/2", "2/2"):
+        done = physic("batch", *options, "--shard", shard)
+        assert (done.exit_code, rows_of_table()) == (0, 0)
+        assert "physic batch --tables -o" in done.stdout
+    written = physic("batch", "--tables", "-o", "out")
+    assert (written.exit_code, rows_of_table()) == (0, 45)
+    assert "0 to do" in physic("batch", *options, "--dry-run").stderr
+    assert "0 to do" in physic("batch", *options, "--shard", "2/3", "--dry-run").stderr
+    Path("out/journal-1-of-2.jsonl").unlink()
+    assert "0 to do" in physic("batch", *options, "--shard", "2/2", "--dry-run").stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--tables", "photos"), "--tables takes no photos"),
+        ((), "name photos"),
+        (("--tables",), "no journal in out: name the output folder of a batch"),
+    ],
+)
+def test_photos_or_tables_are_named(folder, physic, arguments, words):
+    refused = physic("batch", *arguments, "-o", "out")
+    assert refused.exit_code in (2, 3)
+    assert words in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("count", "options", "level"),
+    [
+        (100, (), "pictures"),
+        (101, (), "numbers"),
+        (1, ("--no-thumbnails",), "numbers"),
+        (1, ("--save", "people"), "people"),
+    ],
+)
+def test_few_photos_have_previews_for_the_contact_sheet(
+    tmp_path, monkeypatch, physic, count, options, level
+):
+    saved = set()
+
+    def rows(items, job):
+        saved.add(job.save)
+        yield from failed_rows(items[:1], job)
+
+    use_executor(monkeypatch, rows)
+    monkeypatch.chdir(tmp_path)
+    Path("photos").mkdir()
+    for index in range(count):
+        Path("photos", f"{index}.jpg").touch()
+    assert physic("batch", "photos", "-o", "out", "--preset", "mock", *options).exit_code == 0
+    assert saved == {level}
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("nowhere.png,,,", "nowhere.png: there is no such file"),
+        ("photo.png,nowhere.npy,,", "nowhere.npy: there is no such file"),
+        ("photo.png,photo.png,,", "photo.png"),
+        ("photo.png,flat.npy,,", "flat.npy"),
+        ("photo.png,,flat.npy,", "flat.npy"),
+        ('photo.png,,,"1.7,1.8,1.6"', "3 statures were given for 2 people"),
+        ("photo.png,depth.npy,points.npy,1.7", ""),
+    ],
+)
+def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, row, words):
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
+    np.save("depth.npy", np.full((120, 160), 3.0))
+    np.save("points.npy", np.full((120, 160, 3), 3.0))
+    np.save("flat.npy", np.full(160, 3.0))
+    Path("table.csv").write_text(f"path,depth,pointmap,stature\n{row}\n")
+    options = ("--preset", "mock", "--set", "photo.person=[[9,9],[99,9]]", "--dry-run")
+    done = physic("batch", "table.csv", "-o", "out", *options)
+    assert done.exit_code == 0, done.output
+    assert len(done.stdout.splitlines()) == 1
+    assert ("1 of 1 photos will fail" in done.stderr) == bool(words)
+    assert words in done.stderr
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("name", ["summary.csv", "people.csv"])
+def test_a_table_of_another_version_is_continued(folder, monkeypatch, physic, name):
+    use_executor(monkeypatch, failed_rows)
+    Path("out").mkdir()
+    start = {"summary.csv": "id,path,state", "people.csv": "id,path,person"}[name]
+    Path("out", name).write_text(f"{start},of_another_version\n")
+    assert physic("batch", "photos", "-o", "out", "--preset", "mock").exit_code == 0
+    assert "of_another_version" not in Path("out", name).read_text()

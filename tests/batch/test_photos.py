@@ -69,6 +69,11 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder):
         ("path,camera\nb.jpg,0.1\n", "row 1: focal_px: .*0.1"),
         ("path,age\nb.jpg,old\n", "row 1: ages .*'old'"),
         ("path,id\nb.jpg,1,2\n", "row 1: it has more cells"),
+        ("path,stature\nb.jpg,1,7\n", "with a point"),
+        ('path,stature\nb.jpg,"1,7"\n', "with a point, as 1.7"),
+        ('path,camera\nb.jpg,"900,5"\n', "with a point, as 900.5"),
+        ("path;stature\nb.jpg;1,7\n", "semicolons: save it as CSV with commas"),
+        ("path\tstature\nb.jpg\t1.7\n", "tabs: save it as CSV with commas"),
         ("path\nb\0.jpg\n", "row 1: a path .*null"),
         ("path,camera\nb.jpg,9\nb.jpg,8\n", "b.jpg: give each an id of its own"),
         ("path\n" + "x" * 200_000, "field larger than field limit"),
@@ -88,10 +93,15 @@ def test_a_name_or_a_table_without_photos_is_an_error(folder, name):
         list_photos([name])
 
 
-def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path):
-    (tmp_path / "a.jpg").touch()
-    with pytest.raises(InputError, match="files skipped: 1"):
-        list_photos([str(tmp_path)], tmp_path)
+def test_a_folder_can_be_that_of_its_results(tmp_path):
+    own = ("a.jpg", "photos/b.jpg", "thumbnails/c.jpg")
+    results = ("photos/3f/a/preview.png", "photos/3f/a/colmap/images/0.jpg", "thumbnails/3f/a.jpg")
+    others = ("journal.jsonl", "photos/3f/a/reconstruction.json")
+    for name in (*own, *results, *others):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    listed = list_photos([str(tmp_path)])
+    assert (names(listed.photos), listed.skipped) == (["a.jpg", "b.jpg", "c.jpg"], 5)
 
 
 def test_files_that_are_no_photos_are_skipped(folder):

@@ -14,16 +14,25 @@ import sys
 import time
 from collections import Counter
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_tables
+from physic_core.batch.journal import (
+    COLUMNS,
+    Journal,
+    JournalIndex,
+    journal_files,
+    read_journals,
+    write_tables,
+)
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.configuration.model import load_config
+from physic_core.discovery.entry_points import core_version
 from physic_core.errors import InputError, OutputError
 from physic_core.io.result_folder import file_digest
 from tiny_result import tiny_result
@@ -158,14 +167,39 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
         file.write(b"[" * 100_000 + b'\n{"id": "c", "state": "do')
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("d"))
-    assert list(read_journals(tmp_path)) == ["a", "b", "d"]
+    assert list(read_journals(tmp_path)) == ["b", "a", "d"]
     assert read_journals(tmp_path)["a"]["value"] == pytest.approx(1 / 3)
-    assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
+    assert JournalIndex(journal_files(tmp_path)).damaged == 5
     assert read_journals(tmp_path, ("state", "run"))["d"] == {
         "id": "d",
         "state": "done",
         "run": 2,
     }
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("files", 3),
+        ("people_rows", "abc"),
+        ("people_rows", [1]),
+        ("trust", "high"),
+        ("run", []),
+        ("people", {}),
+        ("stamp", None),
+        ("photo", 1.5),
+    ],
+)
+def test_a_row_with_a_value_of_another_type_is_skipped_and_counted(tmp_path, name, value):
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row("a", trust=0.5))
+    with (tmp_path / "journal.jsonl").open("a") as file:
+        file.write(json.dumps(row("a", trust=0.9, run=1) | {name: value}) + "\n")
+    index = JournalIndex(journal_files(tmp_path))
+    assert [found and found["trust"] for found in index.rows(["a"])] in ([0.5], [None])
+    assert index.damaged == 1
+    write_tables(tmp_path)
+    write_contact_sheet(tmp_path)
 
 
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
@@ -177,8 +211,6 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
     found = read_journals(tmp_path)
     assert sorted(found) == ["both", "only 1-of-2", "only 2-of-2"]
     assert found["both"]["value"] == 1
-    assert sorted(last["id"] for last in last_rows(tmp_path)) == sorted(found)
-    assert [last["value"] for last in last_rows(tmp_path) if last["id"] == "both"] == [1]
 
 
 def test_tables_begin_with_the_photo_of_the_highest_trust(tmp_path):
@@ -233,20 +265,6 @@ def todo(job, photos, **options):
     ]
 
 
-def test_what_changed_is_done_anew(tmp_path, out):
-    photos = make_photos(tmp_path / "photos", "a", "b", "c")
-    job = job_for(out)
-    finished(job, photos)
-    assert todo(job, photos) == []
-    os.utime(photos / "a.jpg", (1, 1))
-    assert todo(job, photos) == []  # touched, with the same content
-    (photos / "b.jpg").write_text("B")
-    assert todo(job, photos) == ["b"]
-    assert plan_batch(list_photos([str(photos)]).photos, job).again == 1
-    (photos / "d.jpg").write_text("d")
-    assert todo(job, photos) == ["b", "d"]
-
-
 def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_path, out):
     photos = make_photos(tmp_path / "photos", "a", "b")
     finished(job_for(out), photos)
@@ -257,37 +275,122 @@ def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_pa
     assert todo(job_for(out, level="numbers"), photos) == ["a", "b"]
 
 
-def test_settings_of_one_photo_do_that_photo_anew(tmp_path, out):
-    photos = make_photos(tmp_path / "photos", "a", "b")
-    job = job_for(out)
-    finished(job, photos)
-    table = photos / "table.csv"
-    table.write_text("path,camera\na.jpg,\nb.jpg,900\n")
-    assert todo(job, table) == ["b"]
+OWN_DEPTH = """
+from physic_mock.depths import MetricDepthOptions, MockMetricDepth
+
+class Options(MetricDepthOptions):
+    weights: str = ""
+
+class Own(MockMetricDepth):
+    Options = Options
+"""
+TABLE = "path,depth,id\na.jpg,depth.npy,a\nb.jpg,,b\n"
 
 
-FILES = {"depth": "depth.npy", "pointmap": "points.npy"}
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Two photos, a and b, with all that their results depend on."""
+    monkeypatch.setattr("physic_core.cache.digests._STARTED", float("inf"))
+    make_photos(tmp_path, "a", "b")
+    for name in ("depth.npy", "points.npy", "weights.bin", "body.npz"):
+        (tmp_path / name).write_text("one")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "own_depth.py").write_text(OWN_DEPTH)
+    (tmp_path / "table.csv").write_text(TABLE)
+    yield tmp_path
+    sys.modules.pop("own_depth", None)
 
 
+def plan_of(place, *overrides, level="none"):
+    settings = {
+        "photo.pointmap": place / "points.npy",
+        "body_model.path": place / "body.npz",
+        "metric_depth.backend": f"{place / 'own' / 'own_depth'}:Own",
+        "metric_depth.options.weights": place / "weights.bin",
+    }
+    chosen = [f"{name}='{value}'" for name, value in settings.items()]
+    job = job_for(place / "out", *chosen, *overrides, level=level)
+    return job, plan_batch(list_photos([str(place / "table.csv")]).photos, job)
+
+
+def rewritten(name, text):
+    """Give a file other content of the same size, with the same modification time."""
+
+    def change(place, patch):
+        before = (place / name).stat()
+        (place / name).write_text(text)
+        os.utime(place / name, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert (place / name).stat().st_size == before.st_size
+
+    return change
+
+
+def in_file(name, old, new):
+    def change(place, patch):
+        text = (place / name).read_text()
+        assert old in text
+        (place / name).write_text(text.replace(old, new))
+
+    return change
+
+
+def another_library(place, patch):
+    patch.setattr("physic_core.cache.results.required_versions", lambda name: {"numpy": "99.0"})
+
+
+CORE, OLD_CORE = (f'"version": "{one}"' for one in (core_version(), "0.0.9"))
+MOCK, OLD_MOCK = (f"physic-mock {one}" for one in (version("physic-mock"), "0.0.9"))
+CHANGES = [
+    ("photo", "a", "photo changed", in_file("a.jpg", "a", "longer")),
+    ("photo of the same size and time", "a", "photo changed", rewritten("a.jpg", "A")),
+    ("setting", "ab", "with other settings", ("photo.max_side=640",)),
+    ("cell", "b", "with other settings", in_file("table.csv", "b.jpg,,b", "b.jpg,points.npy,b")),
+    ("file of a cell", "a", "with other settings", rewritten("depth.npy", "two")),
+    ("file of the photo", "ab", "with other settings", rewritten("points.npy", "two")),
+    ("weights", "ab", "with other settings", rewritten("weights.bin", "two")),
+    ("body", "ab", "with other settings", rewritten("body.npz", "two")),
+    ("core", "ab", "made by physic-core 0.0.9", in_file("out/journal.jsonl", CORE, OLD_CORE)),
+    ("plugin", "ab", "made by physic-mock 0.0.9", in_file("out/journal.jsonl", MOCK, OLD_MOCK)),
+    ("code", "ab", "made by other code", in_file("own/own_depth.py", '""', '"x"')),
+    ("library", "ab", "made by other code", another_library),
+]
+
+
+@pytest.mark.parametrize("state", ["done", "failed"])
 @pytest.mark.parametrize(
-    ("place", "setting"),
-    [*(("config", name) for name in FILES), ("table", "depth"), ("table", "pointmap")],
+    ("photos", "reason", "change"), [c[1:] for c in CHANGES], ids=[c[0] for c in CHANGES]
 )
-def test_another_content_of_a_file_does_its_photos_anew(tmp_path, out, place, setting):
-    photos = make_photos(tmp_path / "photos", "a", "b")
-    path = tmp_path / FILES[setting]
-    path.write_bytes(b"one")
-    source = photos
-    job = job_for(out, f"photo.{setting}='{path}'")
-    if place == "table":
-        source = tmp_path / "table.csv"
-        job = job_for(out)
-        source.write_text(f"path,{setting}\nphotos/a.jpg,{path.name}\nphotos/b.jpg,\n")
-    finished(job, source)
-    assert todo(job, source) == []
-    path.write_bytes(b"two")
-    again = job_for(out, *([f"photo.{setting}='{path}'"] if place == "config" else []))
-    assert todo(again, source) == (["a", "b"] if place == "config" else ["a"])
+def test_every_change_is_noticed_and_does_its_photos_anew(
+    place, monkeypatch, photos, reason, change, state
+):
+    job, plan = plan_of(place)
+    assert plan.why == {"new": 2}
+    finished(job, place / "table.csv", state=state)
+    assert plan_of(place)[1].todo == ()
+    overrides = change if isinstance(change, tuple) else change(place, monkeypatch) or ()
+    _, plan = plan_of(place, *overrides)
+    assert "".join(item.id for item in plan.todo) == photos
+    ((why, number),) = plan.why.items()
+    assert why.startswith(reason)
+    assert number == len(photos)
+
+
+def test_what_changes_no_result_does_no_photo_anew(place):
+    job, _ = plan_of(place)
+    finished(job, place / "table.csv")
+    for name in ("a.jpg", "depth.npy", "weights.bin"):
+        content = (place / name).read_bytes()
+        (place / name).unlink()
+        (place / name).write_bytes(content)
+    (place / "own" / "__pycache__").mkdir(exist_ok=True)
+    overrides = ("run.threads=2", "run.cache=false", "run.low_memory=true")
+    assert plan_of(place, *overrides)[1].todo == ()
+
+
+def test_what_is_saved_is_enough_or_said(place):
+    job, _ = plan_of(place)
+    finished(job, place / "table.csv", save="numbers")
+    assert plan_of(place, level="pictures")[1].why == {"saved as numbers": 2}
 
 
 def run_all(photos, job, reconstruct=lambda path, settings: tiny_result()):
@@ -331,7 +434,7 @@ def test_each_file_that_is_lost_is_made_again(tmp_path, out, save):
                 path.write_bytes(damaged)
             plan = plan_batch(list_photos([str(photos)]).photos, job)
             lost = not damaged or path.name.startswith("reconstruction")  # a picture may be edited
-            assert (path.name, len(plan.todo), plan.again) == (path.name, lost, lost)
+            assert (path.name, len(plan.todo), sum(plan.why.values())) == (path.name, lost, lost)
             path.write_bytes(content)
     assert todo(job, photos) == []
 
@@ -384,5 +487,5 @@ def test_failed_photos_are_tried_again_with_retry(tmp_path, out):
     job = job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")
     plan = plan_batch(list_photos([str(photos)]).photos, job)
-    assert (plan.todo, plan.failed, plan.done) == ((), 1, 0)
+    assert (plan.todo, plan.failed, plan.done) == ((), {"NoPersonError": 1}, 0)
     assert todo(job, photos, retry_failed=True) == ["a"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.journal import COLUMNS, all_columns
+from physic_core.batch.journal import COLUMNS, NUMBERS, all_columns
 from physic_core.batch.photos import PhotoItem, photo_of_row
 from physic_core.batch.process import prepare_job
 from physic_core.errors import ConfigError
@@ -28,8 +28,7 @@ PHOTOS_OF_BLOCK = 16
 workers.
 """
 
-_INTEGERS = ("attempts", "run", "bytes", "modified")
-_NUMBERS = ("seconds", "peak_mb")
+_INTEGERS = ("attempts", "run")
 _CPUS_OF_RAY_DATA = 2  # of a task that reads, and of the actor that skips finished rows
 
 
@@ -127,7 +126,7 @@ def schema_of_rows() -> pa.Schema:
     def kind(name: str) -> pa.DataType:
         if name in _INTEGERS:
             return pa.int64()
-        return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
+        return pa.string() if name in COLUMNS and name not in NUMBERS else pa.float64()
 
     return pa.schema([(name, kind(name)) for name in all_columns()])
 
@@ -162,5 +161,5 @@ class TableActor:
         return row | {
             "path": item.path,
             "message": row["message"].replace(str(copy), item.path),
-            "modified": None,
+            "stamp": "",
         }
