@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types.arrays import PER_PERSON, shape
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import FloatArray
+    from physic_core.types.arrays import BoolArray, FloatArray
 
 POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "ride")
 """Columns of ``posture`` of :class:`Observations`."""
@@ -92,6 +92,16 @@ class Observations(ShortRepr):
 
     def __len__(self) -> int:
         return len(self.posture)
+
+    def expanded(self, rows: BoolArray) -> Observations:
+        """Return observations of M people; unknown for all but the N whom ``rows``, (M,) bool,
+        selects.
+        """
+        blank = Observations.unknown(len(rows))
+        names = [one.name for one in fields(self) if one.metadata.get("per_person")]
+        for name in names:
+            getattr(blank, name)[rows] = getattr(self, name)
+        return replace(self, **{name: getattr(blank, name) for name in names})
 
     def evidence(self, name: str) -> FloatArray:
         """Return what the photo says about one of :data:`PROBABILITIES` beyond its share, in the
