@@ -38,7 +38,6 @@ def refusal(*args, **kwargs):
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
     chosen = {name: config.choice(name).backend for name in INTERFACES}
-    assert chosen.pop("person_observer") == "none"
     assert set(chosen.values()) == {"physic-embedded:embedded"}
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
