@@ -37,7 +37,7 @@ from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, regions
 
-from .fit import LabelledPerson, Question, figures, fitted, question_of
+from .fit import APART, LabelledPerson, Question, figures, fitted, question_of
 from .labels import Photo, agreed, given_photos
 from .robust import lines_of, moved
 from .sample import Networks, Picture, read_seen, write_seen
@@ -102,7 +102,7 @@ def _fitted(question: Question) -> NDArray[np.float32]:
     """Print the scores of a question, and return its numbers."""
     for part, scores in figures(question).items():
         print(f"{question.name:8} {part:22} {scores}", flush=True)
-    return fitted(question.of(question.sets != "films apart"))
+    return fitted(question.of(question.sets != APART))
 
 
 def embedded_encoder(picture: Picture, graph: str = "depth_anything_v2_vits") -> PatchTokens:
@@ -144,7 +144,7 @@ def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
         films.setdefault(sample.group, []).append(sample)
     frames: list[tuple[Photo, Path | Sample]] = []
     for film, samples in films.items():
-        name = "films" if film in FILMS_OF_FITS else "films apart"
+        name = "films" if film in FILMS_OF_FITS else APART
         for sample in samples[:FILM_FRAMES]:
             parts = {
                 part: "support" if sample.truth["touches"][limb] else "none"

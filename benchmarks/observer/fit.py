@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.truth.measures import probability_scores
-from physic_core.metrics.intervals import resampled_interval
+from physic_core.metrics.intervals import draw_counts, percentile_interval
 from physic_embedded.person_observer import REGIONS
 
 from .labels import Photo, Truth, answers
@@ -31,7 +31,11 @@ RIDGE = 100.0
 FRAME_WEIGHT = 0.5
 """Weight of a frame of a film: the frames of a film are not independent."""
 
-DRAWS = 1000
+APART = "films apart"
+"""Set of pictures that no number is fitted to."""
+
+DRAWS = 500
+"""Draws of an interval."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +119,8 @@ def pair_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
 
 
 def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
-    """Return the scores of a question with photos left out, with repositories left out, and on each
-    other set by a fit to the given photos alone.
+    """Return the scores of a question with photos left out, with repositories left out, on each
+    other set by a fit to the given photos alone, and on films apart by a fit to all others.
     """
     fit = partial(fit_logistic, ridge=ridge)
     given = question.of(question.sets == "given")
@@ -135,28 +139,28 @@ def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
     for other in sorted({*question.sets.tolist()} - {"given"}):
         apart = question.of(question.sets == other).examples
         rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
+    rest = question.of(question.sets != APART)
+    if (apart := question.of(question.sets == APART).examples).groups:
+        numbers = fitted(rest, ridge)[:, :-1].astype(np.float64)
+        rows[f"{APART}, by all"] = _scores(probabilities(logits_of(numbers, apart.x)), apart)
     return rows
 
 
 def _scores(p: Array, of: Examples) -> str:
     """Return number of examples, those of "yes", and scores with intervals over the groups."""
-    groups: dict[str, list[tuple[Array, Array]]] = {}
-    for group, own, y in zip(of.groups, p, of.y, strict=True):
-        groups.setdefault(group, []).append((own, y))
-    values = _of_cases(p, of.y)
+    _, group = np.unique(np.array(of.groups), return_inverse=True)
+    rows = [np.flatnonzero(group == g) for g in range(group.max() + 1)]
+    drawn: dict[str, list[float]] = {}
+    for counts in draw_counts(len(rows), DRAWS):
+        take = np.concatenate([np.tile(own, int(n)) for own, n in zip(rows, counts, strict=True)])
+        for name, value in _of_cases(p[take], of.y[take]).items():
+            drawn.setdefault(name, []).append(value)
     texts = []
-    for name, value in values.items():
-        low, high = resampled_interval(
-            [list(groups.values())], lambda strata, name=name: _statistic(strata, name), DRAWS
-        )
+    for name, value in _of_cases(p, of.y).items():
+        low, high = percentile_interval(drawn[name])
         texts.append(f"{name} {value:.3f} [{low:.3f}, {high:.3f}]")
     yes = of.y.sum(0).round().astype(int).tolist()
     return f"{len(p)} ({', '.join(map(str, yes))}): " + ", ".join(texts)
-
-
-def _statistic(strata: list[list[list[tuple[Array, Array]]]], name: str) -> float:
-    cases = [case for stratum in strata for group in stratum for case in group]
-    return _of_cases(np.array([p for p, _ in cases]), np.array([y for _, y in cases]))[name]
 
 
 def _of_cases(p: Array, y: Array) -> dict[str, float]:

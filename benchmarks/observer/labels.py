@@ -38,8 +38,8 @@ class Photo:
 
     @property
     def repository(self) -> str:
-        """Where the picture is from: its name up to two underscores."""
-        return self.name.partition("__")[0]
+        """Where the picture is from: its name up to two underscores, or its film."""
+        return self.name.partition("__")[0] if "__" in self.name else self.group
 
 
 def answers(question: str, truth: Truth) -> Array | None:
