@@ -143,8 +143,8 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
     def answer(question: str) -> FloatArray:
         tokens = found[REGIONS[question]]
         logits = tokens @ numbers[question][:, :-2].T + numbers[question][:, -2]
-        p = softmax(logits, axis=-1) if logits.shape[-1] > 1 else expit(logits)[..., 0]
-        return np.asarray(p.reshape(len(p), -1), np.float32)
+        p = softmax(logits, axis=-1)[:, 0] if logits.shape[-1] > 1 else expit(logits)[..., 0]
+        return np.asarray(p, np.float32)
 
     def share(*questions: str) -> FloatArray:
         return np.concatenate([numbers[one][:, -1] for one in questions]).astype(np.float32)

@@ -81,6 +81,15 @@ def test_sides_and_people_change_places_with_their_keypoints():
     assert np.isnan(first.touch[0, 2:]).all()
 
 
+def test_nobody_is_observed_without_an_error(grid):
+    nobody = keypoints_at({})
+    nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
+    channels = fitted_numbers()["foot"].shape[1] - 2
+    tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
+    found = observed(regions(tokens, np.zeros((0, 4)), nobody), fitted_numbers())
+    assert (found.posture.shape, found.touch.shape, found.child.shape) == ((0, 9), (0, 5), (0,))
+
+
 def test_each_question_has_finite_numbers():
     numbers = fitted_numbers()
     assert set(numbers) == set(REGIONS)
