@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,7 +89,7 @@ def main() -> int:
     if given.changed:
         files = [(source, out_file(given.out, photo)) for photo, source in pictures[::_STEP]]
         chosen = ((_rgb(source), read_seen(file)) for source, file in files[: given.changed])
-        print(*lines_of(moved(chosen, encoder, {"int8": int8_encoder})), sep="\n")
+        print(*lines_of(moved(chosen, encoder, OTHER_ENCODERS)), sep="\n")
         return 0
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
     for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
@@ -105,16 +105,20 @@ def _fitted(question: Question) -> NDArray[np.float32]:
     return fitted(question.of(question.sets != APART))
 
 
-def embedded_encoder(picture: Picture, graph: str = "depth_anything_v2_vits") -> PatchTokens:
+def embedded_encoder(
+    picture: Picture, graph: str = "depth_anything_v2_vits", short_side: int = 406
+) -> PatchTokens:
     """Return the tokens of the packaged depth network's encoder, as the embedded backend reads
     them.
     """
-    return patch_tokens(graph, _opened, picture, 406, 3600)
+    return patch_tokens(graph, _opened, picture, short_side, 3600)
 
 
-def int8_encoder(picture: Picture) -> PatchTokens:
-    """Return the tokens of the graph whose products are int8."""
-    return embedded_encoder(picture, "depth_anything_v2_vits_int8")
+OTHER_ENCODERS: Mapping[str, Encoder] = {
+    "int8": partial(embedded_encoder, graph="depth_anything_v2_vits_int8"),
+    "322 px": partial(embedded_encoder, short_side=322),
+}
+"""Other ways to look at a picture, for numbers that are fitted to tokens of float32 at 406 px."""
 
 
 @cache
@@ -187,7 +191,7 @@ def _labelled(photo: Photo, seen: Seen) -> Iterable[LabelledPerson]:
         return
     found = regions(seen.tokens, seen.boxes, seen.keypoints)
     boxes = [person.get("box", seen.boxes[0]) for person in photo.people]
-    same = match_by_boxes(seen.boxes, boxes, _LEAST_IOU).predicted_of
+    same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
     for i, person in enumerate(photo.people):
         if i in same:
             tokens = {name: values[same[i]] for name, values in found.items()}

@@ -42,7 +42,7 @@ class Photo:
         return self.name.partition("__")[0] if "__" in self.name else self.group
 
 
-def answers(question: str, truth: Truth) -> Array | None:
+def answers(question: str, truth: Truth) -> Array:
     """Return the answers of a person's labels to a question: (sides, K) with NaN where the label
     says nothing, in the form of the tokens that answer it.
     """
@@ -69,7 +69,7 @@ def given_photos(folder: Path) -> list[Photo]:
     """Return the photos of a folder with ``labels.json``, and ``children.json`` if there is one."""
     labels = json.loads((folder / "labels.json").read_text())
     file = folder / "children.json"
-    ages = json.loads(file.read_text()) if file.is_file() else None
+    ages = json.loads(file.read_text()) if file.is_file() else {}
     photos = []
     for name, people in labels.items():
         known = [dict(one) for one in people]
@@ -117,4 +117,4 @@ def _words(one: Truth) -> list[str]:
 
 def _same(a: str | None, b: str | None) -> bool:
     """Return whether two labels say the same: touches the world, or not, and holds an object."""
-    return (TOUCHES.get(a), a == "object") == (TOUCHES.get(b), b == "object")
+    return (TOUCHES.get(a or ""), a == "object") == (TOUCHES.get(b or ""), b == "object")

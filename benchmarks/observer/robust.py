@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.types import Keypoints, Observations
 from physic_embedded.person_observer import fitted_numbers, observed, regions
+from physic_testing.conformance.truth import mirrored_order
 
 from .sample import Array, Encoder, Picture, Seen
 
@@ -39,13 +40,7 @@ def variants(picture: Picture, seen: Seen) -> dict[str, Variant]:
     """Return the mirror image, the grey and the smaller picture, and one with a column less."""
     plain = Variant(picture, seen.keypoints, seen.boxes)
     height, width = picture.shape[:2]
-    names = seen.keypoints.joint_set.names
-    swap = {"left": "right", "right": "left"}
-    other = [
-        names.index(f"{swap[side]}_{rest}") if (side := name.partition("_")[0]) in swap else j
-        for j, name in enumerate(names)
-        for rest in [name.partition("_")[2]]
-    ]
+    other = mirrored_order(seen.keypoints.joint_set.names)
     flipped = seen.keypoints.points[:, other] * [-1, 1] + [width - 1, 0]
     mirror = replace(
         seen.keypoints,

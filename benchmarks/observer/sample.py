@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.adapters.people import box_iou
 from physic_core.adapters.pictures import Letterbox
 from physic_core.files.npz import read_arrays, write_arrays
-from physic_core.metrics.matching import box_iou
 from physic_core.types import Keypoints
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
@@ -57,16 +57,17 @@ class Networks:
         self._pose = open_packaged_session("pose_landmark_heavy", 1)
         self._detector = open_packaged_session("yolox_nano", 1)
 
-    def see(self, picture: Picture, boxes: Sequence[Sequence[float]]) -> Seen:
+    def see(self, picture: Picture, given: Sequence[Sequence[float]]) -> Seen:
         """Return tokens of a picture (H, W, 3) RGB, and a pose in each of N boxes; without boxes,
         in that of the likeliest person.
 
         A pose that does not lie in its box has confidence 0.
         """
-        if not boxes:
+        if given:
+            boxes = np.array(given, np.float64)
+        else:
             found = detect_boxes(self._detector, picture, min_score=0.3, min_tile_score=0.3)
-            boxes = found.people.boxes[:1].tolist()
-        boxes = np.array(boxes, np.float64).reshape(-1, 4)
+            boxes = found.people.boxes[:1].astype(np.float64)
         pyramid = ImagePyramid.from_image(picture)
         poses = [pose_in_box(self._pose, pyramid, box) for box in boxes]
         own = np.array([mask_box(pose) for pose in poses]).reshape(-1, 4)
