@@ -69,7 +69,7 @@ class MockPersonObserver(interfaces.PersonObserver):
             touch=probability(touch),
             holds=probability(_held(world)),
             in_air=probability(nothing),
-            child=probability(world.ages < _CHILD_YEARS),
+            child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
             flexion_sigma=np.full((len(rows), 4), np.hypot(least, noise * added), np.float32),
             posture_share=np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
