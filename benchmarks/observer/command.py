@@ -10,11 +10,13 @@ forces. Tokens and keypoints of each picture are kept in OUT, so that a second r
 
 Each question is scored with photos left out, with whole repositories left out, and on the other
 collection and films by a fit to the given photos alone. The numbers are then fitted to all of them
-but the films apart, and calibrated on people whose repository took no part. They are written to
-OUT, and with ``--write`` into the plugin. ``--changed N`` says instead how far the plugin's answers
-move when N pictures are mirrored, made grey, smaller, or a column narrower, or seen in int8.
-``--encoder`` names a function from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a
-backend of your own.
+but the films apart, and calibrated on people whose repository took no part. Bends of hips and knees
+are fitted to people whose legs a crop removes, and to what the pose network says of their whole
+picture. The numbers are written to OUT, and with ``--write`` into the plugin.
+
+``--changed N`` says instead how far the plugin's answers move when N pictures are mirrored, made
+grey, smaller, or a column narrower, or seen in int8 or at 322 px. ``--encoder`` names a function
+from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a backend of your own.
 """
 
 from __future__ import annotations
@@ -31,12 +33,13 @@ import cv2
 
 from benchmarks.truth.scores import LIMBS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
-from physic_core.files.npz import write_arrays
+from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.metrics import match_by_boxes
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, regions
 
+from .cuts import CutPerson, cut_of, fit_bends, see_cut
 from .fit import APART, LabelledPerson, Question, figures, fitted, question_of
 from .labels import Photo, agreed, given_photos
 from .robust import lines_of, moved
@@ -92,6 +95,8 @@ def main() -> int:
         print(*lines_of(moved(chosen, encoder, OTHER_ENCODERS)), sep="\n")
         return 0
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
+    numbers["flexion"], lines = fit_bends(list(_cut_people(pictures, given.out, encoder)))
+    print(*lines, sep="\n")
     for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
         write_arrays(file, numbers, stored="f")
         print(f"wrote {file}")
@@ -172,6 +177,26 @@ def _people(
             write_seen(file, networks.see(_rgb(source), boxes))
             print(photo.set, photo.name, flush=True)
         yield from _labelled(photo, read_seen(file))
+
+
+def _cut_people(
+    pictures: Sequence[tuple[Photo, Path | Sample]], out: Path, encoder: Encoder
+) -> Iterable[CutPerson]:
+    """Return people of photos whose legs are cropped away; crops that are not in OUT are looked at
+    first.
+    """
+    for photo, source in pictures:
+        seen = None if isinstance(source, Sample) else read_seen(out_file(out, photo))
+        if seen is None or (cut := cut_of(seen)) is None:
+            continue
+        file = out / "cuts" / photo.set / f"{photo.name}.npz"
+        if not file.is_file():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            token = see_cut(_rgb(source), seen, cut, encoder)
+            write_arrays(file, {"token": token}, stored="f")
+            print("cut", photo.set, photo.name, flush=True)
+        with file.open("rb") as stream:
+            yield CutPerson(photo, read_arrays(stream)["token"], cut.bends)
 
 
 def out_file(out: Path, photo: Photo) -> Path:

@@ -78,8 +78,8 @@ class Networks:
 
 
 def pose_in_box(session: OnnxSession, picture: ImagePyramid, box: Array) -> Pose:
-    """Return the pose of the person in a box (4,) x0 y0 x1 y1 px: of a whole person, or of the
-    upper half if that fits a box better that the picture cuts.
+    """Return the pose of the person in a box (4,) x0 y0 x1 y1 px. Where the picture cuts the box
+    below, the box may be the upper half of a person: the better of both poses is taken.
     """
     x0, y0, x1, y1 = box
     side = max(x1 - x0, y1 - y0, 1.0)
@@ -95,6 +95,7 @@ def write_seen(file: Path, seen: Seen) -> None:
     photo = seen.tokens.photo
     place = [photo.scale, photo.left, photo.top, *photo.inner, *photo.size]
     file.parent.mkdir(parents=True, exist_ok=True)
+    assert seen.keypoints.world is not None
     write_arrays(
         file,
         {
@@ -103,6 +104,7 @@ def write_seen(file: Path, seen: Seen) -> None:
             "boxes": seen.boxes,
             "points": seen.keypoints.points,
             "confidence": seen.keypoints.confidence,
+            "world": seen.keypoints.world,
         },
         stored="f",
     )
@@ -116,5 +118,5 @@ def read_seen(file: Path) -> Seen:
     left, top, h, w, height, width = (int(v) for v in rest)
     photo = Letterbox(scale, left, top, (h, w), (height, width))
     tokens = PatchTokens(kept["grid"].astype(np.float64), int(patch), photo)
-    keypoints = Keypoints(kept["points"], kept["confidence"], "blazepose33")
+    keypoints = Keypoints(kept["points"], kept["confidence"], "blazepose33", kept["world"])
     return Seen(tokens, kept["boxes"], keypoints)
