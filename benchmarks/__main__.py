@@ -10,6 +10,7 @@ BENCHMARKS = {
     "same_photo": "benchmarks.same_photo.command",
     "contact_on_photos": "benchmarks.contact_on_photos",
     "trust_on_photos": "benchmarks.trust_on_photos",
+    "observer": "benchmarks.observer.command",
     "run_cost": "benchmarks.run_cost",
 }
 """Name -> module, whose ``main`` reads the command line."""

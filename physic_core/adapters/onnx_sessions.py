@@ -18,7 +18,7 @@ from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -92,6 +92,7 @@ class OnnxSession:
         inputs: Mapping[str, NDArray[Any]],
         *,
         keep: bool = False,
+        beside: Mapping[str, Callable[[NDArray[Any]], None]] = MappingProxyType({}),
     ) -> list[Any]:
         """Run the network and return the named outputs in that order, or all outputs for None.
 
@@ -102,11 +103,18 @@ class OnnxSession:
                 inputs. Useful if running takes much longer than reading, and if the backend has
                 inputs that the network does not get. Outputs are kept only if SHA-256s of the files
                 are published.
+            beside: other outputs by name, given to these functions if the network runs, and never
+                kept; needs the names of ``outputs``.
         """
         names = None if outputs is None else list(outputs)
 
         def compute() -> tuple[Any, ...]:
-            return tuple(self.session.run(names, dict(inputs)))
+            wanted = None if names is None else [*names, *beside]
+            found = self.session.run(wanted, dict(inputs))
+            others = [found.pop() for _ in beside]
+            for give, other in zip(beside.values(), reversed(others), strict=True):
+                give(other)
+            return tuple(found)
 
         if not keep or not self.made_of:
             return list(compute())

@@ -49,7 +49,7 @@ from physic_core.interfaces.backend import StrictModel
 from physic_core.types import KnownLength, KnownSizes
 
 DEFAULT_PRESET = "embedded"
-OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
+OPTIONAL_INTERFACES = ("hand_estimator", "person_observer", "contact_prior")
 """Interfaces that a configuration may omit with ``backend = "none"``."""
 
 _FROM_FILE = "file"
@@ -344,6 +344,7 @@ class Config(_Table):
     keypoint_detector: BackendChoice
     body_estimator: BackendChoice
     hand_estimator: BackendChoice = BackendChoice(backend="none")
+    person_observer: BackendChoice = BackendChoice(backend="none")
     contact_prior: BackendChoice = BackendChoice(backend="none")
     photo: PhotoSettings = PhotoSettings()
     body_model: BodyModelChoice = BodyModelChoice()

@@ -27,6 +27,7 @@ from physic_core.types import (
     Intrinsics,
     Keypoints,
     KnownSizes,
+    Observations,
     People,
     Pointmap,
 )
@@ -92,6 +93,7 @@ class Estimates(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
+        observations: what the N people do; NaN if no backend was configured, or if it failed.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
@@ -124,6 +126,7 @@ class Estimates(ShortRepr):
     bodies: Bodies
     contact: ContactProbability
     depth: DepthMap
+    observations: Observations
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     measured_scale: MeasuredScale | None = None

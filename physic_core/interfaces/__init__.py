@@ -1,4 +1,4 @@
-"""The eight interfaces that a plugin can implement: arguments, result type and validation of each.
+"""The nine interfaces that a plugin can implement: arguments, result type and validation of each.
 
 Images are (H, W, 3) uint8 RGB numpy arrays: already rotated as the EXIF data of the file says, and
 undistorted if the lens is known. The pipeline maps results back to the pixels of the file; a
@@ -51,6 +51,8 @@ from physic_core.interfaces.maps import (
 from physic_core.interfaces.people import (
     KeypointDetector,
     KeypointDetectorRequest,
+    PersonObserver,
+    PersonObserverRequest,
     Segmenter,
     SegmenterRequest,
 )
@@ -74,6 +76,8 @@ __all__ = [
     "MetricDepthRequest",
     "Options",
     "Packages",
+    "PersonObserver",
+    "PersonObserverRequest",
     "RelativePointmap",
     "RelativePointmapRequest",
     "Repository",
@@ -95,6 +99,7 @@ INTERFACES: dict[str, type[Backend]] = {
         KeypointDetector,
         BodyEstimator,
         HandEstimator,
+        PersonObserver,
         ContactPrior,
     )
 }

@@ -1,5 +1,5 @@
-"""Interfaces Segmenter and KeypointDetector: masks of people, floor and surfaces, and 2D keypoints
-of the people.
+"""Interfaces Segmenter, KeypointDetector and PersonObserver: masks of people, floor and surfaces;
+2D keypoints of the people; and what they do.
 """
 
 from __future__ import annotations
@@ -7,7 +7,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from physic_core.interfaces.backend import Backend, Request
@@ -29,12 +30,14 @@ from physic_core.types import (
     SURFACE_NAMES,
     Carrier,
     Keypoints,
+    Observations,
     People,
     Skeleton,
     SurfaceLabels,
     UnposedPerson,
     skeleton_named,
 )
+from physic_core.types.observations import PROBABILITIES
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
@@ -268,3 +271,73 @@ def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
     for _, sigma in _sigmas(keypoints):
         valid &= (within(sigma, PIXELS) & (sigma > 0) | undetected).all(1)
     return valid
+
+
+@dataclass(frozen=True)
+class PersonObserverRequest(Request[Observations]):
+    """Input of a PersonObserver: the photo, N people and their keypoints."""
+
+    people: People
+    keypoints: Keypoints
+
+
+class PersonObserver(Backend):
+    """Tells what each person does, and which limbs touch something (the paper has none)."""
+
+    interface = "person_observer"
+    api = 1
+    Request = PersonObserverRequest
+    Result = Observations
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+        """Return calibrated probabilities for N people; NaN for whatever the backend does not
+        tell.
+
+        Start from ``Observations.unknown(len(people))``. Give each probability with its share, the
+        frequency of "yes" in the labels that it was fitted on.
+
+        Example: a network fitted on people of whom a tenth sit on something, who therefore have a
+        ``touch_share`` of 0.1 for the seat, returns ``touch[i, 4]`` = 0.1 for whom it cannot judge:
+        that says nothing.
+        """
+
+    @classmethod
+    def check(cls, result: Observations, request: PersonObserverRequest) -> Iterator[str]:
+        """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1, and
+        flexions with a sigma above 0. NaN is allowed.
+        """
+        wrong: list[str] = []
+        for one in fields(result):
+            value = getattr(result, one.name)
+            dims = one.metadata.get("shape")
+            if dims is not None:
+                sizes = tuple(len(request.people) if size == "N" else size for size in dims)
+                wrong += check_array(one.name, value, sizes, "float")
+            elif not isinstance(value, Real):
+                wrong.append(f"{one.name} must be a number or NaN, got {value!r}")
+        yield from wrong
+        if not wrong:
+            for name in PROBABILITIES:
+                yield from _check_probability(name, result)
+            yield from _check_flexion(result)
+
+
+def _check_probability(name: str, result: Observations) -> Iterator[str]:
+    value = getattr(result, name)
+    share = getattr(result, f"{name}_share")
+    known = value == value
+    yield from check_unit_range(name, value[known])
+    if name == "posture":
+        rows = [*value[known.any(1)], *([share] if known.any() else [])]
+        if any(not abs(float(row.sum()) - 1) <= 1e-3 for row in rows):
+            yield "each row of posture, and posture_share, must sum to 1; a row may be NaN"
+    elif not ((share > 0) & (share < 1) | ~known).all():
+        yield f"{name}_share must lie between 0 and 1 where {name} is given, got {share}"
+
+
+def _check_flexion(result: Observations) -> Iterator[str]:
+    given = result.flexion == result.flexion
+    yield from check_limit("flexion", result.flexion[given], 180, "degrees")
+    if not (result.flexion_sigma[given] > 0).all():
+        yield "flexion_sigma must be above 0 where flexion is given"

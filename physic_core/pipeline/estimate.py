@@ -22,6 +22,7 @@ from physic_core.interfaces import (
     InpainterRequest,
     KeypointDetectorRequest,
     MetricDepthRequest,
+    PersonObserverRequest,
     RelativePointmapRequest,
     SegmenterRequest,
 )
@@ -45,6 +46,7 @@ from physic_core.types import (
     Intrinsics,
     Keypoints,
     KnownSizes,
+    Observations,
     People,
     Pointmap,
 )
@@ -164,6 +166,7 @@ def run_backends(
             original = with_measured_shape(original, shape, original.intrinsics or camera)
             original = replace(original, people_farther=None)
 
+    observations = run.observations(PersonObserverRequest(image, people, keypoints))
     with stages.time_engine("floor candidates"):
         aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
         evidence = floor_evidence(people, hole, keypoints, camera, aligned)
@@ -217,6 +220,7 @@ def run_backends(
         bodies=bodies,
         contact=contact,
         depth=depth,
+        observations=observations,
         missing_results=tuple(
             tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))
         ),
@@ -361,6 +365,19 @@ class _BackendCalls:
         self.stages.note(*pointmap.notes)
         self.stages.warn(*pointmap.warnings)
         return pointmap
+
+    def observations(self, request: PersonObserverRequest) -> Observations:
+        """Ask what the people do; unknown without a backend, and if it fails."""
+        unknown = Observations.unknown(len(request.people))
+        if "person_observer" not in self.backends or not len(request.people):
+            return unknown
+        found = self.stages.call_optional_backend(
+            "observations",
+            self.backends["person_observer"],
+            request,
+            otherwise="what people do is told by their joints alone",
+        )
+        return unknown if found is None else found
 
     def bodies(self, request: BodyEstimatorRequest, known: KnownPeople) -> Bodies:
         """Estimate bodies with hands, of known stature or of a child's size; NaN for people without

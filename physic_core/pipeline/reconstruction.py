@@ -29,6 +29,7 @@ from physic_core.pipeline.checks import (
     unknown_checks,
 )
 from physic_core.types import (
+    POSTURES,
     CameraTrust,
     Grade,
     Intrinsics,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import CheckResult, Measures
+    from physic_core.types import CheckResult, Measures, Observations
 
 
 def as_reconstruction(
@@ -112,10 +113,20 @@ def _people(
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
                 measures=measures[i],
+                **_observed(estimates.observations, i),
                 **{name: array[i] for name, array in rows.items()},
             )
         )
     return tuple(people)
+
+
+def _observed(said: Observations, person: int) -> dict[str, Any]:
+    """Return what the person observer says of a person, as fields of a Person."""
+    posture = said.posture[person]
+    best = int(posture.argmax())  # 0 in a row of NaN
+    values = {"posture_probability": posture[best], "child_probability": said.child[person]}
+    known = {name: round(float(p), DECIMALS) for name, p in values.items() if math.isfinite(p)}
+    return known | ({"posture": POSTURES[best]} if "posture_probability" in known else {})
 
 
 def _unseen(state: State) -> list[tuple[str, ...]]:

@@ -29,6 +29,7 @@ from physic_core.types.contacts import (
 )
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.known_sizes import KnownLength, KnownSizes
+from physic_core.types.observations import POSTURES, TOUCH_PARTS, Observations
 from physic_core.types.people import (
     CARRIER_NAMES,
     SURFACE_NAMES,
@@ -62,8 +63,10 @@ __all__ = [
     "CARRIER_NAMES",
     "NO_PARTNER",
     "PARTNER_KINDS",
+    "POSTURES",
     "SKELETONS",
     "SURFACE_NAMES",
+    "TOUCH_PARTS",
     "AffineAmbiguity",
     "Bodies",
     "BodyContact",
@@ -85,6 +88,7 @@ __all__ = [
     "Lens",
     "Measures",
     "Mesh",
+    "Observations",
     "People",
     "PeoplePrompt",
     "Person",

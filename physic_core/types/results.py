@@ -107,6 +107,10 @@ class Person(ShortRepr):
         stature: standing height of the body from soles to crown, metres; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
             unknown age; None without a body.
+        posture: most probable one of :data:`physic_core.types.POSTURES` by the person observer.
+        posture_probability: its probability in [0, 1].
+        child_probability: that the person is younger than about 12 years, by the person observer.
+            All three are None where it does not say.
         measures: what the checks judge.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
             the person.
@@ -137,6 +141,9 @@ class Person(ShortRepr):
     age: float | None = None
     stature: float | None = None
     stature_sigma: float | None = None
+    posture: str | None = None
+    posture_probability: float | None = None
+    child_probability: float | None = None
     measures: Measures = field(default_factory=Measures)
 
     def mesh(self) -> Any:
@@ -488,7 +495,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     Keys: person (index into the people of the result), main (True if the grade of the photo counts
     this person), grade, trust (probability that the person is right), why (what lowers it most),
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
-    stature_sigma_m (standard deviations), contacts (body parts that are likely, one half or more,
+    stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
+    :class:`Person`), contacts (body parts that are likely, one half or more,
     to touch something, each with what it touches and its probability), assumed (likely contacts of
     body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
     without a confident keypoint at their end). Distance and stature are None without a body.
@@ -530,6 +538,9 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "stature_sigma_m": lambda result, index: _millimetres(
         spread_m(result.people[index].stature, result.people[index].stature_sigma)
     ),
+    "posture": lambda result, index: result.people[index].posture,
+    "posture_probability": lambda result, index: result.people[index].posture_probability,
+    "child_probability": lambda result, index: result.people[index].child_probability,
     "contacts": lambda result, index: contacts_text(result.people[index].contacts, assumed=False),
     "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),

@@ -153,7 +153,7 @@ def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(
         site.offer(f"third-party-{other.replace('_', '-')}", other, "theirs")
     monkeypatch.setattr(INTERFACES[interface], "api", INTERFACES[interface].api + 1)
     for other in INTERFACES:
-        for name in ("embedded", "mock", "theirs"):
+        for name in ("mock", "theirs"):
             if other == interface:
                 assert "upgrade" in message(BackendError, load, other, name)
             else:

@@ -19,6 +19,7 @@ from physic_core.types import (
     Intrinsics,
     Keypoints,
     Mesh,
+    Observations,
     People,
     Pointmap,
     RestMesh,
@@ -44,6 +45,13 @@ PARAMETERS = parameters_from_rotvecs(np.zeros((2, 55, 3)), np.zeros((2, 10)), np
 MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
 BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
+OBSERVED = replace(
+    Observations.unknown(2),
+    posture=np.stack([np.full(9, 1 / 9), np.full(9, np.nan)]),
+    posture_share=np.eye(9)[0],
+    child=np.array([0.0, 1.0]),
+    child_share=0.1,
+)
 CONTACT = ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
 
 INTERFACES = {
@@ -53,6 +61,7 @@ INTERFACES = {
     DepthMap: (interfaces.MetricDepth, {"height": H, "width": W}),
     Bodies: (interfaces.BodyEstimator, {"people": 2}),
     Hands: (interfaces.HandEstimator, {"people": 2}),
+    Observations: (interfaces.PersonObserver, {"people": 2}),
     ContactProbability: (
         interfaces.ContactPrior,
         {"people": 2, "vertices": 9, "topology": "embedded"},
@@ -107,6 +116,9 @@ def parameters(**values):
         (HANDS, {}),
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
+        (OBSERVED, {}),
+        (OBSERVED, {"flexion": np.full((2, 4), 90.0), "flexion_sigma": np.full((2, 4), 20.0)}),
+        (Observations.unknown(2), {}),
         (CONTACT, {}),
         # What is lost for some people only is handled for each: see
         # physic_core.pipeline.backend_results.
@@ -250,6 +262,38 @@ def test_valid_results_have_no_violation(result, changes):
             BODIES,
             mesh(MESH.vertices, FACES + 1),
             ["mesh.faces must number the 4 vertices from 0, got 1 to 4"],
+        ),
+        (
+            OBSERVED,
+            {"touch": np.zeros((2, 4)), "in_air_share": None},
+            ["touch must be (2, 5), got (2, 4)", "in_air_share must be a number or NaN, got None"],
+        ),
+        (OBSERVED, {"child": np.array([0.5, 1.5])}, ["child must lie in [0, 1], got 0 to 1.5"]),
+        (
+            OBSERVED,
+            {"posture": nan_at(OBSERVED.posture, 0, 3)},
+            ["each row of posture, and posture_share, must sum to 1..."],
+        ),
+        (
+            OBSERVED,
+            {"posture_share": np.ones(9)},
+            ["each row of posture, and posture_share, must sum to 1..."],
+        ),
+        (
+            OBSERVED,
+            {"holds": np.array([[np.nan, 0.5]] * 2)},
+            ["holds_share must lie between 0 and 1 where holds is given, got [nan nan]"],
+        ),
+        (OBSERVED, {"child_share": 1.0}, ["child_share must lie between 0 and 1 where..."]),
+        (
+            OBSERVED,
+            {"flexion": np.zeros((2, 4))},
+            ["flexion_sigma must be above 0 where flexion is given"],
+        ),
+        (
+            OBSERVED,
+            {"flexion": np.full((2, 4), 200.0), "flexion_sigma": np.ones((2, 4))},
+            ["flexion must lie within +-180 degrees, got 200"],
         ),
         (CONTACT, {"rest": None}, ["topology must be 'embedded' as the bodies', got 'smpl'"]),
         (CONTACT, {"probability": np.zeros((2, 5))}, ["probability must be (2, 4), got (2, 5)"]),

@@ -96,6 +96,16 @@ CONTACT = (
     "contact prior",
     "contact is computed from distances only",
 )
+
+
+def test_a_person_observer_that_fails_costs_a_warning_alone(world):
+    result = run(world, "person_observer", backends.MockPersonObserver, nans("posture_share"))
+    assert any("posture_share" in warning for warning in result.warnings)
+    person = result.people[0]
+    assert (person.posture, person.posture_probability, person.child_probability) == (None,) * 3
+    assert not any("person_observer" in check.message for check in result.checks)
+
+
 FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})"
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import Pipeline, body, load_config, reconstruct
-from physic_core.configuration.model import PhotoSettings
+from physic_core import Pipeline, Reconstruction, body, load_config, reconstruct
+from physic_core.configuration.model import OPTIONAL_INTERFACES, PhotoSettings
 from physic_core.engine.floor_and_scale import feet_pixels
 from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
@@ -88,7 +88,7 @@ def test_bodies_are_converted_to_the_users_own_body_model(world, monkeypatch):
 
 def test_optional_interfaces_may_be_left_out(world):
     config = load_config(
-        preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"]
+        preset="mock", overrides=[f"{name}.backend=none" for name in OPTIONAL_INTERFACES]
     )
     steps = []
     result = reconstruct(world.image, config, progress=lambda *step: steps.append(step))
@@ -96,6 +96,14 @@ def test_optional_interfaces_may_be_left_out(world):
     assert [done for _, done, _ in steps] == list(range(len(steps)))
     assert {total for _, _, total in steps} == {len(steps)}
     assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.05
+
+
+def test_what_the_person_observer_says_is_in_the_result_and_saved(world, tmp_path):
+    reconstruct(world.image, "mock").save(str(tmp_path), "numbers")
+    (person,) = Reconstruction.load(str(tmp_path)).people
+    assert person.posture == "stand"
+    assert person.posture_probability > 0.9
+    assert person.child_probability < 0.1
 
 
 def test_a_configured_camera_is_in_pixels_of_the_file():

@@ -11,6 +11,7 @@ from physic_core.types import (
     Hands,
     Keypoints,
     Mesh,
+    Observations,
     People,
 )
 from physic_core.types.arrays import select_people
@@ -36,6 +37,7 @@ def test_all_that_is_per_person_is_selected():
         keypoints(),
         Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22)),
         Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
+        Observations(*map(rows, (9, 5, 2)), rows(), rows(), rows(4), rows(4), *[None] * 3),
         ContactProbability(rows(4), "smpl"),
     ):
         for array in arrays(select_people(result, LAST_TWO), but=("faces", "rest")):

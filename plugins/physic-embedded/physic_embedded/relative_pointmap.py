@@ -136,9 +136,12 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         """
         height, width = image.shape[:2]
         short_side = self.options.short_side
-        if hints.scene is not None:
+        of_photo = hints.scene is not None
+        if of_photo:
             short_side = min(short_side, self.options.photo_short_side)
-        raw = predict_disparity(self.network[_DEPTH], image, short_side, self.options.max_tokens)
+        raw = predict_disparity(
+            self.network[_DEPTH], image, short_side, self.options.max_tokens, keep_tokens=of_photo
+        )
         camera, segments, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)

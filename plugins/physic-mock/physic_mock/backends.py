@@ -1,4 +1,4 @@
-"""All eight mock backends: each returns the ground truth of a world with seeded errors."""
+"""All nine mock backends: each returns the ground truth of a world with seeded errors."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from physic_mock.contact import MockContactPrior
 from physic_mock.depths import MockMetricDepth, MockRelativePointmap
 from physic_mock.humans import MockBodyEstimator, MockHandEstimator
 from physic_mock.keypoints import MockKeypointDetector
+from physic_mock.observer import MockPersonObserver
 from physic_mock.pixels import MockInpainter, MockSegmenter
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "MockInpainter",
     "MockKeypointDetector",
     "MockMetricDepth",
+    "MockPersonObserver",
     "MockRelativePointmap",
     "MockSegmenter",
 ]

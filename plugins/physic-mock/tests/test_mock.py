@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.types import Hints, Keypoints, People
+from physic_core.types import POSTURES, Hints, Keypoints, People
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
@@ -12,12 +12,14 @@ from physic_mock.backends import (
     MockInpainter,
     MockKeypointDetector,
     MockMetricDepth,
+    MockPersonObserver,
     MockRelativePointmap,
     MockSegmenter,
 )
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
+from physic_mock.recognition import MockOptions
 from physic_testing.worlds import labels, load_world
 
 pytestmark = pytest.mark.quick
@@ -88,6 +90,42 @@ def test_the_answers_are_the_truth(world):
     np.testing.assert_array_equal(hands.confidence > 0, world.joints_visible[:, [20, 21]])
     perfect = MockContactPrior().infer(world.image, people, bodies)
     np.testing.assert_array_equal(perfect.probability > 0.5, world.contact)
+
+
+def observed(name, **options):
+    world = load_world(name)
+    people = everyone(world)
+    return MockPersonObserver(MockOptions(**options)).infer(
+        world.image, people, no_keypoints(len(people))
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "touch", "likely"),
+    [
+        ("stand", [1, 1, 0, 0, 0], set()),
+        ("sit_on_chair", [1, 1, 0, 0, 1], set()),
+        ("hang_from_bar", [0, 0, 1, 1, 0], set()),
+        ("jump", [0, 0, 0, 0, 0], {"in_air"}),
+        ("hold_ball", [1, 1, 0, 0, 0], {"holds"}),
+        ("child_by_the_hand", [1, 1, 0, 0, 0], {"child"}),
+    ],
+)
+def test_observations_are_those_of_the_world(name, touch, likely):
+    found = observed(name)
+    assert ((found.touch > 0.5) == touch).all()
+    said = {name for name in ("in_air", "holds", "child") if (found.evidence(name) > 0).any()}
+    assert said == likely
+    posture = name.partition("_")[0]
+    if posture in POSTURES:
+        assert POSTURES[found.posture[0].argmax()] == posture
+    else:
+        assert np.isnan(found.posture).all()
+
+
+def test_hips_and_knees_are_bent_as_in_the_world():
+    assert (observed("stand").flexion < 20).all()
+    assert (abs(observed("sit_on_chair").flexion - 75) < 5).all()
 
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])

@@ -14,6 +14,7 @@ from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
     MockKeypointDetector,
+    MockPersonObserver,
     MockSegmenter,
 )
 from physic_mock.humans import BodyOptions
@@ -122,6 +123,20 @@ def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
         .infer(world.image, people_of(world), unseen)
         .probability.any()
     )
+
+
+def test_noisy_observations_are_calibrated(world):
+    found = [
+        MockPersonObserver(MockOptions(noise=1, noise_seed=seed)).infer(
+            world.image, people_of(world), None
+        )
+        for seed in range(200)
+    ]
+    said = np.stack([one.touch[0, :4] for one in found])  # feet, which touch, and hands
+    true = np.broadcast_to([True, True, False, False], said.shape)
+    for low, high in ((0.0, 0.2), (0.2, 0.8), (0.8, 1.0)):
+        chosen = (said >= low) & (said <= high)
+        assert true[chosen].mean() == pytest.approx(said[chosen].mean(), abs=0.06)
 
 
 def test_children_come_out_as_adults_who_are_farther_away():

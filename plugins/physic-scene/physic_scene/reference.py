@@ -132,6 +132,7 @@ class ReferenceInput(ShortRepr):
         if self.shown.all():
             return estimates
         before = len(estimates.people)
+        in_photo = np.arange(len(self.shown)) < before
         own = self.shown[: len(estimates.people)]
         people = estimates.people
         keypoints = estimates.keypoints
@@ -171,7 +172,8 @@ class ReferenceInput(ShortRepr):
             ),
             contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
             missing_results=(*missing, *[()] * (len(self.shown) - before)),
-            stance=estimates.stance.expanded(np.arange(len(self.shown)) < before),
+            stance=estimates.stance.expanded(in_photo),
+            observations=estimates.observations.expanded(in_photo),
         )
 
 

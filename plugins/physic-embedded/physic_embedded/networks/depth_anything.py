@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.adapters.pictures import IMAGENET_MEAN, letterbox
+from physic_embedded.networks.patch_tokens import PatchTokens, TokensOfPasses
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.adapters.pictures import Resampling
+    from physic_core.adapters.pictures import Letterbox, Resampling
 
+_ENCODED = "out_cast_fp16"  # output of the encoder: the class token, then one of each patch
 _PATCH = 14  # px, side of the vision transformer's patches
 # patches; a photo that is longer by less is shrunk instead of getting one more row or column of
 # them
 _OVERHANG = 0.1
+TOKENS = TokensOfPasses()
+"""Tokens of passes for a depth map, until the observer of the same photo reads them."""
+
 _FILL = tuple(round(255 * mean) for mean in IMAGENET_MEAN)
 
 
@@ -39,7 +47,12 @@ def network_input_size(
 
 
 def predict_disparity(
-    session: OnnxSession, image: NDArray[np.uint8], short_side: int = 518, max_tokens: int = 3600
+    session: OnnxSession,
+    image: NDArray[np.uint8],
+    short_side: int = 518,
+    max_tokens: int = 3600,
+    *,
+    keep_tokens: bool = False,
 ) -> NDArray[np.float32]:
     """Predict a disparity map at network resolution: an affine function of 1 / z, larger is nearer.
 
@@ -50,15 +63,59 @@ def predict_disparity(
         image: (H, W, 3) uint8 RGB.
         short_side: px of the network's input.
         max_tokens: cap on the number of patches.
+        keep_tokens: keep the tokens of this pass in :data:`TOKENS`, if somebody will read them.
 
     Returns:
         (h, w) float32, at least 0, of the photo alone; at most of the size that
         :func:`network_input_size` gives.
     """
+    fed, photo = _fed(image, short_side, max_tokens)
+
+    def see(tokens: NDArray[np.float32]) -> None:
+        TOKENS.put(_key(session.name, fed), tokens)
+
+    if keep_tokens and TOKENS.readers:
+        (answer,) = session.run(["depth"], {"image": fed}, keep=True, beside={_ENCODED: see})
+    else:
+        (answer,) = session.run(["depth"], {"image": fed}, keep=True)
+    return np.asarray(photo.crop(answer[0]), dtype=np.float32)
+
+
+def patch_tokens(
+    graph: str,
+    open_session: Callable[[str], OnnxSession],
+    image: NDArray[np.uint8],
+    short_side: int,
+    max_tokens: int,
+) -> PatchTokens:
+    """Return the tokens (h, w, 384) of the encoder after its last norm: those of the pass that
+    :func:`predict_disparity` made for the same photo, or of a pass of their own.
+
+    Args:
+        graph: ``depth_anything_v2_vits`` or ``depth_anything_v2_vits_int8``.
+        open_session: opens it, only for a pass of its own.
+        image: (H, W, 3) uint8 RGB.
+        short_side: px of the network's input.
+        max_tokens: cap on the number of patches.
+    """
+    fed, photo = _fed(image, short_side, max_tokens)
+    tokens = TOKENS.take(_key(graph, fed))
+    if tokens is None:
+        (tokens,) = open_session(graph).run([_ENCODED], {"image": fed})
+    rows, columns = (side // _PATCH for side in fed.shape[2:])
+    return PatchTokens(tokens[0, 1:].reshape(rows, columns, -1), _PATCH, photo)
+
+
+def _fed(
+    image: NDArray[np.uint8], short_side: int, max_tokens: int
+) -> tuple[NDArray[np.float32], Letterbox]:
+    """Return the network's input (1, 3, h, w), and where the photo lies in it."""
     height, width = image.shape[:2]
     rows, columns = network_input_size(height, width, short_side, max_tokens)
     how: Resampling = "area" if rows < height else "bicubic"
     canvas, photo = letterbox(image, rows, columns, fill=_FILL, how=how)
-    fed = np.ascontiguousarray(canvas.transpose(2, 0, 1)[None], np.float32)
-    (answer,) = session.run(["depth"], {"image": fed}, keep=True)
-    return np.asarray(photo.crop(answer[0]), dtype=np.float32)
+    return np.ascontiguousarray(canvas.transpose(2, 0, 1)[None], np.float32), photo
+
+
+def _key(graph: str, fed: NDArray[np.float32]) -> Hashable:
+    return graph, fed.shape, hashlib.blake2b(fed.data).digest()

@@ -15,6 +15,7 @@ from physic_testing.conformance.truth import (
     embedded_surface,
     rotation_errors_deg,
     true_hands,
+    true_touch,
     true_wrists,
 )
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         FloatArray,
         Hands,
         Keypoints,
+        Observations,
         People,
         Pointmap,
         UInt8Array,
@@ -66,6 +68,7 @@ ERRORS: dict[str, ErrorOf] = {
     "degrees": ErrorOf("lower", 1),
     "wrist degrees": ErrorOf("lower"),
     "hands found": ErrorOf("higher"),
+    "Brier": ErrorOf("lower", 0.01),
     "F1": ErrorOf("higher", 0.99),
     "precision": ErrorOf("higher"),
     "recall": ErrorOf("higher"),
@@ -79,6 +82,7 @@ MAIN_ERROR: dict[str, str] = {
     "keypoint_detector": "share of person",
     "body_estimator": "MPJPE, mm",
     "hand_estimator": "degrees",
+    "person_observer": "Brier",
     "contact_prior": "F1",
 }
 """Interface -> name of the error by which two results are compared."""
@@ -249,6 +253,11 @@ def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
     return found
 
 
+def _person_observer(answer: Observations, case: Case) -> dict[str, float]:
+    off = answer.touch - true_touch(case.truth)
+    return {"Brier": float((off**2).mean(where=off == off)) if (off == off).any() else np.nan}
+
+
 def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
     scores = contact_scores(
         contact_on_embedded(answer).probability > CONTACT_THRESHOLD, case.truth.contact
@@ -289,5 +298,6 @@ _ERROR_FUNCTIONS: dict[str, Callable[[Any, Case], dict[str, float]]] = {
     "keypoint_detector": _keypoint_detector,
     "body_estimator": _body_estimator,
     "hand_estimator": _hand_estimator,
+    "person_observer": _person_observer,
     "contact_prior": _contact_prior,
 }

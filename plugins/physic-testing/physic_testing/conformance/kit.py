@@ -19,6 +19,7 @@ from physic_testing.conformance import (
     lifecycle,
     manners,
     output_checks,
+    person_observer,
     segmenter,
 )
 from physic_testing.conformance.accuracy import check_is_exact
@@ -42,6 +43,7 @@ TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
     "keypoint_detector": (keypoint_detector.TABLE, keypoint_detector.CHECKS + COLOUR_CHECKS),
     "body_estimator": (body_estimator.TABLE, body_estimator.CHECKS),
     "hand_estimator": (hand_estimator.TABLE, hand_estimator.CHECKS),
+    "person_observer": (person_observer.TABLE, person_observer.CHECKS),
     "contact_prior": (contact_prior.TABLE, contact_prior.CHECKS),
 }
 """Interface -> how outputs are compared with the truth, and further checks; others have only the

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.types.skeletons import SIDES
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -59,6 +61,28 @@ def mirrored_order(names: tuple[str, ...]) -> list[int]:
     return [place.get(twin(name), i) for i, name in enumerate(names)]
 
 
+def true_touch(world: World) -> BoolArray:
+    """Return which of ``physic_core.types.TOUCH_PARTS`` (N, 5) touch the scene."""
+    sets = embedded_body().contact_sets
+    names = ("left_foot", "right_foot", "left_hand", "right_hand", "gluteus")
+    return np.stack([world.contact[:, sets[name].numpy()].any(1) for name in names], 1)
+
+
+def true_flexion(world: World) -> FloatArray:
+    """Return degrees (N, 4) by which left hip, right hip, left knee and right knee are bent."""
+    joints = world.joints.astype(np.float64)
+
+    def bone(start: str, end: str) -> FloatArray:
+        along = joints[:, JOINT_INDEX[end]] - joints[:, JOINT_INDEX[start]]
+        return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
+
+    thighs = [bone(f"{side}_hip", f"{side}_knee") for side in SIDES]
+    shanks = [bone(f"{side}_knee", f"{side}_ankle") for side in SIDES]
+    pairs = zip([bone("neck", "pelvis")] * 2 + thighs, thighs + shanks, strict=True)
+    cosines = np.stack([(one * other).sum(1) for one, other in pairs], 1)
+    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1, 1))))
+
+
 def true_hands(world: World) -> FloatArray:
     """Return the true finger rotations (N, 2, 15, 3) as rotation vectors, left hand first."""
     truth = world.parameters
@@ -72,7 +96,6 @@ def true_wrists(world: World) -> FloatArray:
     """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors,
     left first.
     """
-    from physic_core.body import JOINT_INDEX
     from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
     from physic_core.geometry.rotations import rotmat_to_rotvec
 

@@ -19,10 +19,12 @@ from physic_core.types import (
     DepthMap,
     Hands,
     Keypoints,
+    Observations,
     People,
     Pointmap,
 )
 from physic_testing.conformance.cases import CASES, SCENE_UNIT, build_case
+from physic_testing.conformance.truth import true_flexion, true_touch
 
 SIZE = (160, 120)
 POOR = 0.2  # how far answers are off for a photo in strange colours
@@ -139,6 +141,29 @@ class RightHands(Knowing, interfaces.HandEstimator):
         return Hands(both.reshape(-1, 2, 15, 3), np.where(seen, 0.9, 0.2))
 
 
+class RightObserver(Knowing, interfaces.PersonObserver):
+    def infer(self, image, people, keypoints):
+        try:
+            case, _, _ = self.look_up(image)
+            masks, parts, bones = people.masks, range(5), range(4)
+        except BackendError:  # mirrored
+            case, _, _ = self.look_up(image[:, ::-1])
+            masks, parts, bones = people.masks[..., ::-1], (1, 0, 3, 2, 4), (1, 0, 3, 2)
+        rows = self.rows(case, replace(people, masks=masks))
+        world = build_case(case.name, SIZE).world if len(people) else None
+        unknown = Observations.unknown(len(people))
+        if world is None:
+            return unknown
+        touch = 0.1 + 0.8 * true_touch(world)[np.ix_(rows, parts)]
+        return replace(
+            unknown,
+            touch=touch,
+            touch_share=np.full(5, 0.5),
+            flexion=true_flexion(world)[np.ix_(rows, bones)],
+            flexion_sigma=np.full((len(rows), 4), 5.0),
+        )
+
+
 class RightContact(Knowing, interfaces.ContactPrior):
     def infer(self, image, people, bodies):
         case, _, _ = self.look_up(image)
@@ -157,5 +182,6 @@ RIGHT = (
     RightKeypoints,
     RightBodies,
     RightHands,
+    RightObserver,
     RightContact,
 )

@@ -26,6 +26,7 @@ from right_backends import (
     RightInpainter,
     RightKeypoints,
     RightMetricDepth,
+    RightObserver,
     RightOptions,
     RightPointmap,
     RightSegmenter,
@@ -307,7 +308,7 @@ altered(
     "accepts_a_photo_without_people",
     lambda a, *_: a if len(a) else None,
 )
-for right in (RightKeypoints, RightBodies, RightHands, RightContact):
+for right in (RightKeypoints, RightBodies, RightHands, RightObserver, RightContact):
     restless(
         right,
         "nobody is an error",
@@ -661,6 +662,13 @@ altered(
     RightBodies, "observed inverted", "observed_is_true_in_sight", fields(observed=np.logical_not)
 )
 altered(RightHands, "degrees", "angles_are_radians", fields(rotvecs=np.degrees))
+altered(RightObserver, "1 is no touch", "touch_is_that_of_the_parts", fields(touch=lambda p: 1 - p))
+altered(
+    RightObserver,
+    "right limbs touch",
+    "mirrored_photo_exchanges_sides",
+    fields(touch=lambda p: 0 * p + [0.2, 0.8, 0.2, 0.8, 0.5]),
+)
 altered(RightContact, "another mesh", "mesh_is_known", fields(topology=lambda _: "smplx"))
 
 

@@ -55,6 +55,8 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
           ``assumed`` of each.
         - ``support``: sentence on what carries the person.
         - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
+        - ``posture``, ``posture_probability``, ``child_probability``: as of
+          :class:`physic_core.types.Person`.
         - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
           deviation of its logarithm.
         - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
@@ -103,6 +105,9 @@ def _record(
         "support": None if person.support is None else str(person.support),
         "stature": None if body is None else _stature(person, body),
         "stature_sigma": None if body is None else person.stature_sigma,
+        "posture": person.posture,
+        "posture_probability": person.posture_probability,
+        "child_probability": person.child_probability,
         "camera": float(np.linalg.norm(pelvis)) if posed else None,
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,

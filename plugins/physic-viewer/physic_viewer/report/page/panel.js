@@ -38,7 +38,12 @@ function personCard(data, index) {
   if (!person.posed) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {
+    const seen = [
+      ["Seems to", person.posture && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
+      ["Is a child", person.child_probability?.toFixed(2)],
+    ].filter(([, value]) => value);
     card.append(facts([
+      ...seen,
       ["Stature", metres(person.stature, person.stature_sigma)],
       ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
       ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],

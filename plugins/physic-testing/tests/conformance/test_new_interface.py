@@ -61,7 +61,7 @@ class Turned(Flat):
 
 
 @pytest.fixture(autouse=True)
-def ninth(monkeypatch):
+def tenth(monkeypatch):
     monkeypatch.setitem(INTERFACES, NormalEstimator.interface, NormalEstimator)
 
 

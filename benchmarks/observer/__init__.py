@@ -1,0 +1,1 @@
+"""Fit the embedded observer of people to labelled photos."""

@@ -1,0 +1,223 @@
+"""Fit the embedded observer of people to labelled photos, and score it on other collections.
+
+    python -m benchmarks observer DATA OUT [--other LABELS ...] [--encoder MODULE:NAME] [--write]
+                                [--changed N]
+
+DATA/contact has ``labels.json``, ``children.json`` and ``photos``; DATA/contact/other has photos of
+another collection, and ``labels.json`` or the files of ``--other``, one of each reader: labels on
+which readers differ are left out. Films of DATA/truth/parkour add feet and hands with measured
+forces. Tokens and keypoints of each picture are kept in OUT, so that a second run takes no network.
+
+Each question is scored with photos left out, with whole repositories left out, and on the other
+collection and films by a fit to the given photos alone. The numbers are then fitted to all of them
+but the films apart, and calibrated on people whose repository took no part. Bends of hips and knees
+are fitted to people whose legs a crop removes, and to what the pose network says of their whole
+picture. The numbers are written to OUT, and with ``--write`` into the plugin.
+
+``--changed N`` says instead how far the plugin's answers move when N pictures are mirrored, made
+grey, smaller, or a column narrower, or seen in int8 or at 322 px. ``--encoder`` names a function
+from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a backend of your own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+
+from benchmarks.truth.scores import LIMBS
+from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
+from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.metrics import match_by_boxes
+from physic_embedded.networks.depth_anything import patch_tokens
+from physic_embedded.networks.sessions import open_packaged_session
+from physic_embedded.person_observer import NUMBERS, REGIONS, regions
+
+from .cuts import CutPerson, cut_of, fit_bends, see_cut
+from .fit import APART, LabelledPerson, Question, figures, fitted, question_of
+from .labels import Photo, agreed, given_photos
+from .robust import lines_of, moved
+from .sample import Networks, Picture, read_seen, write_seen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_embedded.networks.patch_tokens import PatchTokens
+
+    from .sample import Encoder, Seen
+
+FILM_FRAMES = 6
+"""Frames of each film."""
+
+ENCODER = "benchmarks.observer.command:embedded_encoder"
+
+_STEP = 9  # of the pictures that are changed
+
+_LEAST_IOU = 0.4  # of a labelled person and of a person in OUT, whose labels may have changed
+
+
+def main() -> int:
+    """Sample what is missing in OUT, score and fit."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks observer", description=(__doc__ or "").partition("\n")[0]
+    )
+    parser.add_argument("data", type=Path, help="folder with contact and truth")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=())
+    parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
+    parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
+    parser.add_argument("--changed", type=int, default=0, metavar="N", help="photos to change")
+    given = parser.parse_args()
+    if not (given.data / "contact" / "labels.json").is_file():
+        print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
+        return 0
+    pictures = [
+        *_photos(given_photos(given.data / "contact"), given.data / "contact" / "photos"),
+        *_other_photos(given.data / "contact" / "other", given.other),
+        *_frames(given.data / "truth" / "parkour"),
+    ]
+    module, _, name = given.encoder.partition(":")
+    encoder = getattr(import_module(module), name)
+    people = list(_people(pictures, given.out, encoder))
+    if given.changed:
+        files = [(source, out_file(given.out, photo)) for photo, source in pictures[::_STEP]]
+        chosen = ((_rgb(source), read_seen(file)) for source, file in files[: given.changed])
+        print(*lines_of(moved(chosen, encoder, OTHER_ENCODERS)), sep="\n")
+        return 0
+    numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
+    numbers["flexion"], lines = fit_bends(list(_cut_people(pictures, given.out, encoder)))
+    print(*lines, sep="\n")
+    for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
+        write_arrays(file, numbers, stored="f")
+        print(f"wrote {file}")
+    return 0
+
+
+def _fitted(question: Question) -> NDArray[np.float32]:
+    """Print the scores of a question, and return its numbers."""
+    for part, scores in figures(question).items():
+        print(f"{question.name:8} {part:22} {scores}", flush=True)
+    return fitted(question.of(question.sets != APART))
+
+
+def embedded_encoder(
+    picture: Picture, graph: str = "depth_anything_v2_vits", short_side: int = 406
+) -> PatchTokens:
+    """Return the tokens of the packaged depth network's encoder, as the embedded backend reads
+    them.
+    """
+    return patch_tokens(graph, _opened, picture, short_side, 3600)
+
+
+OTHER_ENCODERS: Mapping[str, Encoder] = {
+    "int8": partial(embedded_encoder, graph="depth_anything_v2_vits_int8"),
+    "322 px": partial(embedded_encoder, short_side=322),
+}
+"""Other ways to look at a picture, for numbers that are fitted to tokens of float32 at 406 px."""
+
+
+@cache
+def _opened(graph: str) -> OnnxSession:
+    return open_packaged_session(graph, 1)
+
+
+def _photos(photos: Iterable[Photo], folder: Path) -> list[tuple[Photo, Path | Sample]]:
+    files = {file.stem: file for file in sorted(folder.iterdir())}
+    return [(photo, files[photo.name]) for photo in photos]
+
+
+def _other_photos(folder: Path, labels: Sequence[Path]) -> list[tuple[Photo, Path | Sample]]:
+    """Return the photos of another collection; none without their labels."""
+    files = [*labels] or [folder / "labels.json"]
+    if not all(file.is_file() for file in files):
+        return []
+    found = agreed([json.loads(file.read_text()) for file in files])
+    photos = [Photo("other", name, name, people) for name, people in found.items()]
+    return _photos(photos, folder / "photos")
+
+
+def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
+    """Return frames of each film whose forces are measured, spread over the film."""
+    films: dict[str, list[Sample]] = {}
+    for sample in parkour(folder) if folder.is_dir() else ():
+        films.setdefault(sample.group, []).append(sample)
+    frames: list[tuple[Photo, Path | Sample]] = []
+    for film, samples in films.items():
+        name = "films" if film in FILMS_OF_FITS else APART
+        for sample in samples[:FILM_FRAMES]:
+            parts = {
+                part: "support" if sample.truth["touches"][limb] else "none"
+                for limb, part in LIMBS.items()
+                if not sample.truth["uncaptured"][limb]
+            }
+            frames.append((Photo(name, sample.name, film, [{"parts": parts}]), sample))
+    return frames
+
+
+def _people(
+    pictures: Sequence[tuple[Photo, Path | Sample]], out: Path, encoder: Encoder
+) -> Iterable[LabelledPerson]:
+    """Return the labelled people of all pictures; what is not in OUT is looked at first."""
+    networks = None
+    for photo, source in pictures:
+        file = out_file(out, photo)
+        if not file.is_file():
+            networks = networks or Networks(encoder)
+            boxes = [person["box"] for person in photo.people if "box" in person]
+            write_seen(file, networks.see(_rgb(source), boxes))
+            print(photo.set, photo.name, flush=True)
+        yield from _labelled(photo, read_seen(file))
+
+
+def _cut_people(
+    pictures: Sequence[tuple[Photo, Path | Sample]], out: Path, encoder: Encoder
+) -> Iterable[CutPerson]:
+    """Return people of photos whose legs are cropped away; crops that are not in OUT are looked at
+    first.
+    """
+    for photo, source in pictures:
+        seen = None if isinstance(source, Sample) else read_seen(out_file(out, photo))
+        if seen is None or (cut := cut_of(seen)) is None:
+            continue
+        file = out / "cuts" / photo.set / f"{photo.name}.npz"
+        if not file.is_file():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            token = see_cut(_rgb(source), seen, cut, encoder)
+            write_arrays(file, {"token": token}, stored="f")
+            print("cut", photo.set, photo.name, flush=True)
+        with file.open("rb") as stream:
+            yield CutPerson(photo, read_arrays(stream)["token"], cut.bends)
+
+
+def out_file(out: Path, photo: Photo) -> Path:
+    """Return the file of OUT with what was seen of a picture."""
+    return out / photo.set / f"{photo.name}.npz"
+
+
+def _rgb(source: Path | Sample) -> Picture:
+    bgr = picture_of(source) if isinstance(source, Sample) else cv2.imread(str(source))
+    found: Picture = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+    return found
+
+
+def _labelled(photo: Photo, seen: Seen) -> Iterable[LabelledPerson]:
+    """Return the people of a picture that were seen, with their tokens."""
+    if not len(seen.boxes):
+        return
+    found = regions(seen.tokens, seen.boxes, seen.keypoints)
+    boxes = [person.get("box", seen.boxes[0]) for person in photo.people]
+    same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
+    for i, person in enumerate(photo.people):
+        if i in same:
+            tokens = {name: values[same[i]] for name, values in found.items()}
+            yield LabelledPerson(photo, person, tokens)

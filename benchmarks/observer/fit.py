@@ -1,0 +1,174 @@
+"""Fit each question to labelled people, and score it on people who took no part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.truth.measures import probability_scores
+from physic_core.metrics.intervals import draw_counts, percentile_interval
+from physic_embedded.person_observer import REGIONS
+
+from .labels import Photo, Truth, answers
+from .regression import (
+    Array,
+    Examples,
+    calibrated,
+    calibration,
+    fit_logistic,
+    left_out,
+    logits_of,
+    probabilities,
+)
+
+RIDGE = 100.0
+"""Weight of half the squared weights of standardised tokens."""
+
+FRAME_WEIGHT = 0.5
+"""Weight of a frame of a film: the frames of a film are not independent."""
+
+APART = "films apart"
+"""Set of pictures that no number is fitted to."""
+
+DRAWS = 500
+"""Draws of an interval."""
+
+
+@dataclass(frozen=True)
+class LabelledPerson:
+    """A labelled person and the tokens that answer questions of the person.
+
+    Attributes:
+        photo: of the person.
+        truth: labels.
+        tokens: region -> (sides, C); NaN where no keypoint shows it.
+    """
+
+    photo: Photo
+    truth: Truth
+    tokens: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Question:
+    """Examples of one question, and where they are from.
+
+    Attributes:
+        name: of the question.
+        examples: whose groups are the photos or films.
+        sets: (n,) set of each.
+        repositories: (n,) repository of each.
+    """
+
+    name: str
+    examples: Examples
+    sets: NDArray[np.str_]
+    repositories: NDArray[np.str_]
+
+    def of(self, rows: NDArray[np.bool_]) -> Question:
+        """Return the examples of some rows, (n,) bool."""
+        return Question(
+            self.name, self.examples.take(rows), self.sets[rows], self.repositories[rows]
+        )
+
+    @property
+    def by_repository(self) -> Examples:
+        """The examples, of which whole repositories are left out at once."""
+        of = self.examples
+        return Examples(of.x, of.y, of.weight, self.repositories.tolist())
+
+
+def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
+    """Return the examples of one question: labelled, and shown by a keypoint."""
+    rows = [
+        (x, y, person.photo)
+        for person in people
+        for x, y in zip(person.tokens[REGIONS[name]], answers(name, person.truth), strict=True)
+        if np.isfinite(x).all() and np.isfinite(y).all()
+    ]
+    photos = [photo for _, _, photo in rows]
+    weight = [FRAME_WEIGHT if photo.set.startswith("films") else 1.0 for photo in photos]
+    examples = Examples(
+        np.array([x for x, _, _ in rows]),
+        np.array([y for _, y, _ in rows]),
+        np.array(weight),
+        [photo.group for photo in photos],
+    )
+    sets = np.array([photo.set for photo in photos])
+    return Question(name, examples, sets, np.array([photo.repository for photo in photos]))
+
+
+def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
+    """Return the numbers of a question (K, C + 2): weights and constant, calibrated on people whose
+    repository took no part, and the share of "yes".
+    """
+    of = question.examples
+    numbers = calibrated(fit_logistic(of, ridge), pair_of(question, ridge))
+    share = (of.weight @ of.y) / of.weight.sum()
+    return np.column_stack([numbers, share]).astype(np.float32)
+
+
+def pair_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
+    """Return factor and offset that calibrate logits, from people whose repository was left out."""
+    of = question.by_repository
+    return calibration(left_out(of, partial(fit_logistic, ridge=ridge)), of)
+
+
+def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
+    """Return the scores of a question with photos left out, with repositories left out, on each
+    other set by a fit to the given photos alone, and on films apart by a fit to all others.
+    """
+    fit = partial(fit_logistic, ridge=ridge)
+    given = question.of(question.sets == "given")
+    pair = pair_of(given, ridge)
+
+    def scaled(logits: Array) -> Array:
+        return probabilities(logits * pair[0] + pair[1])
+
+    rows = {
+        "photos left out": _scores(scaled(left_out(given.examples, fit)), given.examples),
+        "repositories left out": _scores(
+            scaled(left_out(given.by_repository, fit)), given.examples
+        ),
+    }
+    numbers = fit(given.examples)
+    for other in sorted({*question.sets.tolist()} - {"given"}):
+        apart = question.of(question.sets == other).examples
+        rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
+    rest = question.of(question.sets != APART)
+    if (apart := question.of(question.sets == APART).examples).groups:
+        numbers = fitted(rest, ridge)[:, :-1].astype(np.float64)
+        rows[f"{APART}, by all"] = _scores(probabilities(logits_of(numbers, apart.x)), apart)
+    return rows
+
+
+def _scores(p: Array, of: Examples) -> str:
+    """Return number of examples, those of "yes", and scores with intervals over the groups."""
+    _, group = np.unique(np.array(of.groups), return_inverse=True)
+    rows = [np.flatnonzero(group == g) for g in range(group.max() + 1)]
+    drawn: dict[str, list[float]] = {}
+    for counts in draw_counts(len(rows), DRAWS):
+        take = np.concatenate([np.tile(own, int(n)) for own, n in zip(rows, counts, strict=True)])
+        for name, value in _of_cases(p[take], of.y[take]).items():
+            drawn.setdefault(name, []).append(value)
+    texts = []
+    for name, value in _of_cases(p, of.y).items():
+        low, high = percentile_interval(drawn[name])
+        texts.append(f"{name} {value:.3f} [{low:.3f}, {high:.3f}]")
+    yes = of.y.sum(0).round().astype(int).tolist()
+    return f"{len(p)} ({', '.join(map(str, yes))}): " + ", ".join(texts)
+
+
+def _of_cases(p: Array, y: Array) -> dict[str, float]:
+    if y.shape[1] == 1:
+        found = probability_scores(p[:, 0].tolist(), (y[:, 0] > 0.5).tolist())
+        return {name: found[name] for name in ("auc", "brier", "balanced", "recall", "calibration")}
+    right = y[np.arange(len(y)), p.argmax(1)] > 0
+    return {
+        "right": float(right.mean()),
+        "log loss": float(-(y * np.log(p + 1e-12)).sum(1).mean()),
+    }

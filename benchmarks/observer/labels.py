@@ -1,0 +1,120 @@
+"""Labelled people, and what their labels answer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.truth.contact import MIN_IOU, TOUCHES
+from physic_core.metrics import match_by_boxes
+from physic_core.types.observations import POSTURES
+from physic_core.types.skeletons import SIDES
+
+Array = NDArray[np.float64]
+Truth = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A picture with labelled people.
+
+    Attributes:
+        set: "given", "other" or "films".
+        name: of the file, without its ending; of a film and its frame.
+        group: what is left out at once: the photo, or the film.
+        people: labels, each with its "box"; of a film, one without.
+    """
+
+    set: str
+    name: str
+    group: str
+    people: Sequence[Truth]
+
+    @property
+    def repository(self) -> str:
+        """Where the picture is from: its name up to two underscores, or its film."""
+        return self.name.partition("__")[0] if "__" in self.name else self.group
+
+
+def answers(question: str, truth: Truth) -> Array:
+    """Return the answers of a person's labels to a question: (sides, K) with NaN where the label
+    says nothing, in the form of the tokens that answer it.
+    """
+    parts = truth.get("parts", {})
+    if question in ("foot", "hand", "seat"):
+        names = ["seat"] if question == "seat" else [f"{side}_{question}" for side in SIDES]
+        return _column(TOUCHES.get(parts.get(name)) for name in names)
+    if question == "holds":
+        labels = [parts.get(f"{side}_hand") for side in SIDES]
+        return _column(None if label is None else label == "object" for label in labels)
+    if question == "posture":
+        words = truth.get("posture")
+        words = words if isinstance(words, list) else [words]
+        share = np.array([[words.count(name) for name in POSTURES]], np.float64)
+        return share / share.sum() if share.sum() else np.full_like(share, np.nan)
+    return _column([truth.get(question)])
+
+
+def _column(values: Any) -> Array:
+    return np.array([[np.nan if value is None else float(value)] for value in values])
+
+
+def given_photos(folder: Path) -> list[Photo]:
+    """Return the photos of a folder with ``labels.json``, and ``children.json`` if there is one."""
+    labels = json.loads((folder / "labels.json").read_text())
+    file = folder / "children.json"
+    ages = json.loads(file.read_text()) if file.is_file() else {}
+    photos = []
+    for name, people in labels.items():
+        known = [dict(one) for one in people]
+        for i, one in enumerate(known) if ages else ():
+            unsure = i in ages["unsure"].get(name, ())
+            one["child"] = None if unsure else i in ages["child"].get(name, ())
+        photos.append(Photo("given", name, name, known))
+    return photos
+
+
+def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[Truth]]:
+    """Return the labels on which all readers agree: people whom all have, by the overlap of boxes;
+    None where they differ, and all words of the posture.
+    """
+    first, *others = readers
+    found: dict[str, list[Truth]] = {}
+    for name, people in first.items():
+        same: list[Truth] = [dict(one) for one in people]
+        for other in others:
+            theirs = other.get(name, ())
+            of = match_by_boxes(
+                [one["box"] for one in theirs], [one["box"] for one in same], MIN_IOU
+            ).predicted_of
+            same = [_both(one, theirs[of[i]]) for i, one in enumerate(same) if i in of]
+        found[name] = same
+    return found
+
+
+def _both(one: Truth, other: Truth) -> Truth:
+    parts = {
+        part: label if _same(label, other["parts"].get(part)) else None
+        for part, label in one["parts"].items()
+    }
+    words = [*_words(one), *_words(other)]
+    flags = {
+        key: one.get(key) if one.get(key) == other.get(key) else None for key in ("in_air", "child")
+    }
+    return {"box": one["box"], "posture": words, "parts": parts, **flags}
+
+
+def _words(one: Truth) -> list[str]:
+    word = one.get("posture")
+    return word if isinstance(word, list) else [word] if word else []
+
+
+def _same(a: str | None, b: str | None) -> bool:
+    """Return whether two labels say the same: touches the world, or not, and holds an object."""
+    return (TOUCHES.get(a or ""), a == "object") == (TOUCHES.get(b or ""), b == "object")

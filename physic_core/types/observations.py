@@ -1,0 +1,121 @@
+"""What a network sees of people beside their joints: posture, touch, age, and how legs are bent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types.arrays import PER_PERSON, shape
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray, FloatArray
+
+POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "ride")
+"""Columns of ``posture`` of :class:`Observations`."""
+
+TOUCH_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "seat")
+"""Columns of ``touch`` of :class:`Observations`."""
+
+PROBABILITIES = ("posture", "touch", "holds", "in_air", "child")
+"""Fields of :class:`Observations` that are probabilities; each has a share."""
+
+_LEAST = 1e-4
+"""Probability closest to 0 and 1 that counts as evidence: no network is surer than this."""
+
+
+def _rows(*sizes: int) -> dict[str, Any]:
+    return {**PER_PERSON, **shape("N", *sizes)}
+
+
+@dataclass(frozen=True)
+class Observations(ShortRepr):
+    """Result of a PersonObserver: what the photo shows of N people. Left is the person's own; NaN
+    stands for what is not said.
+
+    Each probability is calibrated for data in which a share of the answers is "yes". The engine
+    takes this share out (:meth:`evidence`). A share is NaN where its probabilities are.
+
+    Attributes:
+        posture: (N, 9) probability of each of :data:`POSTURES`; a row sums to 1 or is NaN.
+        touch: (N, 5) probability that each of :data:`TOUCH_PARTS` touches the world: floor, seat,
+            wall or another support, but not the own body, other people or held objects.
+        holds: (N, 2) probability that the left and right hand hold an object.
+        in_air: (N,) probability that nothing carries the person.
+        child: (N,) probability that the person is younger than about 12 years.
+        flexion: (N, 4) degrees by which left hip, right hip, left knee and right knee are bent; 0
+            is straight.
+        flexion_sigma: (N, 4) degrees, standard deviation of ``flexion``.
+        posture_share: (9,), sums to 1.
+        touch_share: (5,).
+        holds_share: (2,).
+        in_air_share: a number.
+        child_share: a number.
+    """
+
+    posture: FloatArray = field(metadata=_rows(len(POSTURES)))
+    touch: FloatArray = field(metadata=_rows(len(TOUCH_PARTS)))
+    holds: FloatArray = field(metadata=_rows(2))
+    in_air: FloatArray = field(metadata=_rows())
+    child: FloatArray = field(metadata=_rows())
+    flexion: FloatArray = field(metadata=_rows(4))
+    flexion_sigma: FloatArray = field(metadata=_rows(4))
+    posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
+    touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS)))
+    holds_share: FloatArray = field(metadata=shape(2))
+    in_air_share: float = math.nan
+    child_share: float = math.nan
+
+    @classmethod
+    def unknown(cls, people: int) -> Observations:
+        """Return observations of some people that say nothing; ``dataclasses.replace`` adds what
+        is known.
+        """
+        import numpy as np
+
+        def nan(*sizes: int) -> FloatArray:
+            return np.full(sizes, np.nan, np.float32)
+
+        return cls(
+            posture=nan(people, 9),
+            touch=nan(people, 5),
+            holds=nan(people, 2),
+            in_air=nan(people),
+            child=nan(people),
+            flexion=nan(people, 4),
+            flexion_sigma=nan(people, 4),
+            posture_share=nan(9),
+            touch_share=nan(5),
+            holds_share=nan(2),
+        )
+
+    def __len__(self) -> int:
+        return len(self.posture)
+
+    def expanded(self, rows: BoolArray) -> Observations:
+        """Return observations of M people; unknown for all but the N whom ``rows``, (M,) bool,
+        selects.
+        """
+        blank = Observations.unknown(len(rows))
+        names = [one.name for one in fields(self) if one.metadata.get("per_person")]
+        for name in names:
+            getattr(blank, name)[rows] = getattr(self, name)
+        return replace(self, **{name: getattr(blank, name) for name in names})
+
+    def evidence(self, name: str) -> FloatArray:
+        """Return what the photo says about one of :data:`PROBABILITIES` beyond its share, in the
+        shape of the field; 0 where it says nothing.
+
+        It is log(p / (1 - p)) - log(share / (1 - share)): add it to log odds of other sources. For
+        the posture it is log(p) - log(share). It is finite: p and share count as at least 1e-4, and
+        at most 1 - 1e-4.
+        """
+        import numpy as np
+
+        def log(values: Any) -> FloatArray:
+            p = np.clip(np.asarray(values, np.float64), _LEAST, 1 - _LEAST)
+            return np.asarray(np.log(p) if name == "posture" else np.log(p / (1 - p)))
+
+        beyond = log(getattr(self, name)) - log(getattr(self, f"{name}_share"))
+        return np.nan_to_num(beyond).astype(np.float32)

@@ -1,0 +1,149 @@
+"""The embedded observer of people: regions, sides, and whose pass of the encoder it reads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_core.adapters.pictures import Letterbox
+from physic_core.interfaces import PersonObserver
+from physic_core.interfaces.people import PersonObserverRequest
+from physic_core.types import Hints, Keypoints, People, skeleton_named
+from physic_core.types.observations import PROBABILITIES
+from physic_embedded.networks.patch_tokens import PatchTokens
+from physic_embedded.person_observer import (
+    REGIONS,
+    EmbeddedPersonObserver,
+    fitted_numbers,
+    observed,
+    regions,
+)
+
+NAMES = skeleton_named("blazepose33").names
+PHOTO = np.random.default_rng(1).integers(0, 255, (84, 112, 3), np.uint8)
+
+
+@pytest.fixture
+def grid():
+    """Patches of 10 px of a photo of 120 x 80 px, numbered by row and column."""
+    numbers = np.stack(np.meshgrid(np.arange(8.0), np.arange(12.0), indexing="ij"), axis=-1)
+    return PatchTokens(numbers, 10, Letterbox(1.0, 0, 0, (80, 120), (80, 120)))
+
+
+def keypoints_at(places, confidence=1.0):
+    """Keypoints of one person: those named lie there, the others are not seen."""
+    points = np.zeros((1, len(NAMES), 2), np.float32)
+    score = np.zeros((1, len(NAMES)), np.float32)
+    for name, place in places.items():
+        points[0, NAMES.index(name)] = place
+        score[0, NAMES.index(name)] = confidence
+    return Keypoints(points, score, "blazepose33")
+
+
+def foot(side, place):
+    return {f"{side}_{name}": place for name in ("ankle", "heel", "foot_tip")}
+
+
+def test_a_limb_is_read_where_its_keypoints_are(grid):
+    found = regions(grid, np.array([[0, 0, 120, 80]]), keypoints_at(foot("right", (65, 45))))
+    np.testing.assert_allclose(found["foot"][0, 1], (4, 6))
+    np.testing.assert_allclose(found["box"][0, 0], (3.5, 5.5))
+    assert np.isnan(found["foot"][0, 0]).all()
+    assert np.isnan(found["hips"]).all()
+
+
+@pytest.mark.parametrize(("confidence", "seen"), [(0.1, False), (0.3, True)])
+def test_a_limb_that_the_detector_does_not_see_is_not_read(grid, confidence, seen):
+    keypoints = keypoints_at(foot("left", (65, 45)), confidence)
+    found = regions(grid, np.array([[0, 0, 120, 80]]), keypoints)["foot"]
+    assert np.isfinite(found[0, 0]).all() == seen
+
+
+def test_a_detector_without_hands_says_nothing_of_hands(grid):
+    coco = Keypoints(np.full((1, 17, 2), 40, np.float32), np.ones((1, 17), np.float32), "coco17")
+    found = regions(grid, np.array([[0, 0, 120, 80]]), coco)
+    assert np.isfinite(found["foot"]).all()
+    assert np.isfinite(found["head"]).all()
+
+
+def test_sides_and_people_change_places_with_their_keypoints():
+    channels = fitted_numbers()["foot"].shape[1] - 2
+    tokens = PatchTokens(
+        np.random.default_rng(2).normal(size=(8, 12, channels)),
+        10,
+        Letterbox(1.0, 0, 0, (80, 120), (80, 120)),
+    )
+    one = keypoints_at(foot("left", (15, 70)) | foot("right", (75, 70)))
+    other = keypoints_at(foot("left", (75, 70)) | foot("right", (15, 70)))
+    box = np.array([[0, 0, 90, 80]])
+    first, second = (observed(regions(tokens, box, k), fitted_numbers()) for k in (one, other))
+    np.testing.assert_array_equal(first.touch[0, :2], second.touch[0, 1::-1])
+    assert np.isnan(first.touch[0, 2:]).all()
+
+
+def test_bends_are_said_of_legs_whose_knee_is_not_seen(grid):
+    channels = fitted_numbers()["foot"].shape[1] - 2
+    tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
+    keypoints = keypoints_at({"left_knee": (60, 40)})
+    found = observed(regions(tokens, np.array([[0, 0, 120, 80]]), keypoints), fitted_numbers())
+    said = [[False, True, False, True]]
+    np.testing.assert_array_equal(np.isfinite(found.flexion), said)
+    np.testing.assert_array_equal(np.isfinite(found.flexion_sigma), said)
+    assert (found.flexion_sigma[0, 1], found.flexion_sigma[0, 3]) == tuple(
+        fitted_numbers()["flexion"][:, -1]
+    )
+
+
+def test_nobody_is_observed_without_an_error(grid):
+    nobody = keypoints_at({})
+    nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
+    channels = fitted_numbers()["foot"].shape[1] - 2
+    tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
+    found = observed(regions(tokens, np.zeros((0, 4)), nobody), fitted_numbers())
+    assert (found.posture.shape, found.touch.shape, found.child.shape) == ((0, 9), (0, 5), (0,))
+
+
+def test_each_question_has_finite_numbers():
+    numbers = fitted_numbers()
+    assert set(numbers) == {*REGIONS, "flexion"}
+    for name, values in numbers.items():
+        assert np.isfinite(values).all()
+        assert ((values[:, -1] > 0) & (values[:, -1] < (180 if name == "flexion" else 1))).all()
+    assert numbers["posture"][:, -1].sum() == pytest.approx(1, abs=1e-3)
+
+
+@pytest.fixture
+def two_people():
+    """Two people side by side, all of whose keypoints are seen."""
+    masks = np.zeros((2, *PHOTO.shape[:2]), bool)
+    masks[0, 10:70, 10:40] = masks[1, 10:70, 60:90] = True
+    boxes = np.array([[10, 10, 40, 70], [60, 10, 90, 70]], np.float32)
+    rng = np.random.default_rng(3)
+    points = rng.uniform(boxes[:, None, :2], boxes[:, None, 2:], (2, len(NAMES), 2))
+    keypoints = Keypoints(
+        points.astype(np.float32), np.ones((2, len(NAMES)), np.float32), "blazepose33"
+    )
+    return People(masks, boxes, np.ones(2, np.float32)), keypoints
+
+
+def test_the_observer_says_the_same_with_its_own_pass(two_people):
+    from physic_embedded.relative_pointmap import EmbeddedPointmap
+
+    people, keypoints = two_people
+    observer = EmbeddedPersonObserver()
+    observer.load()
+    alone = observer.infer(PHOTO, people, keypoints)
+    request = PersonObserverRequest(PHOTO, people, keypoints)
+    assert not list(PersonObserver.check(alone, request))
+    assert all(np.isfinite(getattr(alone, name)).all() for name in PROBABILITIES)
+
+    observer.close()
+    observer.load()
+    pointmap = EmbeddedPointmap(EmbeddedPointmap.Options(focal_from_edges=False))
+    pointmap.load()
+    scene = pointmap.infer(PHOTO, Hints())
+    pointmap.infer(PHOTO, Hints(scene=scene, people=people))
+    again = observer.infer(PHOTO, people, keypoints)
+    assert not observer.network  # no network of its own was opened
+    for name in PROBABILITIES:
+        np.testing.assert_array_equal(getattr(again, name), getattr(alone, name))

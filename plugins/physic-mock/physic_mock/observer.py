@@ -1,0 +1,89 @@
+"""Mock of the person observer: what people of a world do, as a calibrated network would say it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core import interfaces
+from physic_core.types import POSTURES, Observations
+from physic_core.types.skeletons import SIDES
+from physic_mock.noise import seeded_rng
+from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
+from physic_testing.conformance.truth import true_flexion, true_touch
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints, People, UInt8Array
+    from physic_testing.worlds import World
+
+# With a noise of 1, log odds are calibrated, and tell "yes" from "no" with an AUC of .96.
+_LOG_ODDS = 3.0  # of what is true
+_LOG_ODDS_SIGMA = np.sqrt(2 * _LOG_ODDS)
+_FLEXION_DEG = (2.0, 18.0)  # standard deviation without noise; what a noise of 1 adds
+_CHILD_YEARS = 12
+
+
+class MockPersonObserver(interfaces.PersonObserver):
+    """Person observer that returns what people of a world touch, hold and do.
+
+    The posture is known in worlds that are named after one, such as "sit_on_chair". Half of the
+    answers are "yes" in the data that its probabilities are said to be fitted on.
+    """
+
+    written_for = 1
+    Options = MockOptions
+    options: MockOptions
+
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+        """Return observations of people in a world's photo.
+
+        Raises:
+            BackendError: the image shows no world, or a person is nobody of it.
+        """
+        noise = self.options.noise
+        found = recognise_world(image)
+        rows = match_masks_to_world(found, people)
+        world = found.world
+        rng = seeded_rng(world, self.options.noise_seed, "observations")
+
+        def log_odds(truth: BoolArray) -> FloatArray:
+            drawn = noise * _LOG_ODDS_SIGMA * rng.normal(size=truth.shape)
+            return np.asarray(np.where(truth, _LOG_ODDS, -_LOG_ODDS) + drawn)[rows]
+
+        def probability(truth: BoolArray) -> FloatArray:
+            return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
+
+        touch = true_touch(world)
+        bent = true_flexion(world)
+        least, added = _FLEXION_DEG
+        drawn = noise * added * rng.normal(size=bent.shape)
+        posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
+        if (name := world.name.partition("_")[0]) in POSTURES:
+            truth = np.tile(np.array(POSTURES) == name, (len(bent), 1))
+            odds = np.exp(log_odds(truth))
+            posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
+        nothing = ~world.contact.any(1) & (world.touched_person < 0).all(1)
+        return Observations(
+            posture=posture,
+            touch=probability(touch),
+            holds=probability(_held(world)),
+            in_air=probability(nothing),
+            child=probability(np.asarray(world.ages < _CHILD_YEARS)),
+            flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
+            flexion_sigma=np.full((len(rows), 4), np.hypot(least, noise * added), np.float32),
+            posture_share=np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
+            touch_share=np.full(touch.shape[1], 0.5, np.float32),
+            holds_share=np.full(2, 0.5, np.float32),
+            in_air_share=0.5,
+            child_share=0.5,
+        )
+
+
+def _held(world: World) -> BoolArray:
+    """Return which hands (N, 2) touch a small object."""
+    from physic_core.body import load_body
+
+    sets = load_body(world.body_model).contact_sets
+    hands = [sets[f"{side}_hand"].numpy() for side in SIDES]
+    return np.stack([(world.touched_item[:, hand] >= 0).any(1) for hand in hands], 1)

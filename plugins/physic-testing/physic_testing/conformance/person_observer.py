@@ -1,0 +1,117 @@
+"""How outputs of a PersonObserver are compared: which parts touch, and the sides in a mirrored
+photo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckSkipped, expect
+from physic_testing.conformance.output_checks import COLOUR_CHECKS, PEOPLE_CHECKS, ROW_CHECKS
+from physic_testing.conformance.readings import Group, Reading, Table, Values, changed
+from physic_testing.conformance.requests import infer_arguments
+from physic_testing.conformance.truth import mirrored_order, true_touch
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, Observations
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
+    from physic_testing.conformance.cases import Case
+
+MIRROR_TOLERANCE = 0.1
+"""Difference of probabilities, or of flexions over 180 degrees, that may be an error."""
+
+_OTHER_SIDES = [1, 0, 3, 2, 4]  # of the parts that touch
+
+
+def _values(answer: Observations, case: Case, truth: Values) -> Values:
+    return {"touch": answer.touch.astype(np.float64)}
+
+
+def _of_people(values: Values, truth: Values, case: Case) -> list[FloatArray]:
+    return list(values["touch"])
+
+
+TABLE = Table(
+    _values,
+    lambda answer, case: {"touch": true_touch(case.truth).astype(np.float64)},
+    (
+        Group(
+            "touch_is_that_of_the_parts",
+            "probabilities that the left and right foot, the left and right hand and the seat "
+            "touch, left ones on the person's own left",
+            "of a probability",
+            _of_people,
+            (
+                Reading("inverted", changed(touch=lambda p: 1 - p), "1 is touch."),
+                Reading(
+                    "with left and right exchanged",
+                    changed(touch=lambda p: p[:, _OTHER_SIDES]),
+                    "Are sides those of the picture? Left is the person's own.",
+                ),
+                Reading(
+                    "with hands for feet",
+                    changed(touch=lambda p: p[:, [2, 3, 0, 1, 4]]),
+                    "The order is that of physic_core.types.TOUCH_PARTS.",
+                ),
+            ),
+        ),
+    ),
+    "physic_core.types.Observations",
+)
+
+
+def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
+    """For a mirrored photo, what is said of the left side is said of the right one."""
+    found = []
+    for case, answer in subject.evidence():
+        arguments = _mirrored(*infer_arguments(subject.interface, case))
+        wanted = "valid output for a mirrored photo, or a PhysicError"
+        again = subject.call(wanted, case, arguments, may_refuse=True)
+        if again is not None:
+            own, other = _sides(answer), _sides(again)
+            differ = np.abs(own - own[:, ::-1]) > MIRROR_TOLERANCE  # False for NaN
+            apart = np.stack([np.abs(own - other), np.abs(own - other[:, ::-1])])[:, differ]
+            found.append(apart[:, np.isfinite(apart).all(0)])
+    apart = np.concatenate(found, 1) if found else np.zeros((2, 0))
+    if not apart.size:
+        raise CheckSkipped("of no mirrored photo it tells the sides of a person apart")
+    same, exchanged = apart.mean(1).tolist()
+    expect(
+        exchanged <= same + MIRROR_TOLERANCE,
+        "the sides exchanged in a mirrored photo",
+        f"a mean difference of {exchanged:.2f} with the sides exchanged, of {same:.2f} without",
+        "Does the place of a limb follow its keypoint? Is a mirrored crop mirrored back?",
+    )
+
+
+def _mirrored(image: Any, people: Any, keypoints: Any) -> tuple[Any, Any, Any]:
+    """Return mirrored arguments of ``infer``."""
+    width = image.shape[1]
+    joints = mirrored_order(keypoints.joint_set.names)
+    points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]
+    boxes = people.boxes[:, [2, 1, 0, 3]] * [-1, 1, -1, 1] + [width, 0, width, 0]
+    return (
+        np.ascontiguousarray(image[:, ::-1]),
+        replace(people, masks=np.ascontiguousarray(people.masks[..., ::-1]), boxes=boxes),
+        replace(keypoints, points=points, confidence=keypoints.confidence[:, joints]),
+    )
+
+
+def _sides(answer: Observations) -> FloatArray:
+    """Return what is said of the left and the right side (N, 2, 5), in [0, 1]."""
+    bent = answer.flexion / 180
+    both = [answer.touch[:, :2], answer.touch[:, 2:4], answer.holds, bent[:, :2], bent[:, 2:]]
+    return np.stack(both, 2).astype(np.float64)
+
+
+CHECKS: tuple[Check, ...] = (
+    *PEOPLE_CHECKS,
+    Check(check_mirrored_photo_exchanges_sides, TABLE.read, unless=BLIND),
+    *ROW_CHECKS,
+    *COLOUR_CHECKS,
+)
+"""Further checks of a PersonObserver, in order of execution."""
