@@ -92,6 +92,7 @@ class Estimates(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
+        depth_by: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
@@ -124,6 +125,7 @@ class Estimates(ShortRepr):
     bodies: Bodies
     contact: ContactProbability
     depth: DepthMap
+    depth_by: str = "metric depth"
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     measured_scale: MeasuredScale | None = None
