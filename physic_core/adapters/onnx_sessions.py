@@ -133,7 +133,8 @@ def open_session(
     """Open an ONNX file.
 
     Args:
-        path: file; its external data files are read from the same folder.
+        path: file; its external data files are read from the same folder. Each may be a link, as
+            in the cache of Hugging Face.
         threads: threads inside one operator on the CPU; 0 takes one for each core that the process
             may use.
         device: "cpu", "cuda" or "cuda:N".
@@ -170,7 +171,7 @@ def open_session(
         return create(graph, options)
 
     def optimise(graph: Path, weights: str) -> InferenceSession:
-        options = _session_options(path.parent, threads, chosen)
+        options = _session_options(threads, chosen)
         options.optimized_model_filepath = str(graph)
         options.add_session_config_entry(
             "session.optimized_model_external_initializers_file_name", weights
@@ -188,7 +189,11 @@ def open_session(
     )
     if kept is not None:
         if (content := kept.read()) is not None:
-            options = _session_options(kept.kept.path, threads, chosen)
+            options = _session_options(threads, chosen)
+            # For a graph that is opened by its path, it would refuse links to other folders.
+            options.add_session_config_entry(
+                "session.model_external_initializers_file_folder_path", str(kept.kept.path)
+            )
             options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
             try:
                 session = create(content, options)
@@ -196,7 +201,7 @@ def open_session(
                 kept.delete()
         session = session or kept.write(optimise)
     if session is None:
-        options = _session_options(path.parent, threads, chosen)
+        options = _session_options(threads, chosen)
         try:
             session = create_compared(options) if published else create(str(path), options)
         except BackendError:
@@ -231,9 +236,7 @@ def _own_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _session_options(
-    weights_folder: Path, threads: int, provider: ExecutionProvider
-) -> SessionOptions:
+def _session_options(threads: int, provider: ExecutionProvider) -> SessionOptions:
     import onnxruntime as ort
 
     options = ort.SessionOptions()
@@ -247,9 +250,6 @@ def _session_options(
         # sizes. The arena reuses memory anyway.
         options.enable_mem_reuse = False
     options.add_session_config_entry("session.use_env_allocators", "1")
-    options.add_session_config_entry(
-        "session.model_external_initializers_file_folder_path", str(weights_folder)
-    )
     # Threads that spin while they wait take processor time from others, and end later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return options

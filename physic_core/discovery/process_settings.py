@@ -1,25 +1,19 @@
-"""The settings of a process that change numbers or raise: of Python, numpy, OpenCV, Pillow and
-torch.
+"""The settings of a process by which code of networks changes the numbers of others in practice.
 
-Listed is what code of networks is known to change. Not listed is what only shows on a screen, and
-what importing a library may change: search paths, handlers of logs, filters for warnings of one
-kind.
+They are restored after each call. Others, such as numpy's treatment of errors, are found by the
+conformance kit.
 """
 
 from __future__ import annotations
 
-import ctypes
-
 # Rows below name these modules.
-import logging  # noqa: F401
 import operator
 import os  # noqa: F401
 import random  # noqa: F401
+import signal  # noqa: F401
 import threading
-import warnings  # noqa: F401
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 IMPORTED = frozenset(
@@ -32,8 +26,9 @@ IMPORTED = frozenset(
 LIMITING = "import torch"
 """Name of the thread that imports torch, and then limits its threads."""
 
-_SHOWN = 40  # characters of a value in a message
-_HALF_STEP = 2.0**-54
+
+def _no_text(before: Any, after: Any) -> str:
+    return ""
 
 
 @dataclass(frozen=True)
@@ -59,33 +54,11 @@ class Setting:
     fresh: Callable[[Any], Any] | None = None
     quiet_in_load: bool = False
     same: Callable[[Any, Any], bool] = operator.eq
-    describe: Callable[[Any, Any], str] = lambda before, after: _arrow(before, after)
+    describe: Callable[[Any, Any], str] = _no_text
 
 
 def _arrow(before: Any, after: Any) -> str:
-    texts = [str(value) for value in (before, after)]
-    return " -> ".join(texts) if max(map(len, texts)) <= _SHOWN else ""
-
-
-def _no_text(before: Any, after: Any) -> str:
-    return ""
-
-
-def _attribute(
-    name: str, library: str, attribute: str, fresh: Callable[[Any], Any] | None = None
-) -> Setting:
-    """Return the setting that is an attribute of a module."""
-    return Setting(
-        name,
-        library,
-        operator.attrgetter(attribute),
-        lambda module, value: setattr(module, attribute, value),
-        fresh,
-    )
-
-
-def _always(value: Any) -> Callable[[Any], Any]:
-    return lambda _: value
+    return f"{before} -> {after}"
 
 
 # ---- the interpreter
@@ -102,51 +75,6 @@ def _write_environment(module: Any, before: dict[str, str]) -> None:
     module.environ.update(before)
 
 
-def _harmful_filters(earlier: list[Any], later: list[Any]) -> list[Any]:
-    """Return the filters that were added and turn warnings into errors, or are for every
-    warning.
-    """
-    added = [one for one in later if one not in earlier]
-    return [
-        one
-        for one in added
-        if one[0] == "error" or (one[1] is one[3] is None and one[2] is Warning)
-    ]
-
-
-def _same_filters(earlier: list[Any], later: list[Any]) -> bool:
-    if earlier == later:
-        return True
-    return all(one in later for one in earlier) and not _harmful_filters(earlier, later)
-
-
-def _write_filters(module: Any, before: list[Any]) -> None:
-    later = list(module.filters)
-    harmful = _harmful_filters(before, later)
-    added = [one for one in later if one not in before and one not in harmful]
-    module.filters[:] = [*added, *before]
-    with module.catch_warnings():  # its end makes Python forget which warnings it has shown
-        pass
-
-
-@cache
-def _c_library() -> Any:
-    return ctypes.CDLL(None)  # raises TypeError on Windows
-
-
-def _read_float_rules(module: Any) -> tuple[tuple[str, ...], Any]:
-    """Return numbers that show rounding and flushing of subnormal numbers, and C's ``fenv_t`` of
-    this thread.
-    """
-    smallest = module.float_info.min
-    one = float("1")
-    saved = ctypes.create_string_buffer(256)
-    _c_library().fegetenv(saved)
-    probes = (smallest / 2, one + _HALF_STEP, -one - _HALF_STEP, one - _HALF_STEP / 2)
-    # as texts: where subnormal numbers count as zero, they equal it
-    return tuple(map(float.hex, probes)), saved
-
-
 def _changed_names(before: dict[str, Any], after: dict[str, Any]) -> str:
     """Return the names whose values differ, without the values: those of variables may be
     secret.
@@ -156,42 +84,13 @@ def _changed_names(before: dict[str, Any], after: dict[str, Any]) -> str:
     )
 
 
-_INTERPRETER = (
-    Setting(
-        "the current folder", "os", lambda os_: os_.getcwd(), lambda os_, value: os_.chdir(value)
-    ),
-    Setting(
-        "the environment", "os", _read_environment, _write_environment, describe=_changed_names
-    ),
-    Setting(
-        "warning filters", "warnings", lambda m: list(m.filters), _write_filters, same=_same_filters
-    ),
-    Setting(
-        "the level of logs",
-        "logging",
-        lambda m: (m.root.level, m.root.manager.disable),
-        lambda m, value: (m.root.setLevel(value[0]), m.disable(value[1])),
-    ),
-    Setting(
-        "rounding of floats",
-        "sys",
-        _read_float_rules,
-        lambda m, value: _c_library().fesetenv(value[1]),
-        same=lambda earlier, later: bool(earlier[0] == later[0]),
-        describe=_no_text,
-    ),
-    Setting(
-        "the generator of `random`",
-        "random",
-        lambda m: m.getstate(),
-        lambda m, v: m.setstate(v),
-        describe=_no_text,
-    ),
-)
+def _read_handlers(module: Any) -> dict[str, Any]:
+    return {name: module.getsignal(getattr(module, name)) for name in ("SIGINT", "SIGTERM")}
 
 
-# ---- numpy, SciPy, OpenCV, Pillow
-# ------------------------------------------------------------------------------------
+def _write_handlers(module: Any, before: dict[str, Any]) -> None:
+    for name, handler in before.items():
+        module.signal(getattr(module, name), handler)
 
 
 def _read_numpy_generator(module: Any) -> tuple[Any, ...]:
@@ -218,77 +117,10 @@ def _default_opencv_threads(cv2: Any) -> int:
     return default
 
 
-_NUMERIC = (
-    Setting(
-        "numpy's treatment of errors",
-        "numpy",
-        lambda m: (m.geterr(), m.geterrcall()),
-        lambda m, value: (m.seterr(**value[0]), m.seterrcall(value[1])),
-        fresh=_always(
-            ({"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}, None)
-        ),
-    ),
-    Setting(
-        "numpy's random generator",
-        "numpy.random",
-        _read_numpy_generator,
-        _write_numpy_generator,
-        same=lambda earlier, later: bool(earlier[0] == later[0]),
-        describe=_no_text,
-    ),
-    _attribute("numpy.load", "numpy", "load"),
-    Setting(
-        "OpenCV's threads",
-        "cv2",
-        lambda m: m.getNumThreads(),
-        lambda m, value: m.setNumThreads(value),
-        fresh=_default_opencv_threads,
-    ),
-    _attribute("Pillow's limit of pixels", "PIL.Image", "MAX_IMAGE_PIXELS"),
-    _attribute(
-        "Pillow's treatment of truncated files",
-        "PIL.ImageFile",
-        "LOAD_TRUNCATED_IMAGES",
-        fresh=_always(False),
-    ),
-)
-
-
 # ---- torch
-# --------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------------------
 
-_PRECISIONS = tuple(
-    f"{name}.fp32_precision"
-    for name in (
-        *(
-            "backends",
-            "backends.mkldnn",
-            "backends.mkldnn.matmul",
-            "backends.mkldnn.conv",
-            "backends.mkldnn.rnn",
-        ),
-        *("backends.cudnn", "backends.cudnn.conv", "backends.cudnn.rnn", "backends.cuda.matmul"),
-    )
-)
-_SDP = ("flash", "mem_efficient", "math", "cudnn")
 _GUARDS = list[Any]()  # a guard of torch ends when it is collected
-
-
-def _read_attributes(torch: Any, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the values of those of the attributes that this torch has."""
-    values = {}
-    for name in names:
-        try:
-            values[name] = operator.attrgetter(name)(torch)
-        except (AttributeError, RuntimeError):  # of another torch, or contradicting another one
-            continue
-    return values
-
-
-def _write_attributes(torch: Any, values: dict[str, Any]) -> None:
-    for name, value in values.items():
-        owner, _, attribute = name.rpartition(".")
-        setattr(operator.attrgetter(owner)(torch), attribute, value)
 
 
 def _write_inference_mode(torch: Any, value: bool) -> None:
@@ -297,18 +129,23 @@ def _write_inference_mode(torch: Any, value: bool) -> None:
     _GUARDS.append(guard)
 
 
-def _write_default_device(torch: Any, value: str) -> None:
-    torch.set_default_device(None if value == "cpu" else value)  # "cpu" would slow later calls
-    if str(torch.get_default_device()) != value:  # a context was entered and not left
-        guard = torch.device(value)
-        guard.__enter__()
-        _GUARDS.append(guard)
+def _read_modes(torch: Any) -> tuple[list[Any], list[Any]]:
+    """Return the modes of functions, of which the default device is one, and of dispatch."""
+    dispatch = torch.utils._python_dispatch
+    return (
+        torch.overrides._get_current_function_mode_stack(),
+        dispatch._get_current_dispatch_mode_stack(),
+    )
 
 
-def _write_autocast(torch: Any, value: tuple[Any, ...]) -> None:
-    for device, (on, dtype) in zip(_AUTOCAST, value, strict=True):
-        torch.set_autocast_enabled(device, on)
-        torch.set_autocast_dtype(device, dtype)
+def _write_modes(torch: Any, before: tuple[list[Any], list[Any]]) -> None:
+    torch.set_default_device(None)
+    kinds = torch.overrides, torch.utils._python_dispatch
+    for kind, wanted, found in zip(kinds, before, _read_modes(torch), strict=True):
+        for _ in found:
+            kind._pop_mode()
+        for mode in wanted:
+            kind._push_mode(mode)
 
 
 def _read_threads(torch: Any) -> int:
@@ -320,117 +157,78 @@ def _read_threads(torch: Any) -> int:
     return count
 
 
-def _of_gpu(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return the function ``read`` of ``torch.cuda``, which raises RuntimeError if no GPU is in
-    use: most functions of that module would start one.
-    """
-
-    def read_in_use(torch: Any) -> Any:
-        if not torch.cuda.is_initialized():
-            raise RuntimeError("no GPU is in use")
-        return read(torch.cuda)
-
-    return read_in_use
+def _read_gpu_generators(torch: Any) -> list[bytes]:
+    """Return the states of the generators of GPUs in use; most functions would start one."""
+    if not torch.cuda.is_initialized():
+        raise RuntimeError("no GPU is in use")
+    return [state.numpy().tobytes() for state in torch.cuda.get_rng_state_all()]
 
 
-def _read_gpu_generators(cuda: Any) -> list[bytes]:
-    return [state.numpy().tobytes() for state in cuda.get_rng_state_all()]
-
-
-_AUTOCAST = ("cpu", "cuda")
-_TORCH = (
+SETTINGS: tuple[Setting, ...] = (
+    Setting(
+        "the current folder",
+        "os",
+        lambda m: m.getcwd(),
+        lambda m, value: m.chdir(value),
+        describe=_arrow,
+    ),
+    Setting(
+        "the environment", "os", _read_environment, _write_environment, describe=_changed_names
+    ),
+    Setting(
+        "handlers of signals", "signal", _read_handlers, _write_handlers, describe=_changed_names
+    ),
+    Setting(
+        "the generator of `random`",
+        "random",
+        lambda m: m.getstate(),
+        lambda m, value: m.setstate(value),
+    ),
+    Setting(
+        "numpy's random generator",
+        "numpy.random",
+        _read_numpy_generator,
+        _write_numpy_generator,
+        same=lambda earlier, later: bool(earlier[0] == later[0]),
+    ),
+    Setting(
+        "OpenCV's threads",
+        "cv2",
+        lambda m: m.getNumThreads(),
+        lambda m, value: m.setNumThreads(value),
+        _default_opencv_threads,
+        describe=_arrow,
+    ),
+    # The first one of torch: under a mode, tensors of the others may not exist.
+    Setting("torch's modes", "torch", _read_modes, _write_modes, lambda _: ([], [])),
     Setting(
         "torch's inference mode",
         "torch",
         lambda m: m.is_inference_mode_enabled(),
         _write_inference_mode,
-        fresh=_always(False),
+        lambda _: False,
     ),
     Setting(
         "torch's gradient mode",
         "torch",
         lambda m: m.is_grad_enabled(),
         lambda m, value: m.set_grad_enabled(value),
-        fresh=_always(True),
+        lambda _: True,
     ),
     Setting(
         "torch's default dtype",
         "torch",
         lambda m: m.get_default_dtype(),
         lambda m, value: m.set_default_dtype(value),
-        fresh=lambda m: m.float32,
+        lambda m: m.float32,
+        describe=_arrow,
     ),
     Setting(
-        "torch's default device",
+        "torch's threads",
         "torch",
-        lambda m: str(m.get_default_device()),
-        _write_default_device,
-        fresh=_always("cpu"),
-    ),
-    Setting(
-        "torch's autocast",
-        "torch",
-        lambda m: tuple(
-            (m.is_autocast_enabled(name), m.get_autocast_dtype(name)) for name in _AUTOCAST
-        ),
-        _write_autocast,
-        describe=_no_text,
-    ),
-    Setting(
-        "torch's matmul precision",
-        "torch",
-        lambda m: m.get_float32_matmul_precision(),
-        lambda m, value: m.set_float32_matmul_precision(value),
-        fresh=_always("highest"),
-    ),
-    # After the one before, which sets these, too.
-    Setting(
-        "torch's float32 precision",
-        "torch",
-        lambda m: _read_attributes(m, _PRECISIONS),
-        _write_attributes,
-        describe=_no_text,
-    ),
-    Setting(
-        "torch's deterministic algorithms",
-        "torch",
-        lambda m: (
-            m.are_deterministic_algorithms_enabled(),
-            m.is_deterministic_algorithms_warn_only_enabled(),
-        ),
-        lambda m, value: m.use_deterministic_algorithms(value[0], warn_only=value[1]),
-        fresh=_always((False, False)),
-    ),
-    *(
-        _attribute(f"cuDNN's `{name}`", "torch.backends.cudnn", name, fresh=_always(value))
-        for name, value in (
-            ("enabled", True),
-            ("benchmark", False),
-            ("deterministic", False),
-            ("allow_tf32", True),
-        )
-    ),
-    _attribute("oneDNN's `enabled`", "torch.backends.mkldnn", "enabled", fresh=_always(True)),
-    Setting(
-        "torch's kernels of attention",
-        "torch",
-        lambda m: [getattr(m.backends.cuda, f"{name}_sdp_enabled")() for name in _SDP],
-        lambda m, value: [
-            getattr(m.backends.cuda, f"enable_{name}_sdp")(on)
-            for name, on in zip(_SDP, value, strict=True)
-        ],
-        fresh=_always([True] * len(_SDP)),
-        describe=_no_text,
-    ),
-    _attribute("torch.load", "torch", "load"),
-    Setting("torch's threads", "torch", _read_threads, lambda m, value: m.set_num_threads(value)),
-    # Restored with the generator.
-    Setting(
-        "torch's seed",
-        "torch",
-        lambda m: m.initial_seed(),
-        lambda m, value: None,
-        describe=_no_text,
+        _read_threads,
+        lambda m, value: m.set_num_threads(value),
+        describe=_arrow,
     ),
     Setting(
         "torch's random generator",
@@ -438,19 +236,15 @@ _TORCH = (
         lambda m: m.get_rng_state().numpy().tobytes(),
         lambda m, value: m.set_rng_state(m.frombuffer(bytearray(value), dtype=m.uint8)),
         quiet_in_load=True,
-        describe=_no_text,
     ),
     Setting(
         "torch's random generators of GPUs",
         "torch",
-        _of_gpu(_read_gpu_generators),
+        _read_gpu_generators,
         lambda m, value: m.cuda.set_rng_state_all(
             [m.frombuffer(bytearray(one), dtype=m.uint8) for one in value]
         ),
         quiet_in_load=True,
-        describe=_no_text,
     ),
 )
-
-SETTINGS: tuple[Setting, ...] = (*_INTERPRETER, *_NUMERIC, *_TORCH)
 """All settings that are kept, in the order in which they are restored."""

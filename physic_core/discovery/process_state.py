@@ -1,10 +1,9 @@
-"""Keep the state of the process that changes numbers or raises, while code of a plugin runs.
+"""Keep the state of the process that changes numbers of others, while code of a plugin runs.
 
-Such state belongs to all backends and to the engine: torch's default dtype, numpy's error handling,
-warning filters, environment variables, random generators
-(:mod:`physic_core.discovery.process_settings` lists it). What a plugin changes is restored and
-reported. A library that is first imported while the plugin runs is compared with its state right
-after import.
+Such state belongs to all backends and to the engine: torch's default dtype, threads, environment
+variables, random generators (:mod:`physic_core.discovery.process_settings` lists it). What a plugin
+changes is restored and reported. A library that is first imported while the plugin runs is compared
+with its state right after import.
 """
 
 from __future__ import annotations
@@ -74,17 +73,17 @@ def _read() -> dict[str, Any]:
 
 
 def _restored(before: dict[str, Any], *, loads: bool) -> list[Change]:
-    """Restore the values of :func:`_read`, and return what differed."""
-    found = [(setting, _earlier(setting, before), _value(setting)) for setting in SETTINGS]
-    changed = [
-        (setting, earlier, later)
-        for setting, earlier, later in found
-        if earlier is not _UNKNOWN
-        and _library(setting) is not None
-        and (later is _UNKNOWN or not setting.same(earlier, later))
-    ]
+    """Restore the values of :func:`_read`, one after another, and return what differed."""
     changes = []
-    for setting, earlier, later in changed:
+    for setting in SETTINGS:
+        earlier = _earlier(setting, before)
+        later = _value(setting)
+        if (
+            earlier is _UNKNOWN
+            or _library(setting) is None
+            or (later is not _UNKNOWN and setting.same(earlier, later))
+        ):
+            continue
         restored = _restore(setting, earlier)
         if restored and setting.quiet_in_load and loads:
             continue
@@ -133,7 +132,7 @@ def _earlier(setting: Setting, before: dict[str, Any]) -> Any:
 def _restore(setting: Setting, value: Any) -> bool:
     try:
         setting.write(_library(setting), value)
-    # a handler outside the main thread, a folder that is gone, a limit that was lowered for good
+    # a handler outside the main thread, a folder that is gone
     except Exception:
         return False
     later = _value(setting)

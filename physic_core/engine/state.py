@@ -94,6 +94,7 @@ class Estimates(ShortRepr):
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
         observations: what the N people do; NaN if no backend was configured, or if it failed.
+        depth_by: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
@@ -127,6 +128,7 @@ class Estimates(ShortRepr):
     contact: ContactProbability
     depth: DepthMap
     observations: Observations
+    depth_by: str = "metric depth"
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     measured_scale: MeasuredScale | None = None

@@ -26,8 +26,8 @@ PIXELS = 1e5
 METRES = 1e4
 """Largest magnitude of a coordinate of a body, its joints or its vertices, m."""
 
-RADIANS = 1e3
-"""Largest magnitude of a component of a rotation vector, rad."""
+RADIANS = 2 * math.pi
+"""Largest magnitude of a component of a rotation vector, rad; degrees are beyond."""
 
 SHAPE = 100.0
 """Largest magnitude of a shape or expression component.
@@ -112,7 +112,9 @@ def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator
     known = value[is_finite(value)]
     if not within(known, limit).all():
         extreme = max(known.min(), known.max(), key=abs)
-        yield f"{name} must lie within +-{limit:g}{unit and ' ' + unit}, got {float(extreme):g}"
+        advice = ": is it in degrees?" if unit == "rad" else ""
+        bound = f"+-{limit:.6g}{unit and ' ' + unit}"
+        yield f"{name} must lie within {bound}, got {float(extreme):g}{advice}"
 
 
 def check_median(

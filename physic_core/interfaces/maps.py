@@ -147,7 +147,7 @@ class RelativePointmap(Backend):
         ]
         yield from wrong
         if not wrong:
-            yield from _check_points(result.points[result.valid])
+            yield from _check_points(result.points, result.valid)
         if result.unknown not in get_args(AffineAmbiguity):
             yield (
                 f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got "
@@ -173,8 +173,15 @@ def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
         return False
 
 
-def _check_points(points: FloatArray) -> Iterator[str]:
-    """Check the valid points (M, 3)."""
+# correlation of the directions of points with the columns or rows of their pixels
+_REVERSED = -0.5
+
+
+def _check_points(whole: FloatArray, valid: BoolArray) -> Iterator[str]:
+    """Check the valid ones of points (H, W, 3)."""
+    import numpy as np
+
+    points = whole[valid]
     if not len(points):
         yield "no pixel is valid"
         return
@@ -186,6 +193,16 @@ def _check_points(points: FloatArray) -> Iterator[str]:
         yield f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind"
     else:
         yield from check_median("z", points[:, 2], RELATIVE_DEPTH)
+        places = zip(("x", "y"), ("columns", "rows"), np.nonzero(valid)[::-1], strict=True)
+        for axis, (name, what, pixels) in enumerate(places):
+            directions = points[:, axis].astype(np.float64) / points[:, 2]
+            apart = [v - v.mean() for v in (pixels, directions)]
+            size = float(np.linalg.norm(apart[0]) * np.linalg.norm(apart[1]))
+            if size and float(apart[0] @ apart[1]) < _REVERSED * size:
+                yield (
+                    f"{name} must grow with the {what} of the image (x right, y down, z forward), "
+                    f"and it falls: is it mirrored, or of an OpenGL camera?"
+                )
 
 
 @dataclass(frozen=True)

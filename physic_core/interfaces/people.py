@@ -155,20 +155,72 @@ def _check_boxes(name: str, found: Any, kind: type[UnposedPerson | Carrier]) -> 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:
     yield from check_unit_range("scores", people.scores)
-    yield from check_finite("boxes", people.boxes)
     empty = [i for i in range(len(people)) if not people.masks[i].any()]
     if empty:
         yield f"every person needs at least one pixel, masks {empty} are empty"
-    boxes = people.boxes
-    outside = (boxes < 0).any(1) | (boxes[:, 2] > width) | (boxes[:, 3] > height)
-    flipped = (boxes[:, 2:] <= boxes[:, :2]).any(1)
-    if (outside | flipped).any():
-        bad = boxes[outside | flipped][0]
-        yield (
-            f"boxes must be x0 y0 x1 y1 inside the {width} x {height} px image, got {bad.tolist()}"
-        )
+    wrong = [*check_finite("boxes", people.boxes)]
+    yield from wrong
     if people.masks.sum(0, dtype="int64").max() > 1:
         yield "masks of two people overlap: every pixel belongs to one person at most"
+    elif not (empty or wrong):
+        yield from _check_boxes_of_masks(people.boxes, people.masks)
+
+
+# Of most masks a box holds at least this share. Boxes in another notation agree with their masks
+# (IoU), and agree less as x0 y0 x1 y1.
+_HELD = 0.3
+_AGREES = 0.8
+_LESS = 0.15
+
+
+def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:
+    """Check that boxes (N, 4) are inside the image and hold their masks (N, H, W), none empty.
+
+    A box may be larger than its mask, as that of a person who is hidden in part.
+    """
+    import numpy as np
+
+    height, width = masks.shape[1:]
+    spans = np.array([_span(mask) for mask in masks])
+    corner, rest = boxes[:, :2], boxes[:, 2:]
+    notations = {
+        "x, y, width, height": np.hstack([corner, corner + rest]),
+        "centre, width, height": np.hstack([corner - rest / 2, corner + rest / 2]),
+        "y0, x0, y1, x1": boxes[:, [1, 0, 3, 2]],
+        "shares of the image": boxes * [width, height, width, height],
+    }
+    fits = {name: _mean_iou(read, spans) for name, read in notations.items()}
+    likely = max(fits, key=fits.__getitem__)
+    is_other = fits[likely] > max(_AGREES, _mean_iou(boxes, spans) + _LESS)
+    held = np.array([_share_in_box(*one) for one in zip(boxes, masks, strict=True)])
+    outside = (boxes < 0).any(1) | (boxes[:, 2] > width) | (boxes[:, 3] > height) | (held == 0)
+    if outside.any() or np.median(held) < _HELD or is_other:
+        i = int(np.argmin(np.where(outside, -1.0, held)))
+        yield (
+            f"boxes must be x0 y0 x1 y1 around their masks, inside the {width} x {height} px "
+            f"image, got {boxes[i].round(1).tolist()} of a mask in {spans[i].tolist()}"
+            + (f": they look like {likely}" if is_other else "")
+        )
+
+
+def _span(mask: BoolArray) -> list[int]:
+    """Return the tight box x0 y0 x1 y1 of a mask."""
+    rows, columns = (mask.any(axis).nonzero()[0] for axis in (1, 0))
+    return [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1]
+
+
+def _share_in_box(box: FloatArray, mask: BoolArray) -> float:
+    x0, y0, x1, y1 = (max(0, round(float(edge))) for edge in box)
+    return float(mask[y0:y1, x0:x1].sum() / mask.sum())
+
+
+def _mean_iou(boxes: FloatArray, others: FloatArray) -> float:
+    import numpy as np
+
+    both = np.minimum(boxes[:, 2:], others[:, 2:]) - np.maximum(boxes[:, :2], others[:, :2])
+    common = np.maximum(both, 0).prod(1)
+    areas = [np.maximum(one[:, 2:] - one[:, :2], 0).prod(1) for one in (boxes, others)]
+    return float((common / (sum(areas) - common)).mean())
 
 
 @dataclass(frozen=True)

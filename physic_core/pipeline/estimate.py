@@ -33,6 +33,7 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
     discard_invalid_keypoints,
+    doubt_of_contact,
     expand_contact,
     real_people,
     replace_hands,
@@ -106,7 +107,11 @@ def run_backends(
         floor_evidence,
         plane_of,
     )
-    from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
+    from physic_core.engine.scene.measured_shape import (
+        in_usual_unit,
+        shows_people,
+        with_measured_shape,
+    )
     from physic_core.engine.sizes.evidence import is_inverse, is_measured
     from physic_core.engine.state import Estimates
 
@@ -165,6 +170,8 @@ def run_backends(
         if shows_people(shape, original, scene, people.masks):
             original = with_measured_shape(original, shape, original.intrinsics or camera)
             original = replace(original, people_farther=None)
+    if shape is not None:
+        scene = in_usual_unit(scene)
 
     observations = run.observations(PersonObserverRequest(image, people, keypoints))
     with stages.time_engine("floor candidates"):
@@ -221,6 +228,7 @@ def run_backends(
         contact=contact,
         depth=depth,
         observations=observations,
+        depth_by=plan.backends["metric_depth"].title,
         missing_results=tuple(
             tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))
         ),
@@ -452,6 +460,8 @@ class _BackendCalls:
         if found is None:
             self.missing["contact_prior"] = np.ones(n, bool)
             return none
+        if doubt := doubt_of_contact(found, bodies):
+            self.stages.warn(f"{prior.title}: {doubt}")
         contact, self.missing["contact_prior"] = expand_contact(found, embodied)
         return contact
 

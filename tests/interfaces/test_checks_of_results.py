@@ -39,6 +39,7 @@ KEYPOINTS = Keypoints(np.ones((2, 17, 2)), np.full((2, 17), 0.5), "coco17", np.o
 PEOPLE = People(
     MASKS, BOXES, np.array([0.9, 0.8], np.float32), keypoints=KEYPOINTS, surfaces=SURFACES
 )
+RAYS = np.dstack([*np.mgrid[-3.0:3, -4.0:4][::-1], np.full((H, W), 9.0)]).astype(np.float32)
 POINTMAP = Pointmap(np.ones((H, W, 3), np.float32), np.ones((H, W), bool), "scale", CAMERA)
 DEPTH = DepthMap(np.ones((H, W), np.float32), CAMERA, 0.1)
 PARAMETERS = parameters_from_rotvecs(np.zeros((2, 55, 3)), np.zeros((2, 10)), np.zeros((2, 3)))
@@ -108,6 +109,8 @@ def parameters(**values):
         (KEYPOINTS, {}),
         (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
         (POINTMAP, {}),
+        (POINTMAP, {"points": RAYS}),
+        (PEOPLE, {"boxes": np.array([[0, 0, 8, 6], [3, 0, 7, 6]], np.float32)}),
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}),
         *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
@@ -211,6 +214,8 @@ def test_valid_results_have_no_violation(result, changes):
             ["z must be > 0 where valid (z forward), 100% of the valid points..."],
         ),
         (POINTMAP, {"valid": np.zeros((H, W), bool)}, ["no pixel is valid"]),
+        (POINTMAP, {"points": RAYS * [-1, 1, 1]}, ["x must grow with the columns..."]),
+        (POINTMAP, {"points": RAYS * [1, -1, 1]}, ["y must grow with the rows..."]),
         (
             POINTMAP,
             {"unknown": "metres"},
@@ -248,6 +253,11 @@ def test_valid_results_have_no_violation(result, changes):
         (BODIES, {"parameters": {}}, ["parameters must be BodyParameters, got dict", ...]),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, ["joints must be float, got int64"]),
         (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, ["joints must be within +-10000 m..."]),
+        (
+            HANDS,
+            {"rotvecs": HANDS.rotvecs + 20},
+            ["rotvecs must lie within +-6.28319 rad, got 20..."],
+        ),
         (
             BODIES,
             {"rotation_sigma": np.full((2, 22), 20.0)},
@@ -313,6 +323,20 @@ def test_a_violation_says_what_was_expected_and_what_came(result, changes, expec
     assert len(found) == len(expected), found
     for text, wanted in zip(found, expected, strict=True):
         assert text.startswith(wanted[:-3]) if wanted.endswith("...") else text == wanted
+
+
+@pytest.mark.parametrize(
+    ("boxes", "notation"),
+    [
+        (np.hstack([BOXES[:, :2], BOXES[:, 2:] - BOXES[:, :2]]), "x, y, width, height"),
+        (np.hstack([BOXES[:, :2] + [1, 2], [[2, 4], [2, 4]]]), "centre, width, height"),
+        (BOXES[:, [1, 0, 3, 2]], "y0, x0, y1, x1"),
+        (BOXES / [W, H, W, H], "shares of the image"),
+    ],
+)
+def test_boxes_in_another_notation_are_refused_by_its_name(boxes, notation):
+    (text,) = found_in(replace(PEOPLE, boxes=boxes.astype(np.float32)))
+    assert text.endswith(f"they look like {notation}")
 
 
 def test_keypoints_of_another_number_of_people():

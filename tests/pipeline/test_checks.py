@@ -109,6 +109,17 @@ def photo_of(colours):
     return np.random.default_rng(0).integers(0, colours, (480, 640, 3), dtype=np.uint8)
 
 
+SLOPE = np.broadcast_to(np.linspace(2, 4, 640), (480, 640))  # metres, farther to the right
+
+
+def by_depth(log_ratio):
+    """The rows of witnesses with a metric depth whose error is 0.04."""
+    return [
+        {"by": "size", "log_ratio": 1.0, "sigma": 0.1},
+        {"by": "metric depth", "log_ratio": log_ratio, "sigma": 0.04},
+    ]
+
+
 def case(**changes):
     """Estimates and result of one person where all is well, but for the changes."""
     known = {
@@ -130,12 +141,13 @@ def case(**changes):
         "lost": (),
     }
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "heads": 1}
-    known |= {"stands": (0.9, 0.9), "score": 0.9}
+    known |= {"stands": (0.9, 0.9), "score": 0.9, "depth": SLOPE, "witness": []}
     known |= {"likely": {"left_foot": 0.95, "right_foot": 0.95}} | changes
-    assert len(known) == 22, sorted(known)
+    assert len(known) == 24, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [4, 7]] = known["legs"]
     joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
+    points = np.stack([SLOPE] * 3, -1)
     maps = {"scene": known["scene_camera"], "original": None}
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
@@ -144,7 +156,9 @@ def case(**changes):
         given_keypoints=None,
         contradicted_px=None,
         stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
-        depth=SimpleNamespace(intrinsics=None),
+        depth=SimpleNamespace(intrinsics=None, depth=known["depth"], scale_sigma=0.03),
+        depth_by="metric_depth 'x'",
+        witnesses={"scale": known["witness"]},
         missing_results=(known["lost"],),
         floor=SimpleNamespace(
             plane=None if known["floor"] != "found" else plane(known["source"]),
@@ -161,7 +175,10 @@ def case(**changes):
             floor=np.ones((480, 640), bool) if known["mask"] else None,
             heads=np.array([known["heads"]]),
         ),
-        **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
+        **{
+            name: SimpleNamespace(intrinsics=camera, points=points, valid=points[..., 2] > 0)
+            for name, camera in maps.items()
+        },
     )
     floor = FLOOR if known["floor"] == "found" else None
     person = SimpleNamespace(
@@ -225,14 +242,24 @@ def test_nothing_fails_where_all_is_well():
         ({"camera": GIVEN, "scene_camera": NEAR_FOCAL}, "focal_agreement", 0.25, "400 px"),
         ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 people"),
         ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 person"),
+        ({"witness": by_depth(math.log(1000))}, "depth_scale", 138.2, "millimetres"),
+        ({"witness": by_depth(-0.16)}, "depth_scale", 3.2, "metric_depth 'x'"),
+        ({"depth": SLOPE[:, ::-1]}, "depth_order", 1.984, "metric_depth 'x'"),
     ],
 )
 def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(changes, name, value, word):
     (failed,) = [d for d in run_checks(*case(**changes)) if d.failed]
     assert (failed.name, failed.person) == (name, None)
-    assert failed.value == pytest.approx(value)
+    assert failed.value == pytest.approx(value, rel=1e-3)
     assert warning_messages([failed]) == (failed.message,)
     assert word in failed.message
+
+
+def test_a_metric_depth_within_three_sigma_is_right():
+    noisy = SLOPE * np.random.default_rng(0).uniform(0.9, 1.1, SLOPE.shape)
+    found = {one.name: one for one in run_checks(*case(witness=by_depth(0.14), depth=noisy))}
+    assert found["depth_scale"].ok
+    assert found["depth_order"].ok
 
 
 def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():

@@ -58,7 +58,13 @@ def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(worl
 
 @pytest.mark.parametrize(
     ("scale", "unit"),
-    [(5000, "1/5000 m"), (3.281, "feet"), (0.1, "centimetres"), (0.2, "optical axis")],
+    [
+        (5000, "1/5000 m"),
+        (1000, "millimetres"),
+        (3.281, "feet"),
+        (0.1, "centimetres"),
+        (0.2, "optical axis"),
+    ],
 )
 def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(world, scale, unit):
     with pytest.raises(ConfigError, match=unit):

@@ -5,12 +5,11 @@ the backend named.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import random
+import signal
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +18,9 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from PIL import Image, ImageFile
+from PIL import Image
+from torch.overrides import TorchFunctionMode, _get_current_function_mode_stack
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from physic_core import reconstruct
 from physic_core.configuration.resolve import ResolvedBackend
@@ -41,30 +42,20 @@ class Deed:
     probe: Callable[[], Any]
 
 
-def attribute(words, owner, name, value):
-    return Deed(words, lambda: setattr(owner, name, value), lambda: getattr(owner, name))
-
-
-def round_up():
-    import ctypes
-
-    ctypes.CDLL(None).fesetround(0x800 if os.uname().machine == "x86_64" else 0x400000)
-
-
 def enter(context):
     """Enter a context that is never left; torch ends some of them when they are collected."""
     context.__enter__()
     HELD.append(context)
 
 
-def product():
-    """A product in float32, whose bits show torch's precision, threads aside."""
-    values = torch.linspace(0, 1, 256 * 256).reshape(256, 256)
-    return (values @ values).numpy().tobytes()
+class Doubling(TorchDispatchMode):
+    """Doubles what every operator of torch returns."""
+
+    def __torch_dispatch__(self, function, types, arguments=(), named=None):
+        return function(*arguments, **(named or {})) * 2
 
 
 HELD = []
-CUDNN = torch.backends.cudnn
 
 DEEDS = {
     "default_dtype": Deed(
@@ -72,22 +63,6 @@ DEEDS = {
         lambda: torch.set_default_dtype(torch.float64),
         torch.get_default_dtype,
     ),
-    "default_device": Deed(
-        "torch's default device (cpu -> meta)",
-        lambda: torch.set_default_device("meta"),
-        lambda: torch.zeros(1).device,
-    ),
-    "device_context": Deed(
-        "torch's default device (cpu -> meta)",
-        lambda: enter(torch.device("meta")),
-        lambda: torch.zeros(1).device,
-    ),
-    "new_precision": Deed(
-        "torch's float32 precision",
-        lambda: setattr(torch.backends.mkldnn.matmul, "fp32_precision", "bf16"),
-        lambda: (torch.backends.mkldnn.matmul.fp32_precision, product()),
-    ),
-    "torch_load": attribute("torch.load", torch, "load", None),
     "gradients": Deed(
         "torch's gradient mode", lambda: torch.set_grad_enabled(False), torch.is_grad_enabled
     ),
@@ -97,43 +72,6 @@ DEEDS = {
         torch.is_inference_mode_enabled,
     ),
     "threads": Deed("torch's threads", lambda: torch.set_num_threads(7), torch.get_num_threads),
-    "autocast": Deed(
-        "torch's autocast",
-        lambda: torch.set_autocast_enabled("cpu", True),
-        lambda: (torch.is_autocast_enabled("cpu"), product()),
-    ),
-    "matmul": Deed(
-        "torch's matmul precision (highest -> medium)",
-        lambda: torch.set_float32_matmul_precision("medium"),
-        lambda: (torch.get_float32_matmul_precision(), product()),
-    ),
-    "tf32": attribute("torch's matmul precision", torch.backends.cuda.matmul, "allow_tf32", True),
-    "deterministic": Deed(
-        "torch's deterministic algorithms",
-        lambda: torch.use_deterministic_algorithms(True),
-        torch.are_deterministic_algorithms_enabled,
-    ),
-    "benchmark": attribute("cuDNN's `benchmark`", CUDNN, "benchmark", True),
-    "cudnn_deterministic": attribute("cuDNN's `deterministic`", CUDNN, "deterministic", True),
-    "onednn": attribute("oneDNN's `enabled`", torch.backends.mkldnn, "enabled", False),
-    "attention": Deed(
-        "torch's kernels of attention",
-        lambda: torch.backends.cuda.enable_math_sdp(False),
-        torch.backends.cuda.math_sdp_enabled,
-    ),
-    "subnormals": Deed(
-        "rounding of floats",
-        lambda: torch.set_flush_denormal(True),
-        lambda: (sys.float_info.min / 2, (torch.full((1,), 1e-39) / 2).item()),
-    ),
-    "rounding": Deed("rounding of floats", round_up, lambda: float("1") + 1e-17),
-    "torch_seed": Deed(
-        "torch's seed",
-        lambda: torch.manual_seed(0),
-        lambda: torch.get_rng_state().numpy().tobytes(),
-    ),
-    "numpy_errors": Deed("numpy's treatment of errors", lambda: np.seterr(all="raise"), np.geterr),
-    "numpy_load": attribute("numpy.load", np, "load", None),
     "numpy_generator": Deed(
         "numpy's random generator",
         lambda: np.random.set_bit_generator(np.random.PCG64(1)),
@@ -145,31 +83,6 @@ DEEDS = {
         lambda: np.random.get_state(legacy=False)["state"]["pos"],
     ),
     "opencv_threads": Deed("OpenCV's threads", lambda: cv2.setNumThreads(7), cv2.getNumThreads),
-    "large_photos": attribute("Pillow's limit of pixels", Image, "MAX_IMAGE_PIXELS", None),
-    "cut_photos": attribute(
-        "Pillow's treatment of truncated files", ImageFile, "LOAD_TRUNCATED_IMAGES", True
-    ),
-    "warnings_raise": Deed(
-        "warning filters",
-        lambda: warnings.simplefilter("error", FutureWarning),
-        lambda: list(warnings.filters),
-    ),
-    "warnings_off": Deed(
-        "warning filters", lambda: warnings.simplefilter("ignore"), lambda: list(warnings.filters)
-    ),
-    "warnings_reset": Deed(
-        "warning filters", warnings.resetwarnings, lambda: list(warnings.filters)
-    ),
-    "logs_off": Deed(
-        "the level of logs",
-        lambda: logging.disable(logging.ERROR),
-        lambda: logging.root.manager.disable,
-    ),
-    "root_level": Deed(
-        "the level of logs",
-        lambda: logging.root.setLevel(logging.DEBUG),
-        lambda: logging.getLogger().level,
-    ),
     "variable": Deed(
         "the environment (OMP_NUM_THREADS, SECRET)",
         lambda: os.environ.update(OMP_NUM_THREADS="13", SECRET="s3cret"),
@@ -180,6 +93,27 @@ DEEDS = {
     ),
     "folder": Deed("the current folder", lambda: os.chdir("/"), os.getcwd),
     "random": Deed("the generator of `random`", lambda: random.seed(0), random.getstate),
+    "default_device": Deed(
+        "torch's modes",
+        lambda: torch.set_default_device("meta"),
+        lambda: (torch.zeros(1).device, torch.get_default_device()),
+    ),
+    "device_context": Deed(
+        "torch's modes",
+        lambda: enter(torch.device("meta")),
+        lambda: (torch.zeros(1).device, torch.get_default_device()),
+    ),
+    "dispatch_mode": Deed(
+        "torch's modes", lambda: enter(Doubling()), lambda: torch.ones(1).add(1).item()
+    ),
+    "function_mode": Deed(
+        "torch's modes", lambda: enter(TorchFunctionMode()), _get_current_function_mode_stack
+    ),
+    "handler": Deed(
+        "handlers of signals (SIGINT)",
+        lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        lambda: signal.getsignal(signal.SIGINT),
+    ),
 }
 
 
@@ -270,9 +204,8 @@ def test_what_a_backend_changes_of_the_gpu_is_restored_and_named(name):
 
 @pytest.mark.parametrize("where", ["load", "infer"])
 def test_the_state_is_restored_after_an_error_too(where):
-    (warning,) = run(Naughty(where, lambda: np.seterr(all="raise"), ValueError("no"))).warnings
-    assert "numpy's treatment of errors" in warning
-    assert np.geterr()["divide"] == "warn"
+    (warning,) = run(Naughty(where, lambda: np.random.seed(0), ValueError("no"))).warnings
+    assert "numpy's random generator" in warning
 
 
 def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning():
@@ -281,28 +214,14 @@ def test_a_network_that_draws_its_first_weights_while_it_loads_costs_no_warning(
     assert torch.equal(torch.get_rng_state(), before)
 
 
-def test_a_filter_for_one_kind_of_warning_stays():
-    with warnings.catch_warnings():
-        assert (
-            run(
-                Naughty("infer", lambda: warnings.filterwarnings("ignore", "as of my library"))
-            ).warnings
-            == []
-        )
-        assert any(
-            one[1] is not None and one[1].pattern == "as of my library" for one in warnings.filters
-        )
-
-
 def test_a_backend_that_is_loaded_alone_says_what_it_changed(monkeypatch, caplog):
     monkeypatch.setattr(
         Naughty, "__init__", lambda self, options=None: MetricDepth.__init__(self, options)
     )
-    monkeypatch.setattr(Naughty, "load", lambda self, device: np.seterr(all="raise"))
+    monkeypatch.setattr(Naughty, "load", lambda self, device: np.random.seed(0))
     monkeypatch.setattr(Naughty, "written_for", 1, raising=False)
     load_backend("metric_depth", f"{__name__}:Naughty")
-    assert "numpy's treatment of errors" in caplog.text
-    assert np.geterr()["divide"] == "warn"
+    assert "numpy's random generator" in caplog.text
 
 
 @pytest.mark.usefixtures("few_steps")
@@ -310,7 +229,7 @@ def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world):
     deeds = [
         deed
         for name, deed in DEEDS.items()
-        if name not in ("inference_mode", "default_device", "device_context")
+        if name not in ("inference_mode", "default_device", "device_context", "dispatch_mode")
     ]
 
     class Segmenter(MockSegmenter):
@@ -333,7 +252,7 @@ from physic_mock.backends import MockSegmenter
 class Lazy(MockSegmenter):
     def load(self, device="cpu"):
         import cv2, torch
-        torch.set_float32_matmul_precision("medium")
+        torch.set_default_dtype(torch.float64)
         cv2.setNumThreads(0)
         super().load(device)
 """
@@ -370,6 +289,6 @@ def test_a_library_that_a_backend_imports_first_is_compared_with_its_defaults(wo
         found.append(json.loads((tmp_path / "out" / "reconstruction.json").read_text())["warnings"])
     honest, (warning, *_) = found
     assert not any("whole process" in text for text in honest)
-    assert "torch's matmul precision (highest -> medium)" in warning
+    assert "torch's default dtype (torch.float32 -> torch.float64)" in warning
     assert "OpenCV's threads" in warning
     assert "environment" not in warning

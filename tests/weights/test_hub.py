@@ -6,11 +6,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+from pathlib import Path
 
+import numpy as np
+import onnx
 import pytest
 
+import physic_onnx
 from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, locate, read_manifest
+from physic_core.weights.find import find_weights
+from physic_onnx.sam2_networks import find_sam2_files
+from physic_onnx.sessions import OnnxOptions, open_network
 from physic_setup.fetch import fetch
 
 from .conftest import CONTENT, HASH, weights
@@ -214,3 +222,85 @@ def test_a_file_that_is_gone_names_the_homepage(hub):
     source = hub.refuse("model.onnx", 404, "EntryNotFound")
     with pytest.raises(DownloadError, match=r"404(.|\n)*see https://example\.org$"):
         fetch(weights(WeightFile("model.onnx", source=source), homepage="https://example.org"))
+
+
+MANIFEST = Path(physic_onnx.__file__).with_name("weights")
+IN_TWO_FILES = {
+    name: weights
+    for name, weights in read_manifest(MANIFEST).items()
+    if any("data" in file.path for file in weights.files)
+}
+ADDED = np.arange(400, dtype=np.float32)
+
+
+def toy_graph(data):
+    """Return the bytes of a graph that adds the numbers in its file ``data`` to its input."""
+    ports = [onnx.helper.make_tensor_value_info(name, 1, [400]) for name in "xy"]
+    numbers = onnx.numpy_helper.from_array(ADDED, "numbers")
+    onnx.external_data_helper.set_external_data(numbers, data)
+    numbers.ClearField("raw_data")
+    nodes = [onnx.helper.make_node("Add", ["x", "numbers"], ["y"])]
+    graph = onnx.helper.make_graph(nodes, "toy", ports[:1], ports[1:], [numbers])
+    opset = onnx.helper.make_opsetid("", 14)
+    return onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
+
+
+def opens(path):
+    (found,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(400)}, ["y"])
+    return found.tolist() == ADDED.tolist()
+
+
+def lay_cache(hub, chosen):
+    """Write toy files of a set, whose data follow their graphs, as the library lays its cache:
+    links of a revision to files named after their digest.
+    """
+    for graph, data in zip(chosen.files[::2], chosen.files[1::2], strict=True):
+        named = Path(data.origin.path).name
+        for file, content in ((graph, toy_graph(named)), (data, ADDED.tobytes())):
+            origin = file.origin
+            repository = hub / f"models--{origin.repository.replace('/', '--')}"
+            blob = repository / "blobs" / hashlib.sha256(content).hexdigest()
+            revision = COMMIT if origin.revision == "main" else origin.revision
+            link = repository / "snapshots" / revision / origin.path
+            for folder in (link.parent, blob.parent, repository / "refs"):
+                folder.mkdir(parents=True, exist_ok=True)
+            blob.write_bytes(content)
+            (repository / "refs" / "main").write_text(COMMIT)
+            link.symlink_to(os.path.relpath(blob, link.parent))
+
+
+@pytest.mark.parametrize("name", IN_TWO_FILES)
+def test_graphs_and_data_behind_links_of_the_librarys_cache_open(tmp_path, name):
+    lay_cache(tmp_path / "hub", IN_TWO_FILES[name])
+    graphs = [file.path for file in IN_TWO_FILES[name].files if file.path.endswith(".onnx")]
+    folder = find_weights(MANIFEST, name)
+    for graph in graphs:
+        assert (folder / graph).is_symlink()
+        assert opens(folder / graph)
+        assert opens(find_weights(MANIFEST, name, graph))
+
+
+def test_a_graph_and_its_data_open_where_they_were_fetched_to(hub, lists, own_cache):
+    contents = {"model.onnx": toy_graph("model.onnx_data"), "model.onnx_data": ADDED.tobytes()}
+    files = [
+        {"path": path, "source": hub.add(f"onnx/{path}", content)}
+        for path, content in contents.items()
+    ]
+    folder = lists.add("net", *files)
+    fetch(read_manifest(folder)["net"])
+    assert left(own_cache) == []
+    data = locate(folder, "net", "model.onnx_data")
+    assert data.resolve().parent.name == "blobs"
+    assert opens(locate(folder, "net", "model.onnx"))
+
+
+def test_setup_takes_what_it_finds_behind_links_and_it_opens(tmp_path, physic):
+    def fetched():
+        words = physic("setup", "open", "--folder", tmp_path / "setup").stdout.split()
+        return "sam2.1-hiera-large" in words[words.index("fetch") :]
+
+    assert fetched()
+    lay_cache(tmp_path / "hub", IN_TWO_FILES["sam2.1-hiera-large"])
+    assert not fetched()
+    for path in find_sam2_files(find_weights(MANIFEST, "sam2.1-hiera-large")):
+        assert opens(path)

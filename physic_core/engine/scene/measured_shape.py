@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE
+from physic_core.engine.sizes.evidence import USUAL_DEPTH_M
 from physic_core.geometry.alignment import AlignmentOptions, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import tensor
@@ -28,9 +29,21 @@ _REACH = 1 / 60
 sensor.
 """
 
+_USUAL_MEDIAN = (0.1, 100.0)  # of the depth of a scene, metres
+
 # pixels of the trend, and fits with new weights
 _SAMPLES = 20_000
 _REWEIGHTED = 10
+
+
+def in_usual_unit(pointmap: Pointmap) -> Pointmap:
+    """Return a point map of any unit whose median depth is that of a scene in metres: of another
+    one, such as millimetres, its scale could be beyond those that are voted on.
+    """
+    median = float(np.median(pointmap.points[pointmap.valid, 2]))
+    low, high = _USUAL_MEDIAN
+    factor = 1.0 if low <= median <= high else USUAL_DEPTH_M / median
+    return replace(pointmap, points=pointmap.points * np.float32(factor))
 
 
 def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics) -> Pointmap:

@@ -43,7 +43,7 @@ CAPABILITIES: dict[str, str] = {
     "needs_cuda": "requires a GPU: on other devices all calls are skipped",
     "returns_intrinsics": "always returns the camera intrinsics",
     "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias "
-    "are skipped",
+    "are skipped, but for that of disparity",
     "exact": "output is the truth in synthetic photos, as of a perfect network: errors have close "
     "limits",
 }

@@ -228,7 +228,7 @@ _SHAPE = (
     Reading("transposed", changed(z=_transposed), _TURNED),
     Reading("mirrored", changed(z=lambda z: z[:, ::-1]), _TURNED),
     Reading("upside down", changed(z=lambda z: z[::-1]), _TURNED),
-    Reading("disparity", changed(z=lambda z: 1 / z), "Is it disparity, 1 / z?"),
+    Reading("disparity", changed(z=lambda z: 1 / z), "Is it disparity, 1 / z?", of_blind=True),
     Reading("along the ray of each pixel", _along_rays, _RAYS),
     Reading("a mean with the mirrored photo", changed(z=lambda z: (z + z[:, ::-1]) / 2), _FLIPPED),
 )
@@ -295,7 +295,7 @@ _ON_RAYS = Group(
     _rays,
     _RAY,
 )
-DEPTH = Table(_depth_values, _truth, (*_SCALE, *_BOTH), "physic_core.types.DepthMap")
+DEPTH = Table(_depth_values, _truth, (*_BOTH, *_SCALE), "physic_core.types.DepthMap")
 POINTS = Table(_points_values, _truth, (*_BOTH, _ON_RAYS), "physic_core.types.Pointmap")
 
 

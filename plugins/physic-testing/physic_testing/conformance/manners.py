@@ -31,7 +31,7 @@ def check_changes_no_settings_of_the_process(subject: BackendUnderTest) -> None:
     texts = sorted(subject.watch.changed.values())
     expect(
         not texts,
-        "the state of the process (physic_core.discovery.process_settings) as before the call",
+        "the state of the process as before the call",
         f"another value of {', '.join(texts)}",
         "Use generators of your own, np.random.default_rng(seed) or torch.Generator, and options "
         "of the session for threads; use `with torch.no_grad()`.",

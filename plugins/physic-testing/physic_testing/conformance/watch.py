@@ -10,6 +10,7 @@ from io import StringIO
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.process_state import kept_process_state
+from physic_testing.conformance.leaks import changed_settings, read_settings
 
 if TYPE_CHECKING:
     from physic_core.discovery.process_state import Change
@@ -59,10 +60,12 @@ class Watch:
 
     @contextmanager
     def _settings(self, *, loads: bool) -> Iterator[None]:
-        """Watch the settings of the process, and restore them."""
+        """Watch the settings of the process; those that the pipeline restores are restored."""
         changes: list[Change] = []
+        before = read_settings()
         try:
             with kept_process_state(loads=loads) as changes:
                 yield
         finally:
             self.changed |= {change.name: change.text for change in changes}
+            self.changed |= {name: name for name in changed_settings(before)}

@@ -34,7 +34,7 @@ from right_backends import (
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_core.types import Hints, Skeleton
+from physic_core.types import DepthMap, Hints, Skeleton
 from physic_testing.conformance.cases import build_case
 
 
@@ -412,6 +412,22 @@ class Precision(RightMetricDepth):
     def load(self, device="cpu"):
         super().load(device)
         torch.set_float32_matmul_precision("medium")
+
+    def close(self):
+        torch.set_float32_matmul_precision("highest")
+        super().close()
+
+
+@wrong("a disparity of hints", "depth_is_along_z_and_upright")
+class BlindDisparity(interfaces.MetricDepth):
+    """Turns the given scene round, and never looks at the photo."""
+
+    capabilities: ClassVar = {"ignores_image"}
+
+    def infer(self, image, hints):
+        if hints.scene is None:
+            return DepthMap(np.ones(image.shape[:2], np.float32))
+        return DepthMap(np.float32(5 / hints.scene.points[..., 2]))
 
 
 @wrong("a picture for debugging", "leaves_nothing_behind")

@@ -1,0 +1,65 @@
+"""Settings of the process that a backend should leave alone, and that the pipeline does not
+restore.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from operator import attrgetter
+from typing import Any
+
+_VALUES = {
+    "PIL.Image": ("MAX_IMAGE_PIXELS",),
+    "PIL.ImageFile": ("LOAD_TRUNCATED_IMAGES",),
+    "logging": ("root.level", "root.manager.disable"),
+    "numpy": ("load",),
+    "sys": ("excepthook",),
+    "torch": (
+        "load",
+        "backends.cudnn.allow_tf32",
+        "backends.cudnn.benchmark",
+        "backends.cudnn.deterministic",
+        "backends.cudnn.enabled",
+        "backends.mkldnn.enabled",
+    ),
+}
+"""Module -> attributes that are compared."""
+
+_CALLED = {
+    "numpy": ("geterr",),
+    "torch": (
+        "_C._is_any_autocast_enabled",
+        "are_deterministic_algorithms_enabled",
+        "backends.cuda.flash_sdp_enabled",
+        "backends.cuda.math_sdp_enabled",
+        "get_float32_matmul_precision",
+    ),
+}
+"""Module -> functions whose results are compared."""
+
+
+def read_settings() -> dict[str, Any]:
+    """Return name -> value of the settings of all imported modules."""
+    found: dict[str, Any] = {"warnings.filters": _broad_filters()}
+    for names, is_called in ((_VALUES, False), (_CALLED, True)):
+        for library in names.keys() & sys.modules.keys():
+            for name in names[library]:
+                value = attrgetter(name)(sys.modules[library])
+                found[f"{library}.{name}"] = value() if is_called else value
+    return found
+
+
+def _broad_filters() -> list[Any]:
+    """Return the filters that turn warnings into errors, or are for every warning."""
+    return [
+        one
+        for one in warnings.filters
+        if one[0] == "error" or (one[2] is Warning and one[1] is one[3] is None)
+    ]
+
+
+def changed_settings(before: dict[str, Any]) -> list[str]:
+    """Return the names of the settings that differ from those of :func:`read_settings`."""
+    after = read_settings()
+    return sorted(name for name, value in before.items() if after[name] != value)
