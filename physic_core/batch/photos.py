@@ -253,7 +253,12 @@ def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            for number, row in enumerate(csv.DictReader(stream), start=1):
+            reader = csv.DictReader(stream)
+            if re.search(r"[;\t]", "".join(reader.fieldnames or ())):
+                raise InputError(
+                    f"{table}: columns are separated by commas, and decimals by points; save it so"
+                )
+            for number, row in enumerate(reader, start=1):
                 if None in row:
                     raise InputError(
                         f"{table}, row {number}: it has more cells than the first line; quote "
