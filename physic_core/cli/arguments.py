@@ -26,6 +26,14 @@ class AnyPath(click.ParamType[Path]):
         return Path(value)
 
 
+class ResultPath(AnyPath):
+    """The folder of a result, also by the path of its document."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = super().convert(value, param, ctx)
+        return path.parent if path.name == "reconstruction.json" else path
+
+
 class FolderPath(AnyPath):
     """The path of a folder, which need not be there."""
 
@@ -40,10 +48,27 @@ class Number(click.FloatRange):
     """A finite number within bounds; click lets NaN pass."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"'{value}' is not a number, such as 1200 or 1.5, without a unit", param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
-        return number
+        return super().convert(number, param, ctx)
+
+    def _describe_range(self) -> str:
+        return "" if self.min is self.max is None else super()._describe_range()
+
+
+class WholeNumber(click.IntRange):
+    """A whole number within bounds."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            int(value)
+        except ValueError:
+            self.fail(f"'{value}' is not a whole number, such as 2", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Numbers(click.ParamType[Any]):

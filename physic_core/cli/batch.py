@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, Device, Number, configuration_options
+from physic_core.cli.arguments import AnyPath, Device, Number, WholeNumber, configuration_options
 from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
@@ -53,7 +53,7 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 @click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for all results.")
 @click.option(
     "--workers",
-    type=click.IntRange(1, 1024),
+    type=WholeNumber(1, 1024),
     help="Worker processes. [default: by cores and memory]",
 )
 @click.option("--save", type=click.Choice(_LEVELS), help=_SAVE)
@@ -68,7 +68,7 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 @click.option(
     "--retry", type=click.Choice(("failed",)), help="Also retry photos that failed before."
 )
-@click.option("--limit", metavar="N", type=click.IntRange(1), help="Process at most N photos now.")
+@click.option("--limit", metavar="N", type=WholeNumber(1), help="Process at most N photos now.")
 @click.option(
     "--dry-run", is_flag=True, help="Print the photos to process, one per line, and write nothing."
 )

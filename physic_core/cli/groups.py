@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -90,6 +91,9 @@ class ExtensibleGroup(click.Group):
                 raise click.UsageError(
                     f"'physic {full_name}' is a command of {explain_absence(distribution)}"
                 )
+            if not self.path and (is_folder := os.path.isdir(name) or os.path.splitext(name)[1]):
+                cure = f"batch {name} -o results" if is_folder is True else f"run {name}"
+                raise click.UsageError(f"No such command '{name}': did you mean 'physic {cure}'?")
             raise click.exceptions.NoSuchCommand(
                 name, possibilities=self.list_commands(ctx), ctx=ctx
             )

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 
+from physic_core.errors import OutputError
 from physic_core.files.text import printable
 
 
@@ -22,9 +23,19 @@ def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
     Args:
         text: may contain file names, plugin messages, and other untrusted text.
         nl: whether to print a newline after it.
-        err: whether to print to stderr.
+        err: whether to print to stderr. If it cannot be written, the text is lost, and no result.
+
+    Raises:
+        OutputError: the standard output cannot be written, such as to a full disk.
+        BrokenPipeError: nobody reads the standard output any more.
     """
-    click.echo(printable(str(text)), nl=nl, err=err)
+    try:
+        click.echo(printable(str(text)), nl=nl, err=err)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        if not err:
+            raise OutputError(f"cannot print the answer: {error.strerror}") from error
 
 
 def echo_json(value: object) -> None:

@@ -21,6 +21,7 @@ def main_of_process() -> None:
     Everything registered with ``atexit`` is run, such as the deletion of temporary folders, and
     threads are joined.
     """
+    _open_closed_streams()
     from physic_core.cli import main
 
     gc.set_threshold(GC_THRESHOLD)
@@ -32,6 +33,19 @@ def main_of_process() -> None:
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
         raise
+
+
+def _open_closed_streams() -> None:
+    """Open standard streams that the caller has closed, as daemons do: a file would get their
+    number, and with it what libraries print.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # it gets the lowest free number, which is this one
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 -- until the end
+            setattr(sys, name, stream)
 
 
 def _end(code: int) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath
+from physic_core.cli.arguments import ResultPath
 from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import ResultRecord, read_record
@@ -25,7 +25,7 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
 @click.command("show")
-@click.argument("out", type=AnyPath())
+@click.argument("out", type=ResultPath())
 @click.option(
     "-v",
     "--verbose",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath
+from physic_core.cli.arguments import AnyPath, ResultPath
 from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("a", metavar="A", type=AnyPath())
-@click.argument("b", metavar="B", type=AnyPath())
+@click.argument("a", metavar="A", type=ResultPath())
+@click.argument("b", metavar="B", type=ResultPath())
 @click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
 @click.option(
     "--html", "page", type=AnyPath(), metavar="FILE", help="Also write a page with the pictures."
@@ -97,7 +97,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 
 
 @click.command()
-@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=AnyPath())
+@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=ResultPath())
 @click.option("-o", "--out", type=AnyPath(), help="Write the page of one result to this file.")
 @click.option(
     "--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]"
@@ -206,11 +206,17 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     ctx.exit()
 
 
+def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
+    if given is not None:
+        raise click.UsageError(f"no such option '--format': write --to {given}")
+
+
 @click.command()
-@click.argument("out", type=AnyPath())
+@click.argument("out", type=ResultPath())
 @click.option(
     "--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]"
 )
+@click.option("--format", hidden=True, expose_value=False, callback=_name_to)
 @click.option(
     "-o", "--out", "path", type=AnyPath(), help="File or folder to write.  [default: a file in OUT]"
 )

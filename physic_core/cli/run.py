@@ -188,6 +188,8 @@ def run(
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     if "--focal-px" in flags and "--intrinsics" in flags:
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
+    if open_page and report is False:
+        raise click.UsageError("--no-report writes no page that --open could show: leave one out")
     from physic_core.configuration.resolve import load_plan
 
     # Fast checks come first: no network is loaded before config, files, device and output folder

@@ -101,7 +101,9 @@ def file_layers(
         raise ConfigError(f"cannot read the config {path}: {unreadable(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
         kind = "the reconstruction.json of a run" if is_result else "valid TOML in UTF-8"
-        raise ConfigError(f"{path} is not {kind}: {error}") from error
+        is_path_of_windows = "\\" in str(error) or "hex" in str(error)
+        cure = r"; write a path with \ in single quotes: 'C:\photos'" if is_path_of_windows else ""
+        raise ConfigError(f"{path} is not {kind}: {error}{cure}") from error
     _complete_paths(table, path.parent)
     if is_result:
         return [(str(path), table)]

@@ -187,7 +187,7 @@ class PhotoSettings(_Table):
     camera_height: float | None = Field(
         default=None,
         ge=0.01,
-        le=1000,
+        le=100,
         description="known height of the camera above the floor, metres",
     )
     known_length: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel, _Length], ...] | None = Field(
@@ -223,11 +223,14 @@ class PhotoSettings(_Table):
     @field_validator("known_length", mode="before")
     @classmethod
     def _list_of_lengths(cls, value: Any) -> Any:
-        return (
-            (value,)
-            if isinstance(value, (list, tuple)) and value and type(value[0]) in (int, float)
-            else value
-        )
+        is_list = isinstance(value, (list, tuple)) and value
+        values = (value,) if is_list and type(value[0]) in (int, float) else value
+        for each in values if is_list else ():
+            if isinstance(each, (list, tuple)) and [type(x) in (int, float) for x in each] == 5 * [
+                1
+            ]:
+                KnownSizes(lengths=(KnownLength((*each[:2],), (*each[2:4],), each[4]),))
+        return values
 
     def known_sizes(self, given: KnownSizes | None = None) -> KnownSizes:
         """Return the known sizes, in px of the upright photo file; unset ones default to

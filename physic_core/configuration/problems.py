@@ -58,6 +58,8 @@ def problems_from_pydantic(
             message = f"unknown {kind}{hint}"
         elif found["type"] == "missing":
             message = "is missing"
+        elif found["type"] == "tuple_type":
+            message = f"should be a list, such as [1.7, 1.8] (got {quoted(found['input'])})"
         else:
             message = (
                 found["msg"]

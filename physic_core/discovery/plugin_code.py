@@ -103,4 +103,5 @@ def _separate_stdout() -> Iterator[None]:
             stream.flush()
         with suppress(OSError):
             os.dup2(kept, number)
-        own.close()  # writes what is buffered
+        with suppress(OSError):  # of what could not be printed, which was reported
+            own.close()  # writes what is buffered

@@ -5,11 +5,12 @@ feet, by boxes and keypoints in the picture.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
@@ -41,8 +42,8 @@ class Carried(ShortRepr):
     """
 
     names: tuple[str, ...]
-    ridden: IntArray
-    board: IntArray
+    ridden: IntArray = field(metadata=PER_PERSON)
+    board: IntArray = field(metadata=PER_PERSON)
 
     @property
     def rides(self) -> BoolArray:

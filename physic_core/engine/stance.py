@@ -16,7 +16,7 @@ can have shows that the photo's depth of the person is wrong.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from torch import Tensor
 from physic_core.engine.carriers import NOTHING, Carried
 from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
 from physic_core.geometry.tensors import dilate_square, tensors
+from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
@@ -86,11 +87,11 @@ class Stance(ShortRepr):
         carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
-    lower: FloatArray
-    hanging: FloatArray
-    beside: FloatArray
-    stands: FloatArray
-    carried: Carried | None = None
+    lower: FloatArray = field(metadata=PER_PERSON)
+    hanging: FloatArray = field(metadata=PER_PERSON)
+    beside: FloatArray = field(metadata=PER_PERSON)
+    stands: FloatArray = field(metadata=PER_PERSON)
+    carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
     @staticmethod
     def unknown(count: int) -> Stance:

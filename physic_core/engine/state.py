@@ -31,7 +31,7 @@ from physic_core.types import (
     People,
     Pointmap,
 )
-from physic_core.types.arrays import shape
+from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
@@ -65,10 +65,10 @@ class OtherView(ShortRepr):
     rotation: Tensor
     translation: Tensor
     K: Tensor
-    keypoints: Tensor
-    keypoint_confidence: Tensor
-    masks: Tensor
-    observed: Tensor
+    keypoints: Tensor = field(metadata=PER_PERSON)
+    keypoint_confidence: Tensor = field(metadata=PER_PERSON)
+    masks: Tensor = field(metadata=PER_PERSON)
+    observed: Tensor = field(metadata=PER_PERSON)
 
     def to_camera(self, points: Tensor, scale: Tensor | float = 1.0) -> Tensor:
         """Transform points (..., 3) of the photo's frame to that of this camera, at a scale of
@@ -80,6 +80,8 @@ class OtherView(ShortRepr):
 @dataclass(frozen=True)
 class Estimates(ShortRepr):
     """Results of all backends for one photo, in the camera frame of ``intrinsics``.
+
+    All arrays of people, and those of the views, have a row for each of the N people.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
@@ -116,32 +118,40 @@ class Estimates(ShortRepr):
     image: UInt8Array
     intrinsics: Intrinsics
     camera_given: bool
-    people: People
-    keypoints: Keypoints
+    people: People = field(metadata=PER_PERSON)
+    keypoints: Keypoints = field(metadata=PER_PERSON)
     hole: BoolArray
     inpainted: UInt8Array
     scene: Pointmap
     original: Pointmap
     floor: FloorSearch
-    stance: Stance
-    bodies: Bodies
-    contact: ContactProbability
+    stance: Stance = field(metadata=PER_PERSON)
+    bodies: Bodies = field(metadata=PER_PERSON)
+    contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
-    observations: Observations
+    observations: Observations = field(metadata=PER_PERSON)
+    missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
     depth_by: str = "metric depth"
-    missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     measured_scale: MeasuredScale | None = None
-    statures: FloatArray | None = None
-    ages: FloatArray | None = None
+    statures: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    ages: FloatArray | None = field(default=None, metadata=PER_PERSON)
     scale_guess: str = ""
     scale_by_people: bool = False
     small: Mapping[int, float] = field(default_factory=dict)
     witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
     views: tuple[OtherView, ...] = ()
-    given_keypoints: BoolArray | None = None
-    contradicted_px: FloatArray | None = None
+    given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
+    contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px: float = 1.0
+
+    def __post_init__(self) -> None:
+        count = len(self.people)
+        wrong = [*wrong_rows(self, count)]
+        for i, view in enumerate(self.views):
+            wrong += wrong_rows(view, count, f"views[{i}].")
+        if wrong:
+            raise PhysicError(f"estimates of {count} people: {'; '.join(wrong)}")
 
 
 @dataclass(frozen=True)
@@ -363,9 +373,5 @@ class State(ShortRepr):
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
         if self.known is not None:
             changed["known"] = self.known.select_people(rows)
-        shown = ("keypoints", "keypoint_confidence", "masks", "observed")
-        changed["views"] = tuple(
-            replace(view, **{name: getattr(view, name)[rows] for name in shown})
-            for view in self.views
-        )
+        changed["views"] = tuple(select_people(view, rows) for view in self.views)
         return replace(self, **changed)

@@ -26,6 +26,7 @@ from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, writ
 from physic_core.files.plain import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
+from physic_core.interfaces.checks import check_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -76,6 +77,7 @@ _STEPS_PER_METRE = 1 << 19
 _DEPTH_BITS = 15  # of the mantissa: 0.0015 %
 _NORMAL_STEPS = 127
 _RAY_TOLERANCE = 2e-5  # of the depth; float32 arithmetic along a ray is within 1e-6
+_UNIT_TOLERANCE = 0.01
 _SMALL = 256 << 20
 _MAX_RATIO = 50
 """Arrays may have 256 MB plus 50 times the size of their file: photos and depth compress by less
@@ -159,6 +161,8 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
                 "it was saved without photo and scene: physic_core.load_people reads it"
             )
         camera = join(Intrinsics, document["intrinsics"], {})
+        if wrong := [*check_camera(camera, camera.height, camera.width)]:
+            raise ValueError("; ".join(wrong))
         sizes = {"H": camera.height, "W": camera.width}
         if arrays["image"].shape != (camera.height, camera.width, 3):
             raise ValueError(f"image has the shape {arrays['image'].shape}, not that of the camera")
@@ -166,6 +170,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
             Reconstruction, document, _expanded(arrays, camera), sizes=sizes
         )
         _check_indices(result)
+        _check_floor(result)
         _check_digest(Path(folder), document)
     except InputError:
         raise
@@ -362,6 +367,12 @@ def _check_indices(result: Reconstruction) -> None:
     for name, (ids, least, count) in limits.items():
         if ids.size and (ids.min() < least or ids.max() >= count):
             raise ValueError(f"{name} has {ids.min()} to {ids.max()}, and there are {count}")
+
+
+def _check_floor(result: Reconstruction) -> None:
+    floor = result.scene.floor
+    if floor is not None and not abs(np.linalg.norm(floor.normal) - 1) < _UNIT_TOLERANCE:
+        raise ValueError(f"scene.floor.normal is not of length 1: {floor.normal.tolist()}")
 
 
 def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:

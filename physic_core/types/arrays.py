@@ -6,8 +6,8 @@ The aliases are for type checkers only: NumPy is not imported.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -44,11 +44,46 @@ def select_people(record: _Record, rows: Any) -> _Record:
     """
     if str(rows.dtype).endswith("bool") and bool(rows.all()):
         return record
-    changed = {}
-    for field in fields(record):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
+    return _map_rows(record, lambda array: array[rows])
+
+
+def expand_people(record: _Record, rows: BoolArray) -> _Record:
+    """Return a copy of a dataclass of arrays with N rows: its own where ``rows`` (N,) is true, and
+    zeros for the other people.
+    """
+    import numpy as np
+
+    def wider(array: Any) -> Any:
+        found = np.zeros((len(rows), *array.shape[1:]), array.dtype)
+        found[rows] = array
+        return found
+
+    return _map_rows(record, wider)
+
+
+def wrong_rows(record: Any, people: int, name: str = "") -> Iterator[str]:
+    """Yield each field of a dataclass, and of those in it, that has not a row for each of some
+    people: "people.heads has 3 rows".
+    """
+    for field, value in _per_person(record):
+        if is_dataclass(value):
+            yield from wrong_rows(value, people, f"{name}{field}.")
+        elif len(value) != people:
+            yield f"{name}{field} has {len(value)} rows"
+
+
+def _map_rows(record: _Record, change: Callable[[Any], Any]) -> _Record:
+    changed = {
+        name: _map_rows(value, change) if is_dataclass(value) else change(value)
+        for name, value in _per_person(record)
+    }
+    return replace(record, **changed)  # type: ignore[type-var]  # cannot be bound to dataclasses
+
+
+def _per_person(record: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of the given fields with a row for each person."""
+    for field in fields(record):
         value = getattr(record, field.name)
-        if value is not None and field.metadata.get("per_person"):
-            changed[field.name] = (
-                value[rows] if hasattr(value, "__getitem__") else select_people(value, rows)
-            )
-    return replace(record, **changed)  # type: ignore[type-var]
+        sizes = field.metadata.get("shape", ("",))
+        if value is not None and (field.metadata.get("per_person") or sizes[0] == "N"):
+            yield field.name, value

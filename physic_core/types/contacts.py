@@ -38,6 +38,9 @@ class ContactPartner:
             otherwise.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
+
+    Raises:
+        ValueError: the kind is none of these.
     """
 
     kind: str
@@ -45,6 +48,10 @@ class ContactPartner:
     id: int | None = None
     person: int | None = None
     part: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in PARTNER_KINDS:
+            raise ValueError(f"'{self.kind}' is no kind of contact partner: {PARTNER_KINDS}")
 
     @property
     def title(self) -> str:

@@ -13,9 +13,12 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
 
-_STATURES_M = (0.4, 2.6)
-_LENGTHS_M = (0.01, 1000)
+# least, usual and most, metres
+_STATURES_M = (0.4, 1.7, 2.6)
+_HEIGHTS_M = (0.01, 1.6, 100)
+_LENGTHS_M = (0.01, 1.0, 1000)
 _OLDEST = 120.0
+_UNITS_M = {"cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,9 @@ class KnownSizes:
             of known age and unknown stature has the usual stature of that age.
 
     Raises:
-        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, an age is not 0 to
-            120 years, or a length has no extent in px.
+        ValueError: a stature is not 0.4 to 2.6 m, a camera height 0.01 to 100 m, a length 0.01 to
+            1000 m, or an age 0 to 120 years; or a length has no extent in px. The message states
+            the likely unit.
     """
 
     stature: tuple[float, ...] = ()
@@ -57,33 +61,18 @@ class KnownSizes:
     age: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        least, most = _STATURES_M
         for height in self.stature:
-            if height != 0 and not least <= height <= most:
-                hint = (
-                    f"; {height:g} cm are {height / 100:g} metres"
-                    if least <= height / 100 <= most
-                    else ""
-                )
-                raise ValueError(
-                    f"a stature should be {least} to {most} metres, or 0 where unknown (got "
-                    f"{height:g}{hint})"
-                )
+            if height != 0:
+                _check("a stature", height, _STATURES_M, ", or 0 where unknown")
         for years in self.age:
             if not 0 <= years <= _OLDEST:
                 raise ValueError(
                     f"an age should be 0 to {_OLDEST:g} years, 0 where unknown (got {years:g})"
                 )
-        least, most = _LENGTHS_M
-        if self.camera_height is not None and not least <= self.camera_height <= most:
-            raise ValueError(
-                f"the camera height should be {least} to {most} metres (got {self.camera_height:g})"
-            )
+        if self.camera_height is not None:
+            _check("the camera height", self.camera_height, _HEIGHTS_M)
         for length in self.lengths:
-            if not least <= length.metres <= most:
-                raise ValueError(
-                    f"a known length should be {least} to {most} metres (got {length.metres:g})"
-                )
+            _check("a known length", length.metres, _LENGTHS_M)
             if (
                 not all(map(math.isfinite, (*length.start, *length.end)))
                 or math.dist(length.start, length.end) < 1
@@ -138,3 +127,18 @@ class KnownPeople(ShortRepr):
             unknown if self.stature is None else self.stature,
             unknown if self.years is None else self.years,
         )
+
+
+def _check(what: str, size: float, metres: tuple[float, float, float], unknown: str = "") -> None:
+    """Raise ValueError if a size is not between the least and the most; the message states the unit
+    in which it is nearest to a usual one.
+    """
+    least, usual, most = metres
+    if least <= size <= most:
+        return
+    likely = {u: size * m for u, m in _UNITS_M.items() if least <= size * m <= most}
+    hint = ""
+    if likely:
+        unit = min(likely, key=lambda unit: abs(math.log(likely[unit] / usual)))
+        hint = f"; {size:g} {unit} are {likely[unit]:.3g} metres"
+    raise ValueError(f"{what} should be {least} to {most} metres{unknown} (got {size:g}{hint})")

@@ -5,6 +5,7 @@ command.
 from __future__ import annotations
 
 import os
+import resource
 import shlex
 from pathlib import Path
 
@@ -32,6 +33,8 @@ def _files():
     Path("torn").mkdir()
     for name in ("text.txt", "torn/reconstruction.npz"):
         Path(name).write_text("a letter")
+    Path("windows.toml").write_text('[photo]\ndepth = "C:\\Users\\me\\d.npy"\n')
+    Path("semicolons.csv").write_text("path;stature\na.png;1,75\n")
     for suffix in ("npy", "csv", "toml", "json", "png", "npz"):
         os.symlink(f"loop.{suffix}", f"loop.{suffix}")
         os.mkfifo(f"pipe.{suffix}")
@@ -113,7 +116,23 @@ MISTAKES = [
     (USAGE, "170 cm are 1.7 metres", f"{SCENE} --stature 170"),
     (USAGE, "0 to 120 years", f"{RUN} --age 300"),
     (USAGE, "0 to 120 years", f"{SCENE} --age 300"),
-    (USAGE, "0.01 to 1000 metres", f"{RUN} --camera-height 15000"),
+    (USAGE, "15000 mm are 15 metres", f"{RUN} --camera-height 15000"),
+    (USAGE, "150 cm are 1.5 metres", f"{RUN} --camera-height 150"),
+    (USAGE, "68 in are 1.73 metres", f"{RUN} --stature 68"),
+    (USAGE, "5.8 ft are 1.77 metres", f"{SCENE} --stature 5.8"),
+    (USAGE, "1800 mm are 1.8 metres", f"{RUN} --known-length 1,1,9,9,1800"),
+    (USAGE, "should be a list, such as [1.7, 1.8] (got '1,7')", f"{RUN} --set photo.stature=1,7"),
+    (USAGE, "should be a list, such as [1.7, 1.8]", f"{RUN} --set photo.intrinsics=900"),
+    (USAGE, "is not a number, such as 1200", f"{RUN} --focal-px 1200px"),
+    (USAGE, "is not a whole number", f"{BATCH} --workers auto"),
+    (USAGE, "is not a whole number", "serve --port abc"),
+    (USAGE, "did you mean 'physic run a.png'", "a.png"),
+    (USAGE, "did you mean 'physic run none.jpg'", "none.jpg"),
+    (USAGE, "did you mean 'physic batch folder -o results'", "folder"),
+    (USAGE, "write --to glb", "export result --format glb"),
+    (USAGE, "--no-report", f"{RUN} --no-report --open"),
+    (USAGE, "in single quotes", "run a.png --config windows.toml"),
+    (INPUT, "separated by commas", "batch semicolons.csv -o many --preset mock"),
     (USAGE, "not a finite number", f"{RUN} --focal-px nan"),
     (USAGE, "not a finite number", f"{BATCH} --timeout nan"),
     (USAGE, "not a finite number", "plugins doctor mock --timeout nan"),
@@ -162,3 +181,29 @@ def test_a_mistake_is_one_message_with_the_code_of_its_kind(code, words, command
     done = physic(*shlex.split(command))
     assert (done.exit_code, words in done.stderr) == (code, True), done.output
     assert done.stderr.count("Error: ") == 1
+
+
+def test_help_shows_no_bound_that_is_none():
+    for words, command in commands():
+        assert "None" not in command.get_help(click.Context(command)), words
+
+
+@pytest.mark.parametrize("command", ["show", "report", "export --to depth", "compare result"])
+def test_a_result_is_named_by_its_document_too(physic, command):
+    save_reconstruction(empty_reconstruction(), "result", "numbers")
+    done = physic(*shlex.split(command), "result/reconstruction.json")
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(
+    "command", ["config init my.toml", "plugins new my-depth --interface metric_depth"]
+)
+def test_a_full_disk_leaves_nothing(physic, command):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = sorted(os.listdir())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        done = physic(*shlex.split(command))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (done.exit_code, sorted(os.listdir())) == (USAGE, before), done.output

@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
+from physic_core import load_reconstruction
 from physic_core.cli import main
+from physic_testing.worlds import load_world
 
 from .results import empty_reconstruction
 
@@ -127,3 +130,19 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
     assert run("run", "missing.jpg", "--preset", "mock") == (3, "at exit\n")
     assert run("run") == (2, "at exit\n")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("shell", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
+def test_a_run_whose_messages_nobody_can_read_writes_its_result(shell):
+    Image.fromarray(load_world("stand", (160, 120)).image).save("walk.png")
+    options = ["--save", "numbers", "--set", "engine.joint.optimiser.steps=1", "--no-cache"]
+    done = process("run", "walk.png", "--preset", "mock", *options, shell=shell)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert load_reconstruction("walk-physic").people
+    assert ("grade" in done.stdout) != (">&- 2" in shell)
+
+
+def test_a_full_standard_output_is_one_line():
+    done = process("plugins", shell=">/dev/full")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "cannot print" in done.stderr

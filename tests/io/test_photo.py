@@ -5,6 +5,7 @@ the fault.
 from __future__ import annotations
 
 import errno
+import io
 import math
 import os
 import socket
@@ -461,3 +462,12 @@ def test_a_camera_that_cannot_be_the_photos_is_refused(camera, words, max_side):
 def test_a_bad_array_is_refused(image, words):
     with pytest.raises(InputError, match=words):
         check_image(image)
+
+
+def test_a_pil_image_of_too_many_pixels_is_refused_before_it_is_decoded(monkeypatch):
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", None)  # as by a program that lifts the limit
+    with (
+        Image.open(io.BytesIO(b"P5 20000 10000 255\n")) as image,
+        pytest.raises(InputError, match="more than 150 megapixels"),
+    ):
+        read_photo(image)

@@ -171,7 +171,7 @@ def case(**changes):
             boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
             scores=np.array([known["score"]]),
             unposed=known["unposed"],
-            masks=np.zeros((1, 480, 640), bool),
+            masks=np.eye(1, 480 * 640, dtype=bool).reshape(1, 480, 640),
             floor=np.ones((480, 640), bool) if known["mask"] else None,
             heads=np.array([known["heads"]]),
         ),
@@ -319,7 +319,7 @@ def test_a_mask_with_the_head_of_another_person_is_never_good():
         skeleton="coco17",
     )
     result.people *= 2
-    evidence.people.masks = np.zeros((2, 480, 640), bool)
+    evidence.people.masks = np.repeat(evidence.people.masks, 2, axis=0)
     for heads in (1, 2):
         found = [CHECKS["heads"].compare(CHECKS["heads"].measure(evidence, result, 0), 0)]
         assert found[0].value == heads

@@ -190,7 +190,7 @@ def test_too_many_statures_are_an_error():
         ("stature=0.2", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 0.2)"),
         (
             "camera_height=-1",
-            "photo.camera_height: the camera height should be 0.01 to 1000 metres",
+            "photo.camera_height: the camera height should be 0.01 to 100 metres",
         ),
         ("known_length=[1, 2, 30, 40, 0]", "photo.known_length.0.4: should be"),
         (

@@ -24,6 +24,7 @@ from physic_core import (
     load_config,
     reconstruct,
 )
+from physic_core.engine.stance import Stance
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
 from physic_core.types import CheckResult, DepthMap, People
@@ -261,3 +262,17 @@ def test_a_check_of_several_people_counts_with_its_worst_value(result, values, w
         CheckResult("visible", states[v], v, 0.4, "at least", "share", "", person=0) for v in values
     )
     assert replace(result, checks=checks).summary()["check_visible"] == worst
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        (lambda e: {"people": replace(e.people, heads=np.ones(2, int))}, "people.heads has 2 rows"),
+        (lambda e: {"missing_results": ()}, "missing_results has 0 rows"),
+        (lambda e: {"ages": np.ones(3)}, "ages has 3 rows"),
+        (lambda e: {"stance": Stance.unknown(2)}, "stance.lower has 2 rows"),
+    ],
+)
+def test_estimates_completed_from_elsewhere_have_a_row_for_each_person(world, changes, word):
+    with Pipeline("mock") as pipeline, pytest.raises(PhysicError, match=word):
+        pipeline(world.image, complete=lambda estimates: replace(estimates, **changes(estimates)))

@@ -1,8 +1,9 @@
-"""Selection of people in results of backends."""
+"""Rows of people in results of backends: some are selected, and others added."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from physic_core.types import (
     Bodies,
@@ -14,7 +15,7 @@ from physic_core.types import (
     Observations,
     People,
 )
-from physic_core.types.arrays import select_people
+from physic_core.types.arrays import expand_people, select_people, wrong_rows
 
 N = 3
 LAST_TWO = np.array([False, True, True])
@@ -29,19 +30,35 @@ def keypoints():
     return Keypoints(rows(17, 2), rows(17), "coco17", rows(17, 3))
 
 
-def test_all_that_is_per_person_is_selected():
+def results():
+    """Results of backends whose arrays all have N rows, row i full of i."""
     parameters = BodyParameters(*(rows(size) for size in (3, 63, 45, 45, 3, 3, 3, 10, 10, 3)))
     mesh = Mesh("smpl", rows(4, 3), faces=np.zeros((N, 3), int), rest=np.zeros((N, 3)))
-    for result in (
-        People(rows(2, 4), rows(4), rows(), keypoints=keypoints()),
+    return (
+        People(rows(2, 4), rows(4), rows(), keypoints=keypoints(), heads=rows()),
         keypoints(),
         Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22)),
         Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
         Observations(*map(rows, (9, 5, 2)), rows(), rows(), rows(4), rows(4), *[None] * 3),
         ContactProbability(rows(4), "smpl"),
-    ):
-        for array in arrays(select_people(result, LAST_TWO), but=("faces", "rest")):
-            assert np.unique(array).tolist() == [1.0, 2.0]
+    )
+
+
+@pytest.mark.parametrize("result", results(), ids=lambda result: type(result).__name__)
+def test_all_that_is_per_person_is_selected_expanded_and_counted(result):
+    some = select_people(result, LAST_TWO)
+    for array in arrays(some, but=("faces", "rest")):
+        assert np.unique(array).tolist() == [1.0, 2.0]
+    assert len(list(wrong_rows(some, N))) == sum(1 for _ in arrays(some, but=("faces", "rest")))
+    for array in arrays(expand_people(some, LAST_TWO), but=("faces", "rest")):
+        assert [np.unique(row).tolist() for row in array] == [[0.0], [1.0], [2.0]]
+
+
+def test_a_field_with_another_number_of_people_is_named():
+    people = People(rows(2, 4), rows(4), rows(), keypoints=keypoints(), heads=np.zeros(2, int))
+    assert list(wrong_rows(people, N)) == ["heads has 2 rows"]
+    fewer = People(rows(2, 4), rows(4), rows(), keypoints=select_people(keypoints(), LAST_TWO))
+    assert next(wrong_rows(fewer, N)) == "keypoints.points has 2 rows"
 
 
 def arrays(result, but):

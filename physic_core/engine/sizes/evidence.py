@@ -318,8 +318,10 @@ def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), _RAYS)).astype(int)
     rows = rows[chosen]
     columns = columns[chosen]
-    found = spearmanr(depth.depth[rows, columns], scene.points[rows, columns, 2]).statistic
-    return bool(found <= _DISPARITY)
+    values, points = depth.depth[rows, columns], scene.points[rows, columns, 2]
+    if np.ptp(values) == 0 or np.ptp(points) == 0:  # a wall has no order
+        return False
+    return bool(spearmanr(values, points).statistic <= _DISPARITY)
 
 
 def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> MeasuredScale:

@@ -51,7 +51,7 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
     """Return whether all backends have results for this person, keypoints, depth and floor place
     the body, and the joint fit includes it.
     """
-    if estimates.missing_results and (missing := estimates.missing_results[person]):
+    if missing := estimates.missing_results[person]:
         return 0.0, (
             f"no valid values for this person from {', '.join(missing)}: results that need them "
             "are skipped; try another backend"
@@ -85,12 +85,15 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     contradicts=True,
     warns=True,
     advice="two people may be one, or mixed up: another head lies in this person's mask",
+    unmeasured="no pixel of the photo shows this person",
 )
 def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the number of heads in this person's mask: those that the segmenter sees, or those of
     other people.
     """
     mask = estimates.people.masks[person]
+    if not mask.any():
+        return None
     keypoints = estimates.keypoints
     found = 1
     columns = [

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_bench.datasets import DATA_SETS, data_set
-from physic_core.cli.arguments import AnyPath
+from physic_core.cli.arguments import AnyPath, WholeNumber
 from physic_core.cli.output import echo
 from physic_core.errors import InputError
 
@@ -80,7 +80,7 @@ _COMMON = (
     click.Option(["--smplx"], type=AnyPath(), help="SMPL-X model file, or folder of them."),
     click.Option(["--smpl"], type=AnyPath(), help="SMPL model file, or folder of them."),
     click.Option(
-        ["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."
+        ["--workers"], type=WholeNumber(1), default=1, show_default=True, help="Processes."
     ),
     click.Option(
         ["--frames"],
@@ -89,7 +89,7 @@ _COMMON = (
         help="Text file with one frame per line: the frames to evaluate.",
     ),
     click.Option(
-        ["--limit"], metavar="N", type=click.IntRange(1), help="N frames, evenly spaced over all."
+        ["--limit"], metavar="N", type=WholeNumber(1), help="N frames, evenly spaced over all."
     ),
 )
 

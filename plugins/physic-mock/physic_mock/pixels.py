@@ -71,6 +71,7 @@ class MockSegmenter(interfaces.Segmenter):
             scores=scores,
             floor=_floor(found, self.options),
             surfaces=_surfaces(found) if self.options.surfaces else None,
+            heads=np.ones(len(masks), int),
         )
 
 

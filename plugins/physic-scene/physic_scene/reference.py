@@ -27,14 +27,12 @@ from physic_core.types import (
     KnownSizes,
     PeoplePrompt,
 )
-from physic_core.types.arrays import select_people
+from physic_core.types.arrays import expand_people, select_people
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from physic_core import Config
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
@@ -55,7 +53,7 @@ class ReferenceInput(ShortRepr):
         camera: solved.
         bodies: of all people of the result: those of the photo, then those whom only other photos
             show.
-        shown: (N,) bool, whether the photo shows this body.
+        shown: (N,) bool, whether the photo shows this body; true for the first ones.
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
@@ -125,55 +123,29 @@ class ReferenceInput(ShortRepr):
         """Return the estimates of the photo with the other photos, and with people whom only these
         show.
         """
-        estimates = replace(estimates, views=self.views, ages=self.ages)
+        added: dict[str, Any] = {"views": self.views, "ages": self.ages}
         if np.isfinite(self.statures).any():
             known = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
-            estimates = replace(estimates, known=known, statures=self.statures)
-        if self.shown.all():
-            return estimates
-        before = len(estimates.people)
-        in_photo = np.arange(len(self.shown)) < before
-        own = self.shown[: len(estimates.people)]
-        people = estimates.people
-        keypoints = estimates.keypoints
-        missing = estimates.missing_results
-
-        def padded(array: NDArray[Any]) -> NDArray[Any]:
-            """Return an array with a row for each person, 0 for people who are not in the photo."""
-            added = np.zeros((len(self.shown), *array.shape[1:]), array.dtype)
-            added[:before][own] = array[own]
-            return added
-
+            added |= {"known": known, "statures": self.statures}
+        people = expand_people(estimates.people, self.shown)
+        scores = np.where(self.shown, people.scores, self.scores).astype(people.scores.dtype)
+        others = self.bodies.parameters[~self.shown]
         bodies = {
-            name: np.concatenate(
-                [value, getattr(self.bodies.parameters, name)[before:].astype(value.dtype)]
-            )
+            name: np.concatenate([value, getattr(others, name).astype(value.dtype)])
             for name, value in vars(estimates.bodies.parameters).items()
         }
         return replace(
             estimates,
-            people=replace(
-                people,
-                masks=padded(people.masks),
-                boxes=padded(people.boxes),
-                scores=np.where(self.shown, padded(people.scores), self.scores).astype(
-                    people.scores.dtype
-                ),
-                keypoints=None,
-            ),
-            keypoints=replace(
-                keypoints,
-                points=padded(keypoints.points),
-                confidence=padded(keypoints.confidence),
-                world=None,
-            ),
+            people=replace(people, scores=scores),
+            keypoints=expand_people(estimates.keypoints, self.shown),
             bodies=replace(
                 estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed
             ),
-            contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
-            missing_results=(*missing, *[()] * (len(self.shown) - before)),
-            stance=estimates.stance.expanded(in_photo),
-            observations=estimates.observations.expanded(in_photo),
+            contact=expand_people(estimates.contact, self.shown),
+            missing_results=(*estimates.missing_results, *[()] * len(others)),
+            stance=estimates.stance.expanded(self.shown),
+            observations=estimates.observations.expanded(self.shown),
+            **added,
         )
 
 

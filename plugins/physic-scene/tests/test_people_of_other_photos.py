@@ -58,7 +58,7 @@ def test_a_person_of_other_photos_is_in_the_result(found, others):
 def test_what_the_reference_does_not_show_is_not_measured(found):
     own = {check.name: check for check in found.reconstruction.checks if check.person == 3}
     assert not own["placed"].failed
-    for name in ("body_in_mask", "low_depth", "limb_keypoints"):
+    for name in ("heads", "body_in_mask", "low_depth", "limb_keypoints"):
         assert own[name].value is None
 
 

@@ -87,6 +87,11 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
             return await take(request)
         except ClientDisconnect:  # the browser broke the upload off: nobody reads the answer
             return Response(status_code=400)
+        except OSError as error:
+            why = (
+                f"the server cannot store the photo: {error.strerror}; make room, or start it again"
+            )
+            raise HTTPException(507, why) from error
 
     async def take(request: Request) -> Response:
         async with request.form(max_files=1, max_fields=8) as form:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from physic_core.cli.arguments import AnyPath, configuration_options
+from physic_core.cli.arguments import AnyPath, WholeNumber, configuration_options
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
@@ -29,7 +29,7 @@ _EXPORTS = ("glb", "bvh", "usd", "mjcf")
     "--port",
     default=8000,
     show_default=True,
-    type=click.IntRange(0, 65535),
+    type=WholeNumber(0, 65535),
     help="0 chooses a free one.",
 )
 @configuration_options

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
@@ -43,12 +44,18 @@ class Job:
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files of the result by name; none before it is done."""
-        return (
-            {path.name: path for path in sorted(self.folder.iterdir())}
-            if self.state == "done"
-            else {}
-        )
+        """The files of the result by name; none before it is done, or if somebody has deleted
+        them.
+        """
+        if self.state == "done":
+            with suppress(OSError):
+                return {path.name: path for path in sorted(self.folder.iterdir())}
+        return {}
+
+    @property
+    def upload(self) -> Path:
+        """Where the photo waits for its turn."""
+        return self.folder.with_suffix(".upload")
 
 
 class Jobs:
@@ -67,7 +74,7 @@ class Jobs:
         self._open_worker = open_worker
         self._worker = open_worker()
         self._jobs: dict[str, Job] = {}
-        self._waiting: SimpleQueue[tuple[Job, Task] | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[Job, dict[str, float]] | None] = SimpleQueue()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
@@ -76,13 +83,20 @@ class Jobs:
         """Put a photo into the queue.
 
         Raises:
-            OSError: the folder of the result cannot be made.
+            OSError: the photo cannot be stored; nothing is left of it.
         """
         name = secrets.token_urlsafe(16)
         job = Job(name, self._folder / name, title)
-        job.folder.mkdir()
+        try:
+            job.folder.mkdir()
+            job.upload.write_bytes(photo)
+        except OSError:
+            with suppress(OSError):
+                job.folder.rmdir()
+                job.upload.unlink()
+            raise
         self._jobs[name] = job
-        self._waiting.put((job, Task(photo, title, settings, job.folder)))
+        self._waiting.put((job, settings))
         return job
 
     def get(self, name: str) -> Job | None:
@@ -97,6 +111,7 @@ class Jobs:
             if not job.finished:
                 job.state = "failed"
                 job.error = "it was stopped"
+                job.upload.unlink(missing_ok=True)
 
     def close(self) -> None:
         """End all jobs and the worker."""
@@ -108,14 +123,16 @@ class Jobs:
 
     def _serve(self) -> None:
         while (item := self._waiting.get()) is not None:
-            job, task = item
+            job, settings = item
             with self._lock:
                 if job.finished:
                     continue
                 try:
                     if not self._worker.alive:
                         self._worker = self._open_worker()
-                except PhysicError as error:
+                    task = Task(job.upload.read_bytes(), job.title, settings, job.folder)
+                    job.upload.unlink()
+                except (PhysicError, OSError) as error:
                     job.state = "failed"
                     job.error = str(error)
                     continue

@@ -8,10 +8,12 @@ one.
 from __future__ import annotations
 
 import multiprocessing
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_core.batch.workers import started_processes
@@ -163,7 +165,19 @@ def _run(
     missing = {}
     for name in exports:
         try:
-            result.export(str(task.folder), name)
+            _export(result, name, task.folder)
         except Exception as error:  # the result itself is complete
             missing[name] = str(error)
     return Message("done", {**result.summary(), "missing_exports": missing})
+
+
+def _export(result: Reconstruction, name: str, folder: Path) -> None:
+    """Write the files of an export into a folder; one with folders is an archive."""
+    with TemporaryDirectory(dir=folder) as place:
+        result.export(place, name)
+        made = [*Path(place).iterdir()]
+        if any(path.is_dir() for path in made):
+            shutil.make_archive(str(folder / name), "zip", place)
+        else:
+            for path in made:
+                path.replace(folder / path.name)

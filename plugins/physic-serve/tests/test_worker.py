@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from time import sleep
+from zipfile import ZipFile
 
 import pytest
 
@@ -12,8 +13,24 @@ from physic_serve.jobs import Jobs
 from physic_serve.worker import Worker
 
 STAND_IN = """
-import os, signal, time
+import os, pathlib, signal, time
 from physic_core import BackendError, InputError
+
+class Folders:
+    def save(self, folder):
+        pass
+
+    def report(self, path, title):
+        pass
+
+    def summary(self):
+        return {}
+
+    def export(self, folder, name):
+        path = pathlib.Path(folder, *(["images"] if name == "colmap" else []), f"of-{name}.bin")
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(b"content")
+
 
 def open_pipeline(config):
     if config == "refuse":
@@ -27,6 +44,8 @@ def open_pipeline(config):
             os._exit(7)
         if task.photo == b"hang":
             time.sleep(600)
+        if task.photo == b"folders":
+            return Folders()
         raise InputError("the photo is broken")
 
     return reconstruct
@@ -42,7 +61,7 @@ def open_worker(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     import stand_in_of_pipeline
 
-    return partial(Worker, exports=(), open_=stand_in_of_pipeline.open_pipeline)
+    return partial(Worker, exports=("colmap", "bvh"), open_=stand_in_of_pipeline.open_pipeline)
 
 
 @pytest.fixture
@@ -66,6 +85,14 @@ def test_a_photo_that_breaks_the_process_costs_itself_alone(jobs):
     assert "code 7" in left
     assert bad == last == "InputError: the photo is broken"
     assert [job.stages for job in added] == [[("people", 0, 1)]] * 4
+
+
+def test_an_export_with_folders_is_one_archive(jobs):
+    job = jobs.add(b"folders", "a photo", {})
+    assert ended(job) == ""
+    assert list(job.files) == ["colmap.zip", "of-bvh.bin"]
+    with ZipFile(job.files["colmap.zip"]) as archive:
+        assert archive.read("images/of-colmap.bin") == b"content"
 
 
 def test_a_photo_that_hangs_can_be_stopped(jobs):

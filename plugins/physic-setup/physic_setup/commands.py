@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from physic_core.cli.arguments import AnyPath, FolderPath
 from physic_core.cli.exit_codes import INTERRUPTED, OTHER, WEIGHTS
 from physic_core.cli.output import echo, echo_json
 from physic_core.errors import OutputError, PhysicError
+from physic_core.files.atomic import atomic_write, check_writable
 
 if TYPE_CHECKING:
     from physic_core.weights.manifest import WeightFile
@@ -38,13 +40,10 @@ def init(file: Path, preset: str) -> None:
     from physic_setup.template import config_template
 
     text = config_template(preset)
-    try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(text)
-    except FileExistsError:
-        raise OutputError(f"{file} exists already: choose another name") from None
-    except OSError as error:
-        raise OutputError(f"{file} cannot be written: {error.strerror}") from error
+    if os.path.lexists(file):
+        raise OutputError(f"{file} exists already: choose another name")
+    with atomic_write(file.parent) as temporary:
+        temporary(file.name).write_text(text, encoding="utf-8")
     echo(f"wrote {file}; try: physic run PHOTO --config {file}")
 
 
@@ -241,8 +240,5 @@ def _run(step: SetupStep) -> None:
     if step.file is not None:
         path, text = step.file
         echo(f"   writes {path}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise OutputError(f"{path} cannot be written: {error.strerror}") from error
+        with atomic_write(check_writable(path.parent)) as temporary:
+            temporary(path.name).write_text(text, encoding="utf-8")

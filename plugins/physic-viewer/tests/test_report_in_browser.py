@@ -418,13 +418,15 @@ def saved_file(page, button):
     return base64.b64decode(page.evaluate(LAST_FILE))
 
 
-def test_the_page_saves_the_view_as_a_picture(opened, path):
-    page = opened(path.as_uri(), before=KEEP_FILES)
-    view = np.asarray(Image.open(io.BytesIO(saved_file(page, "#picture"))))
-    canvas = page.picture("#canvas")
+@pytest.mark.parametrize(
+    ("width", "height", "ratio"), [(960, 600, 1), (961, 599, 1.25), (700, 601, 1.5), (640, 480, 2)]
+)
+def test_the_page_saves_the_view_in_the_pixels_of_the_screen(opened, path, width, height, ratio):
+    page = opened(path.as_uri(), width, height, before=KEEP_FILES, ratio=ratio)
+    view = Image.open(io.BytesIO(saved_file(page, "#picture")))
     assert page.errors() == []
-    assert view.shape[:2] == canvas.shape[:2]
-    assert view.std() > 20
+    assert np.abs(np.subtract(view.size, np.multiply(page.box("#canvas")[2:], ratio))).max() <= 0.51
+    assert np.asarray(view).std() > 20
 
 
 def test_the_view_alone_is_for_other_pages(opened, path):

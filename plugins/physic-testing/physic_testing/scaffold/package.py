@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -122,15 +124,15 @@ def write_plugin(folder: Path, names: PluginNames, core: str) -> list[Path]:
             f"(got '{names.backend}')"
         )
     files = {folder / path: text for path, text in plugin_files(names, core).items()}
+    if os.path.lexists(folder):
+        raise OutputError(f"{folder} exists already: choose another name, or another --folder")
     try:
         folder.mkdir(parents=True)
         for path, text in files.items():
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
-    except FileExistsError:
-        raise OutputError(
-            f"{folder} exists already: choose another name, or another --folder"
-        ) from None
     except OSError as error:
+        if not isinstance(error, FileExistsError):  # else it is of somebody else
+            shutil.rmtree(folder, ignore_errors=True)
         raise OutputError(f"{folder} cannot be written: {error.strerror}") from error
     return list(files)

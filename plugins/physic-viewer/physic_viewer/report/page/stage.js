@@ -10,7 +10,6 @@ class Stage {
   constructor(canvas, data, photo, background, images) {
     Object.assign(this, { canvas, data, background, images });
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.scene = new THREE.Scene();
     this.root = new THREE.Group(); // its children are in the frame of the photo's camera
     this.root.matrix.set(...data.upright);
@@ -209,11 +208,13 @@ class Stage {
   }
 
   resize() {
-    const { clientWidth, clientHeight } = this.canvas.parentElement;
-    if (!clientWidth || !clientHeight) return;
-    this.camera.aspect = clientWidth / clientHeight;
+    const { width, height } = this.canvas.getBoundingClientRect(), ratio = Math.min(window.devicePixelRatio, 2);
+    if (!width || !height) return;
+    this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
-    this.renderer.setSize(clientWidth, clientHeight, false);
+    // A side is a fraction of a pixel long at times: draw the nearest number of whole ones. three.js rounds down.
+    const [wide, high] = [width, height].map(side => (Math.round(side * ratio) + 0.25) / ratio);
+    this.renderer.setDrawingBufferSize(wide, high, ratio);
     this.render();
   }
 
