@@ -96,7 +96,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "--depth",
     "photo.depth",
     metavar="FILE",
-    help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic.",
+    help="Depth map of the photo: .npy, .exr or .pfm in m, .png in mm, or .heic.",
 )
 @_setting(
     "--depth-unit",

@@ -147,9 +147,8 @@ class PhotoSettings(_Table):
     )
     depth: _FilePath = Field(
         default=None,
-        description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, "
-        "or a 16-bit PNG in "
-        "millimetres; relative to the config file",
+        description="a depth map of the photo, instead of metric_depth: .npy, .exr or .pfm in "
+        "metres, or a 16-bit PNG in millimetres; relative to the config file",
     )
     depth_unit: _DepthUnit | None = Field(
         default=None,
