@@ -19,6 +19,7 @@ from physic_core.files.image_file import (
     open_image,
     wrap_decoding_errors,
 )
+from physic_core.io.colour import srgb_conversion
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
@@ -326,6 +327,8 @@ def _to_rgb(
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
     transparent = False
+    convertible, convert, colour_note = srgb_conversion(image)
+    is_converted = False
     for top in range(0, height, rows):
         box = (0, top, width, min(height, top + rows))
         band = image if rows >= height else image.crop(box)
@@ -338,15 +341,22 @@ def _to_rgb(
                 band = Image.alpha_composite(
                     Image.new("RGBA", band.size, (128, 128, 128, 255)), band
                 )
-        if band.mode != "RGB":
+        if band.mode not in ("RGB", convertible):
             band = band.convert("RGB")
+        if convert is not None and band.mode == convertible:
+            band = convert(band)
+            is_converted = True
+        band = band.convert("RGB")
         rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(
             band.reduce(factor) if factor > 1 else band
         )
     notes = {
         "16 bits per channel were scaled to 8": deep,
         "transparent parts were composited over mid-grey": transparent,
-        "CMYK colours were converted to RGB without a colour profile": image.mode == "CMYK",
+        "CMYK colours were converted to RGB without a colour profile": (
+            image.mode == "CMYK" and not is_converted
+        ),
+        colour_note: bool(colour_note),
         "the photo is grey: its one channel is used for red, green and blue": (
             image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
         ),
