@@ -15,7 +15,13 @@ import numpy as np
 from physic_core.errors import ConfigError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
-from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
+from physic_core.pipeline.border import (
+    Border,
+    cut_border,
+    find_inside,
+    limit_inside,
+    question_of_strip,
+)
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -74,6 +80,8 @@ def prepare_photo(
     photo = _with_camera(photo, settings)
     of_whole = settings.distortion or settings.depth or settings.pointmap
     inside = None if of_whole else find_inside(photo.image)
+    question = question_of_strip(photo.image if inside is None else photo.image[inside])
+    photo = replace(photo, warnings=(*photo.warnings, *filter(None, (question,))))
     if inside is None:
         photo = limit_size(photo, settings.max_side)
     else:
