@@ -27,7 +27,7 @@ from physic_core.io.result_folder import DOCUMENT_FILE
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _THUMBNAILS = os.path.join("thumbnails", "[0-9a-f][0-9a-f]")
-_COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id")
+_COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -85,10 +85,10 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
     """List the photos of files, folders (recursively) and CSV tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length
-    in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and
-    "id". Photos of folders are sorted by path. Of these, files in and below folders of results, and
-    thumbnails of batches, are skipped, and so are files that are hidden or have a suffix that no
-    photo has.
+    in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
+    out), "depth" and "pointmap" (files), and "id". Photos of folders are sorted by path. Of these,
+    files in and below folders of results, and thumbnails of batches, are skipped, and so are files
+    that are hidden or have a suffix that no photo has.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
@@ -232,8 +232,7 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
 
 
 def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
-    """Return the photo of a row with "path", and where given "camera", "stature", "depth",
-    "pointmap" and "id".
+    """Return the photo of a row with "path", and where given other columns of a table.
 
     A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.
 
@@ -307,6 +306,11 @@ def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[st
                 raise ValueError(
                     f"{name}s are numbers in {unit}, from left to right (got {quoted(text)})"
                 )
+    if text := _text(row.get("ignore")):
+        numbers = _numbers(text)
+        if not numbers or len(numbers) % 2:
+            raise ValueError(f"ignored people are pixels x,y (got {quoted(text)})")
+        settings["ignore"] = list(zip(numbers[::2], numbers[1::2], strict=True))
     files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
     return settings | {
         name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()

@@ -45,6 +45,8 @@ _KEYPOINTS = (
 
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 
+_IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure; may be repeated."
+
 
 @click.command()
 @click.argument("photo", metavar="PHOTO", type=AnyPath())
@@ -92,11 +94,12 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     multiple=True,
     help="The same, by a box around a person.",
 )
+@_setting("--ignore", "photo.ignore", type=Numbers("x,y"), multiple=True, help=_IGNORE)
 @_setting(
     "--depth",
     "photo.depth",
     metavar="FILE",
-    help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic.",
+    help="Depth map of the photo: .npy, .exr or .pfm in m, .png in mm, or .heic.",
 )
 @_setting(
     "--depth-unit",

@@ -145,11 +145,16 @@ class PhotoSettings(_Table):
         description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo "
         "file",
     )
+    ignore: tuple[tuple[_Pixel, _Pixel], ...] = Field(
+        default=(),
+        max_length=_MAX_PROMPTS,
+        description="a pixel x, y on each person to leave out, such as a reflection, px of the "
+        "upright photo file",
+    )
     depth: _FilePath = Field(
         default=None,
-        description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, "
-        "or a 16-bit PNG in "
-        "millimetres; relative to the config file",
+        description="a depth map of the photo, instead of metric_depth: .npy, .exr or .pfm in "
+        "metres, or a 16-bit PNG in millimetres; relative to the config file",
     )
     depth_unit: _DepthUnit | None = Field(
         default=None,
@@ -252,6 +257,8 @@ class PhotoSettings(_Table):
         self.known_sizes()  # raises ValueError
         if self.focal_px is not None and self.intrinsics is not None:
             raise ValueError("has both focal_px and intrinsics: give only one")
+        if self.ignore and (self.person or self.box):
+            raise ValueError("has chosen people and ignored ones: give only one of them")
         if self.depth_unit is not None and self.depth is None:
             raise ValueError("has depth_unit without depth: give both")
         if self.distortion is not None and self.intrinsics is None:

@@ -161,6 +161,7 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
 
     Raises:
         BackendError: the ``missing`` of a backend fails.
+        InputError: a backend cannot read a file of the photo.
     """
     found: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
@@ -168,7 +169,8 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
             for text in missing_requirements(resolved.backend):
                 found.setdefault(text, []).append(resolved.title)
         except PhysicError as error:
-            raise BackendError(f"{resolved.title}: {error}") from error
+            kind = InputError if isinstance(error, InputError) else BackendError
+            raise kind(f"{resolved.title}: {error}") from error
     # A file that is missing for two backends is listed once.
     texts = [f"{' and '.join(titles)}: {text}" for text, titles in found.items()]
     path = plan.config.body_model.path

@@ -520,12 +520,14 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
     if plane is not None:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
+        option = "camera-height, as in a view from above,"
     else:
         scale = USUAL_DEPTH_M / _median_depth(scene)
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
+        option = "known-length"
     warning = (
-        f"the scale is unknown without a person: {assumed}; use a metric depth network to "
-        f"get metres"
+        f"the scale is unknown without a person: {assumed}; give --{option} or use a metric depth "
+        f"network to get metres"
     )
     return SceneScale(scale), warning
 

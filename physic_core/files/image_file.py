@@ -109,6 +109,7 @@ _STARTS = {
     b"\x00\x00\x00\x0cjP  \r\n\x87\n": "JPEG2000",
     b"\xff\x4f\xff\x51": "JPEG2000",
     **{b"P%d" % i: "PPM" for i in range(1, 7)},
+    b"Pf": "PPM",  # PFM of one channel, floating point
 }
 _RAW_STARTS = (
     b"FUJIFILMCCD-RAW",

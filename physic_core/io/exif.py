@@ -18,6 +18,7 @@ _SOFTWARE = 0x0131
 EXIF_IFD = 0x8769
 _FOCAL_LENGTH = 0x920A
 _FOCAL_LENGTH_35MM = 0xA405
+_DIGITAL_ZOOM = 0xA404
 _PIXEL_WIDTH = 0xA002
 _PIXEL_HEIGHT = 0xA003
 _PLANE_X = 0xA20E
@@ -36,6 +37,7 @@ _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
 # nominal size.
 _AGREEMENT = 0.1
 _SAME_SIZE = 0.01
+_CAMERA_PIXELS = 1_900_000  # cameras that state a focal length write larger photos
 # of the logarithm of a focal length that two tags state in a file of an editor: _AGREEMENT / 2
 _EDITED_SIGMA = 0.05
 _SENSOR_ASPECTS = (4 / 3, 3 / 2)
@@ -59,7 +61,7 @@ def swaps_sides(orientation: int) -> bool:
 
 def intrinsics_from_exif(
     tags: Mapping[int, Any], stored: tuple[int, int], width: int, height: int, orientation: int = 1
-) -> tuple[Intrinsics | None, str | None]:
+) -> tuple[Intrinsics | None, tuple[str, ...]]:
     """Compute the intrinsics of the upright photo from its EXIF tags.
 
     The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24
@@ -70,6 +72,9 @@ def intrinsics_from_exif(
     a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the whole
     sensor.
 
+    A digital zoom lengthens the focal length of the lens. An equivalent may have it already, which
+    the resolution of the focal plane tells, or a sensor that would be smaller than any.
+
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.
         stored: (width, height) px of the stored pixel grid, before rotation or resizing.
@@ -78,50 +83,65 @@ def intrinsics_from_exif(
         orientation: EXIF orientation, 1-8.
 
     Returns:
-        The intrinsics, or None if the tags do not determine them; and a note if a focal length was
-        ignored or is not known exactly, else None.
+        The intrinsics, or None if the tags do not determine them; and notes on a focal length that
+        was ignored, zoomed or is not known exactly.
     """
-    plane = _plane_focal(tags, stored)
-    equivalent = _number(tags.get(_FOCAL_LENGTH_35MM))
+    zoom = _zoom(tags)
+    plane = _plane_focal(tags, zoom)
+    equivalent = positive_number(tags.get(_FOCAL_LENGTH_35MM))
     if equivalent:
         shared = equivalent * math.hypot(*stored) / _FULL_FRAME_DIAGONAL_MM
+        if plane:
+            shared = min(shared, shared * zoom, key=lambda f: abs(math.log(f / max(plane))))
         focal = (shared, shared)
         source = f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
     elif plane:
         focal = plane
-        source = f"EXIF: {_number(tags.get(_FOCAL_LENGTH)):g} mm and the sensor's resolution"
+        focal_mm = positive_number(tags.get(_FOCAL_LENGTH))
+        source = f"EXIF: {focal_mm:g} mm and the sensor's resolution"
     else:
-        return None, None
+        return None, ()
     if reason := _doubt(tags, stored, focal, plane if equivalent else None):
-        return None, f"the focal length in the EXIF data was ignored: {reason}"
+        return None, (f"the focal length in the EXIF data was ignored: {reason}",)
     scale = max(width, height) / max(stored)
     fx, fy = (scale * f for f in (focal[::-1] if swaps_sides(orientation) else focal))
     camera = Intrinsics(
         fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN
     )
-    editor = _EDITORS.search(str(tags.get(_SOFTWARE)))
-    if editor is None:
-        return camera, None
-    note = (
-        f"the focal length in the EXIF data may be off by {_EDITED_SIGMA:.0%}: an editor saved "
-        f"the photo ({editor[0]})"
-    )
-    return replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_EDITED_SIGMA), note
+    notes = [f"the focal length is that of the photo with its digital zoom of {zoom:g}"]
+    notes = notes if zoom != 1 else []
+    if math.prod(stored) < _CAMERA_PIXELS and not (plane and equivalent):
+        notes.append(
+            "the file is smaller than cameras write: if it was cropped, the focal length in its "
+            "EXIF data is too short; give --focal-px"
+        )
+    if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
+        notes.append(
+            f"the focal length in the EXIF data may be off by {_EDITED_SIGMA:.0%}: an editor saved "
+            f"the photo ({editor[0]})"
+        )
+        camera = replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_EDITED_SIGMA)
+    return camera, tuple(notes)
 
 
-def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[float, float] | None:
-    """Return the focal lengths along the stored axes by the resolution of the focal plane, px; None
-    if not known.
+def _zoom(tags: Mapping[int, Any]) -> float:
+    zoom = positive_number(tags.get(_DIGITAL_ZOOM)) or 1.0
+    return zoom if abs(zoom - 1) > _SAME_SIZE else 1.0
+
+
+def _plane_focal(tags: Mapping[int, Any], zoom: float) -> tuple[float, float] | None:
+    """Return the focal lengths along the stored axes by the resolution of the focal plane and the
+    digital zoom, px; None if not known.
     """
-    focal_mm = _number(tags.get(_FOCAL_LENGTH))
-    plane_x = _number(tags.get(_PLANE_X))
-    unit_mm = _UNIT_MM.get(int(_number(tags.get(_PLANE_UNIT)) or 2))
+    focal_mm = positive_number(tags.get(_FOCAL_LENGTH))
+    plane_x = positive_number(tags.get(_PLANE_X))
+    unit_mm = _UNIT_MM.get(int(positive_number(tags.get(_PLANE_UNIT)) or 2))
     if not focal_mm or not plane_x or unit_mm is None:
         return None
-    plane_y = _number(tags.get(_PLANE_Y)) or plane_x
+    plane_y = positive_number(tags.get(_PLANE_Y)) or plane_x
     if abs(math.log(plane_x / plane_y)) > _AGREEMENT:  # no sensor has such pixels
         return None
-    return focal_mm * plane_x / unit_mm, focal_mm * plane_y / unit_mm
+    return zoom * focal_mm * plane_x / unit_mm, zoom * focal_mm * plane_y / unit_mm
 
 
 def _doubt(
@@ -141,8 +161,8 @@ def _doubt(
     share = max(focal) / max(stored)
     if not _FOCAL_RANGE[0] <= share <= _FOCAL_RANGE[1]:
         return f"{share:.2g} times the long side is not plausible"
-    by_film = _number(tags.get(_FOCAL_LENGTH_35MM)) is not None
-    written = [_number(tags.get(tag)) or 0.0 for tag in (_PIXEL_WIDTH, _PIXEL_HEIGHT)]
+    by_film = positive_number(tags.get(_FOCAL_LENGTH_35MM)) is not None
+    written = [positive_number(tags.get(tag)) or 0.0 for tag in (_PIXEL_WIDTH, _PIXEL_HEIGHT)]
     # some software turns the pixels, but not the tags
     pairs = zip(sorted(written), sorted(stored), strict=True)
     if (all(written) or not by_film) and any(
@@ -163,12 +183,16 @@ def _doubt(
         )
     if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
         return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
+    sensor_mm = max(stored) * (positive_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
+    zoom = _zoom(tags)
+    if by_film and zoom != 1 and not 0 < sensor_mm < _SENSOR_MM[0]:
+        return f"whether the 35 mm equivalent has the digital zoom of {zoom:g} cannot be told"
+    sensor_mm *= 1 if by_film else zoom
     aspect = max(stored) / min(stored)
     if by_film and all(
         abs(aspect / of_sensor - 1) > _ASPECT_ERROR for of_sensor in _SENSOR_ASPECTS
     ):
         return f"sides of {aspect:.2f}:1 are of no usual sensor, so the photo may have been cropped"
-    sensor_mm = max(stored) * (_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
     is_sensor = _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]
     if (by_film or is_sensor) if share <= _MAX_FOCAL_BY_ONE else (by_film and is_sensor):
         return ""
@@ -178,7 +202,7 @@ def _doubt(
     )
 
 
-def _number(value: Any) -> float | None:
+def positive_number(value: Any) -> float | None:
     """Convert an EXIF tag to a positive finite number; None for 0, 0/0 and text, which mean
     "unknown".
     """

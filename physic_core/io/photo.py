@@ -19,7 +19,9 @@ from physic_core.files.image_file import (
     open_image,
     wrap_decoding_errors,
 )
+from physic_core.io.colour import srgb_conversion
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
+from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels
 from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
 
@@ -35,7 +37,6 @@ MIN_SIDE = 64
 _FOCAL_RANGE = (0.1, 100.0)
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _ARRAY = ImageSource("given as an array")
-_PANORAMA_ASPECT = 0.01  # relative deviation from 2:1
 _BAND_PIXELS = 4_000_000  # are converted at once: each conversion takes a copy
 _MAX_EXIF_BYTES = 1 << 20  # Pillow takes up to 50 times as much
 _UPRIGHT = {
@@ -62,6 +63,7 @@ class Photo(ShortRepr):
             reading, otherwise None.
         digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
         name: of the file; "" for a photo without one.
+        warnings: why the picture itself may mislead, as text for the user.
     """
 
     image: UInt8Array
@@ -70,6 +72,7 @@ class Photo(ShortRepr):
     file_size: tuple[int, int] | None = None
     digest: str = ""
     name: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def read_photo(photo: PhotoSource) -> Photo:
@@ -250,6 +253,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         raise source.raw()
     notes = list(_frame_notes(image))
     xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
+    xmp = xmp.decode("latin-1") if isinstance(xmp, bytes) else str(xmp)
     deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
@@ -257,6 +261,11 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     if decode(image, source):
         notes.append("the file's last bytes are missing; the image is complete")
     orientation, tags, exif_note = _exif(image)
+    if panorama := panorama_kind(xmp, tags):
+        raise InputError(
+            f"cannot use the {source}: it is a panorama ({panorama}), which no perspective camera "
+            f"took; cut a perspective view with the people from it, and give that"
+        )
     # what the decoder has not reduced itself
     left = factor // max(1, round(max(stored) / max(image.size)))
     with wrap_decoding_errors(source):
@@ -266,20 +275,23 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         notes.append("rotated upright according to the EXIF orientation")
     notes += conversions
     height, width = rgb.shape[:2]
-    if "equirectangular" in str(xmp) and abs(width / (2 * height) - 1) < _PANORAMA_ASPECT:
-        raise InputError(
-            f"cannot use the {source}: it is an equirectangular panorama, which no perspective "
-            f"camera took; cut a "
-            "perspective view with the people from it, and give that"
-        )
     if factor > 1:
         notes.append(
             f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px"
         )
-    intrinsics, note = intrinsics_from_exif(tags, stored, width, height, orientation)
-    notes += [text for text in (exif_note, note) if text]
+    stretched = stretched_pixels(image.info, tags, stored, orientation)
+    intrinsics, focal_notes = intrinsics_from_exif(
+        {} if stretched else tags, stored, width, height, orientation
+    )
+    notes += [exif_note, *focal_notes, drone_note(xmp)]
     upright = stored[::-1] if swaps_sides(orientation) else stored
-    return Photo(rgb, intrinsics, tuple(notes), upright if factor > 1 else None)
+    return Photo(
+        rgb,
+        intrinsics,
+        tuple(filter(None, notes)),
+        upright if factor > 1 else None,
+        warnings=(stretched,) if stretched else (),
+    )
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:
@@ -326,6 +338,8 @@ def _to_rgb(
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
     transparent = False
+    convertible, convert, colour_note = srgb_conversion(image)
+    is_converted = False
     for top in range(0, height, rows):
         box = (0, top, width, min(height, top + rows))
         band = image if rows >= height else image.crop(box)
@@ -338,15 +352,22 @@ def _to_rgb(
                 band = Image.alpha_composite(
                     Image.new("RGBA", band.size, (128, 128, 128, 255)), band
                 )
-        if band.mode != "RGB":
+        if band.mode not in ("RGB", convertible):
             band = band.convert("RGB")
+        if convert is not None and band.mode == convertible:
+            band = convert(band)
+            is_converted = True
+        band = band.convert("RGB")
         rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(
             band.reduce(factor) if factor > 1 else band
         )
     notes = {
         "16 bits per channel were scaled to 8": deep,
         "transparent parts were composited over mid-grey": transparent,
-        "CMYK colours were converted to RGB without a colour profile": image.mode == "CMYK",
+        "CMYK colours were converted to RGB without a colour profile": (
+            image.mode == "CMYK" and not is_converted
+        ),
+        colour_note: bool(colour_note),
         "the photo is grey: its one channel is used for red, green and blue": (
             image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
         ),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     Inside = tuple[slice, slice]
 
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
+_FEW_SAMPLES = 100  # of a row that may be a strip
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _STRAY = 0.002  # share of other pixels in a border
 # share of columns with other pixels in the first rows of the photo: a head on a plain ground spans
@@ -35,6 +36,7 @@ _LEAST_BAR = 0.01  # of the side; a narrower bar does not disturb networks
 # of the area: the whole result has at most ten times the pixels of the picture inside
 _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
+_LEAST_PART = 0.15  # of the side, on either side of a strip between two photos
 
 
 def find_inside(image: UInt8Array) -> Inside | None:
@@ -58,16 +60,35 @@ def find_inside(image: UInt8Array) -> Inside | None:
     return None if sides == [height, width] else inside
 
 
+def question_of_strip(image: UInt8Array) -> str:
+    """Return a question to the user if a strip of one colour crosses an image (H, W, 3) between two
+    photos; "" without one.
+    """
+    for across, side in ((image, "height"), (image.transpose(1, 0, 2), "width")):
+        samples = across[:, :: max(1, across.shape[1] // _FEW_SAMPLES)]
+        rows = np.flatnonzero(np.ptp(samples, axis=1).max(-1) <= _PLAIN)
+        shares = rows / len(samples)
+        rows = rows[(shares > _LEAST_PART) & (shares < 1 - _LEAST_PART)]
+        for row in rows[len(rows) // 2 :][:1]:
+            if _bar(across[row:], 1) and _bar(across[row::-1], 1):
+                return (
+                    f"two photos in one file? A strip of one colour crosses it at "
+                    f"{row / len(samples):.0%} of its {side}: cut them apart, and run each"
+                )
+    return ""
+
+
 def _between_bars(rows: UInt8Array) -> tuple[int, int]:
-    return _bar(rows), len(rows) - _bar(rows[::-1])
+    least = math.ceil(_LEAST_BAR * len(rows))
+    return _bar(rows, least), len(rows) - _bar(rows[::-1], least)
 
 
-def _bar(rows: UInt8Array) -> int:
-    """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0
-    without a bar.
+def _bar(rows: UInt8Array, least: int) -> int:
+    """Return the number of rows (R, C, 3) of one colour, at least some, before the straight edge of
+    a picture; 0 without a bar.
     """
     samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)]
-    outermost = samples[: math.ceil(_LEAST_BAR * len(rows))].astype(np.int16)
+    outermost = samples[:least].astype(np.int16)
     color = np.median(outermost[0], axis=0)
     tolerance = np.abs(outermost - color).max() + 1
     if tolerance > _PLAIN:  # most photos
@@ -77,8 +98,7 @@ def _bar(rows: UInt8Array) -> int:
     stop = int(((difference > tolerance).mean(1) > _STRAY).argmax())
     if stop < len(outermost):
         return 0
-    near = slice(stop, stop + _RINGING_PX + 1)
-    steps = np.abs(samples[near] - samples[stop - 1 : near.stop - 1]).mean((1, 2))
+    steps = np.abs(np.diff(samples[stop - 1 : stop + _RINGING_PX + 1], axis=0)).mean((1, 2))
     edge = stop + int((steps >= steps.max() / 2).argmax())
     first = difference[edge : edge + _FIRST_PX] > 2 * tolerance
     return edge if first.any(0).mean() >= _EDGE else 0

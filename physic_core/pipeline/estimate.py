@@ -86,7 +86,7 @@ def run_backends(
         load_model: returns the body model that all bodies are converted to; not called before the
             bodies are estimated.
         stages: calls the backends and records the run.
-        prompt: whom to reconstruct, px of the image; None for all people.
+        prompt: whom to reconstruct or to leave out, px of the image; None for all people.
         sizes: that the user knows, px of the image.
         given_keypoints: that replace detected ones, px of the image.
 
@@ -117,9 +117,15 @@ def run_backends(
 
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
+    ignored = None
+    if prompt is not None and prompt.ignored:
+        ignored = prompt
+        prompt = None
     found_people = run.people(image, prompt, required=plan.photo.require_people)
+    if ignored is not None:
+        found_people = run.without(found_people, ignored)
     real = real_people(found_people, prompt)
-    people = run.select(found_people, real)
+    people = run.select(found_people, real, "its joints lie on another person")
     if prompt is None:
         known, notes = _known_people(sizes, people, chosen=False)
     else:
@@ -333,13 +339,21 @@ class _BackendCalls:
             )
         return people
 
-    def select(self, people: People, real: BoolArray) -> People:
-        """Return the real ones (N,) bool of the people, with a note about each other one."""
+    def without(self, people: People, ignored: PeoplePrompt) -> People:
+        """Return the people whom the user does not ignore; others' pixels show no scene."""
+        from physic_core.pipeline.known_people import ignored_people
+
+        out = ignored_people(people, ignored)
+        masks: BoolArray = np.logical_or.reduce(people.masks[out])
+        if people.unposed_mask is not None:
+            masks |= people.unposed_mask
+        return replace(self.select(people, ~out, "it is ignored"), unposed_mask=masks)
+
+    def select(self, people: People, real: BoolArray, reason: str) -> People:
+        """Return some (N,) bool of the people, with a note why each other one is left out."""
         for i in np.flatnonzero(~real):
             x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
-            self.stages.note(
-                f"left out the person in ({x0}, {y0}, {x1}, {y1}): its joints lie on another person"
-            )
+            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): {reason}")
         self.missing.update({name: missing[real] for name, missing in self.missing.items()})
         return select_people(people, real)
 

@@ -335,14 +335,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     Raises:
         NoPersonError: no person is at a point or box, or two prompts select the same person.
     """
-    rows = [
-        _required(person_at_point(people, p), prompt, i, people)
-        for i, p in enumerate(prompt.points)
-    ]
-    rows += [
-        _required(person_in_box(people, b), prompt, i, people)
-        for i, b in enumerate(prompt.boxes, len(rows))
-    ]
+    rows = _rows_at(people, prompt)
     for i, row in enumerate(rows):
         if row in rows[:i]:
             first = prompt.describe(rows.index(row))
@@ -380,6 +373,33 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         keypoints=keypoints,
         heads=None,
     )
+
+
+def ignored_people(people: People, prompt: PeoplePrompt) -> BoolArray:
+    """Return which people (N,) bool the user leaves out.
+
+    Raises:
+        NoPersonError: no person is at a point, box or mask.
+    """
+    rows = _rows_at(people, prompt)
+    masks = () if prompt.masks is None else prompt.masks
+    rows += [
+        _required(_best_match(mask, people.masks), prompt, i, people)
+        for i, mask in enumerate(masks, len(rows))
+    ]
+    return np.isin(np.arange(len(people)), rows)
+
+
+def _rows_at(people: People, prompt: PeoplePrompt) -> list[int]:
+    """Return the rows of the people at the points and boxes of a prompt."""
+    rows = [
+        _required(person_at_point(people, p), prompt, i, people)
+        for i, p in enumerate(prompt.points)
+    ]
+    return rows + [
+        _required(person_in_box(people, b), prompt, i, people)
+        for i, b in enumerate(prompt.boxes, len(rows))
+    ]
 
 
 def person_at_point(people: People, point: tuple[float, float]) -> int | None:

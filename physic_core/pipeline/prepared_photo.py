@@ -15,7 +15,13 @@ import numpy as np
 from physic_core.errors import ConfigError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
-from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
+from physic_core.pipeline.border import (
+    Border,
+    cut_border,
+    find_inside,
+    limit_inside,
+    question_of_strip,
+)
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -38,7 +44,7 @@ class PreparedPhoto:
 
     Attributes:
         photo: with the camera of the config, no larger than its limit, undistorted.
-        people: the people to reconstruct, px of the picture; None for all people.
+        people: whom to reconstruct or to leave out, px of the picture; None for all people.
         known: sizes that the user knows, px of the picture.
         lens: of the file; None without distortion.
         border: that was cut off the photo; None without one.
@@ -74,6 +80,8 @@ def prepare_photo(
     photo = _with_camera(photo, settings)
     of_whole = settings.distortion or settings.depth or settings.pointmap
     inside = None if of_whole else find_inside(photo.image)
+    question = question_of_strip(photo.image if inside is None else photo.image[inside])
+    photo = replace(photo, warnings=(*photo.warnings, *filter(None, (question,))))
     if inside is None:
         photo = limit_size(photo, settings.max_side)
     else:
@@ -81,6 +89,12 @@ def prepare_photo(
     height, width = photo.image.shape[:2]
     if people is None and (settings.person or settings.box):
         people = PeoplePrompt(settings.person, settings.box)
+    if settings.ignore:
+        if people is not None:
+            raise ConfigError(
+                "photo.ignore leaves people out, and people are chosen: give only one"
+            )
+        people = PeoplePrompt(settings.ignore, ignored=True)
     prompt = (
         None
         if people is None
@@ -217,7 +231,7 @@ def move_pixels(
         masks = (
             None if prompt.masks is None else np.stack([move_mask(mask) for mask in prompt.masks])
         )
-        prompt = PeoplePrompt(points, boxes, masks)
+        prompt = replace(prompt, points=points, boxes=boxes, masks=masks)
     lengths = []
     for length in known.lengths:
         start, end = move(np.array([length.start, length.end])).tolist()
@@ -262,7 +276,7 @@ def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePromp
     points = tuple(_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
     boxes = tuple(_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes)
     masks = None if prompt.masks is None else np.asarray(prompt.masks)
-    checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
+    checked = replace(prompt, points=points, boxes=boxes, masks=masks)  # type: ignore[arg-type]
     if not len(checked):
         raise ConfigError(
             "no person is chosen: give at least one point, box or mask, or omit the prompt for "
@@ -340,10 +354,11 @@ def resize_prompt(
                 f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or "
                 f"raise photo.max_side"
             )
-    return PeoplePrompt(
-        tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
-        tuple((x0 * sx, y0 * sy, x1 * sx, y1 * sy) for x0, y0, x1, y1 in prompt.boxes),
-        masks,
+    return replace(
+        prompt,
+        points=tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
+        boxes=tuple((x0 * sx, y0 * sy, x1 * sx, y1 * sy) for x0, y0, x1, y1 in prompt.boxes),
+        masks=masks,
     )
 
 

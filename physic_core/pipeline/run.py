@@ -363,6 +363,7 @@ def _reconstruct(
     prepared = prepare_photo(photo, plan.photo, given.people, given.known)
     photo = prepared.photo
     stages.note(*photo.notes)
+    stages.warn(*photo.warnings)
     with limited_threads(plan.config.run.threads):
         # Beside the first networks: torch takes longer than a second to import.
         threading.Thread(target=_import_torch, name="import torch").start()

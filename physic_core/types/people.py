@@ -219,19 +219,21 @@ class SurfaceLabels(ShortRepr):
 
 @dataclass(frozen=True)
 class PeoplePrompt(ShortRepr):
-    """The people whom the user chose in a photo, one for each point, box and mask.
+    """The people whom the user chose or ignores in a photo, one for each point, box and mask.
 
-    Results are in the order of the prompts: points, then boxes, then masks.
+    Results of chosen people are in the order of the prompts: points, then boxes, then masks.
 
     Attributes:
         points: x, y px of a pixel on each person.
         boxes: x0, y0, x1, y1 px around each person, half open like a slice.
         masks: (M, H, W) bool, visible pixels of each person; masks do not overlap. Or None.
+        ignored: leave these people out, and reconstruct all others: reflections, pictures, figures.
     """
 
     points: tuple[tuple[float, float], ...] = ()
     boxes: tuple[tuple[float, float, float, float], ...] = ()
     masks: BoolArray | None = None
+    ignored: bool = False
 
     def __len__(self) -> int:
         return len(self.points) + len(self.boxes) + (0 if self.masks is None else len(self.masks))

@@ -179,6 +179,15 @@ def test_invalid_shards_are_an_error(text):
         Shard.parse(text)
 
 
+def test_a_row_names_people_to_leave_out():
+    assert photo_of_row({"path": "a.jpg", "ignore": "3,4, 5,6"}).settings == {
+        "ignore": [(3.0, 4.0), (5.0, 6.0)]
+    }
+    for cell in ("3", "3,4,5", "left"):
+        with pytest.raises(ValueError, match="pixels x,y"):
+            photo_of_row({"path": "a.jpg", "ignore": cell})
+
+
 @pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
 def test_the_cells_of_a_row_are_checked_like_settings(cells):
     settings = photo_of_row({"path": "a.jpg", **cells}).settings

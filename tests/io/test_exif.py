@@ -10,7 +10,7 @@ from physic_core.io.exif import intrinsics_from_exif
 
 _TAGS = {
     "software": 0x0131, "mm": 0x920A, "film": 0xA405, "w": 0xA002, "h": 0xA003,
-    "plane_x": 0xA20E, "plane_y": 0xA20F, "unit": 0xA210,
+    "plane_x": 0xA20E, "plane_y": 0xA20F, "unit": 0xA210, "zoom": 0xA404,
 }  # fmt: skip
 _INCH = 2
 _CM = 3
@@ -78,15 +78,17 @@ BLOCKS = [
 ]  # fmt: skip
 
 
+def read(tags, size):
+    return intrinsics_from_exif({_TAGS[name]: value for name, value in tags.items()}, size, *size)
+
+
 @pytest.mark.parametrize(
     ("tags", "size", "sensor_mm", "is_known"), [b[1:] for b in BLOCKS], ids=[b[0] for b in BLOCKS]
 )
 def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known):
-    camera, note = intrinsics_from_exif(
-        {_TAGS[name]: value for name, value in tags.items()}, size, *size
-    )
+    camera, notes = read(tags, size)
     assert (camera is not None) == is_known
-    assert note is None or not is_known or not camera.known
+    assert not notes or not is_known or not camera.known
     if camera is not None:
         assert max(camera.fx, camera.fy) == pytest.approx(
             tags["mm"] / sensor_mm * max(size), rel=0.06
@@ -97,8 +99,42 @@ def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known):
     ("software", "sigma"), [("ILCE-7M3 v3.10", None), ("Adobe Photoshop Lightroom 10.0", 0.05)]
 )
 def test_the_lens_of_a_file_that_an_editor_saved_is_an_estimate(software, sigma):
-    tags = {_TAGS[name]: value for name, value in {**ALPHA_7M3, "software": software}.items()}
-    camera, note = intrinsics_from_exif(tags, (6000, 4000), 6000, 4000)
+    camera, notes = read({**ALPHA_7M3, "software": software}, (6000, 4000))
     assert camera is not None
     assert (camera.known, camera.focal_sigma) == (sigma is None, sigma)
-    assert (note is None) == (sigma is None)
+    assert (not notes) == (sigma is None)
+
+
+PLANE = {"mm": 14.0, "w": 4608, "h": 3456, "plane_x": 2663.6, "plane_y": 2663.6, "unit": _CM}
+ZOOMED = {  # tags, and the true focal length of a photo 4608 px wide
+    "a lens and its plane": (PLANE, 7458),
+    "the equivalent of the lens": ({**PLANE, "film": 28}, 7458),
+    "the equivalent of the zoomed photo": ({**PLANE, "film": 56}, 7458),
+    "an equivalent whose sensor would be 2.8 mm wide": ({"mm": 4.2, "film": 52}, 6922),
+}
+
+
+@pytest.mark.parametrize("name", ZOOMED)
+def test_the_focal_length_is_that_of_the_zoomed_photo_with_a_note(name):
+    tags, focal = ZOOMED[name]
+    camera, notes = read({**tags, "zoom": 2.0}, (4608, 3456))
+    assert camera.fx == pytest.approx(focal, rel=0.03)
+    assert camera.known
+    assert ["zoom of 2" in note for note in notes] == [True]
+
+
+def test_an_equivalent_that_may_have_the_digital_zoom_is_not_known():
+    camera, notes = read({"mm": 6.77, "film": 48, "zoom": 2.0}, (4032, 3024))
+    assert camera is None
+    assert "cannot be told" in notes[0]
+
+
+@pytest.mark.parametrize("zoom", [0.0, 1.0, float("nan")])
+def test_a_zoom_that_was_not_used_changes_nothing(zoom):
+    assert read({**PLANE, "zoom": zoom}, (4608, 3456)) == read(PLANE, (4608, 3456))
+
+
+def test_a_file_that_is_smaller_than_cameras_write_may_have_been_cropped():
+    camera, notes = read({**IPHONE_12, "w": 1000, "h": 750}, (1000, 750))
+    assert camera.known
+    assert "cropped" in notes[0]

@@ -98,6 +98,34 @@ class Disobedient(Prompted):
 
 
 @pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
+def test_an_ignored_person_is_left_out_of_people_and_scene(world, kind):
+    x, y = (int(value) for value in np.argwhere(world.masks[0]).mean(0)[::-1])
+    own = {"segmenter": kind}
+    settings = {"extends": "mock", "photo": {"ignore": [[x, y]]}}
+    result = reconstruct(world.image, settings, backends=own)
+    assert not result.people
+    assert ["ignored" in note for note in result.notes if "left out" in note] == [True]
+    by_prompt = reconstruct(
+        world.image, "mock", backends=own, people=PeoplePrompt(masks=world.masks[:1], ignored=True)
+    )
+    np.testing.assert_array_equal(by_prompt.scene.points, result.scene.points)
+    with pytest.raises(NoPersonError, match="at point 1"):
+        reconstruct(world.image, {"extends": "mock", "photo": {"ignore": [[1, 1]]}}, backends=own)
+
+
+def test_people_are_chosen_or_ignored():
+    photo = {"person": [[1, 1]], "ignore": [[2, 2]]}
+    with pytest.raises(ConfigError, match="only one"):
+        load_config(preset="mock", flags={"flags": {"photo": photo}})
+    with pytest.raises(ConfigError, match="only one"):
+        reconstruct(
+            np.zeros((72, 96, 3), np.uint8),
+            {"extends": "mock", "photo": {"ignore": [[2, 2]]}},
+            people=PeoplePrompt(points=((1, 1),)),
+        )
+
+
+@pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
 def test_a_run_reconstructs_the_chosen_person(world, kind):
     y, x = np.argwhere(world.masks[0])[len(np.argwhere(world.masks[0])) // 2]
     own = {"segmenter": kind}

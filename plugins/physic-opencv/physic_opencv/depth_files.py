@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+DEPTH_SUFFIXES = (".npy", ".npz", ".png", ".exr", ".pfm", ".heic", ".heif", ".hif")
+POINTMAP_SUFFIXES = (".npy", ".npz")
 _UNIFORM_DISPARITY = 1
 _RELATIVE = re.compile(rb"depthData:Accuracy\W{1,4}relative")
 
@@ -86,7 +87,7 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
 
     Args:
         path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W), a PNG of 16 bits with
-            one channel, an .exr file, or a HEIC photo of a phone.
+            one channel, an .exr file, a PFM of one channel, or a HEIC photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest
             number of 16 bits (65504) in floating point, in units of the file; None for no other.
@@ -94,15 +95,13 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no known pixel.
     """
+    suffix = check_suffix(path, DEPTH_SUFFIXES)
     _require(path, "depth map")
-    suffix = path.suffix.lower()
     is_relative = False
     values: NDArray[np.generic]
-    if suffix in HEIC_SUFFIXES:
-        values, is_relative = read_phone_depth(path)
-    elif suffix == ".npy":
+    if suffix == ".npy":
         values = _load_npy(path)
-    elif suffix == ".png":
+    elif suffix in (".png", ".pfm"):
         values = _read_picture(path)
         if values.dtype == np.uint8:
             raise InputError(
@@ -117,10 +116,7 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     elif suffix == ".exr":
         values = read_exr(path)
     else:
-        raise InputError(
-            f"cannot read the depth map {path}: its name ends in none of .npy, .npz, .png, .exr, "
-            f".heic; convert it"
-        )
+        values, is_relative = read_phone_depth(path)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2:
@@ -156,17 +152,13 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no valid point.
     """
+    suffix = check_suffix(path, POINTMAP_SUFFIXES)
     _require(path, "point map")
-    suffix = path.suffix.lower()
     valid: NDArray[np.bool_] | None = None
     if suffix == ".npy":
         points = _load_npy(path)
-    elif suffix == ".npz":
-        points, valid = _load_npz(path, "points")
     else:
-        raise InputError(
-            f"cannot read the point map {path}: its name ends in none of .npy, .npz; convert it"
-        )
+        points, valid = _load_npz(path, "points")
     if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
         raise InputError(
             f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}"
@@ -229,6 +221,20 @@ def _is_rounded(rows: int, columns: int, height: int, width: int) -> bool:
     return max(abs(columns - scale * width), abs(rows - scale * height)) <= _PATCH_PX / 2
 
 
+def check_suffix(path: Path, known: tuple[str, ...]) -> str:
+    """Return the suffix of a file in small letters.
+
+    Raises:
+        InputError: it is none of the known ones.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in known:
+        raise InputError(
+            f"cannot read {path}: its name ends in none of {', '.join(known)}; convert it"
+        )
+    return suffix
+
+
 def _require(path: Path, what: str) -> None:
     if not path.is_file():
         raise InputError(f"cannot read the {what} {path}: there is no such file; check the path")
@@ -272,10 +278,16 @@ def _load_npz(path: Path, needed: str) -> tuple[NDArray[np.generic], NDArray[np.
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
     source = ImageSource(
-        str(path), path=path, what="depth map", formats="a PNG of 16 bits with one channel"
+        str(path), path=path, what="depth map", formats="a PNG of 16 bits or PFM of one channel"
     )
     with open_image(source) as (image, _):
         decode(image, source)
+        # of a PFM: some programs multiply by it, some divide, and most ignore it
+        if (factor := image.info.get("scale", 1.0)) != 1:
+            raise InputError(
+                f"cannot read the {source}: its header states a scale of {factor:g}, which tools "
+                f"read differently; write 1 or -1, with the depth in metres"
+            )
         return np.asarray(image if image.mode in _GREY else image.convert("RGB"))
 
 

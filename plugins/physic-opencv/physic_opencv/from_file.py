@@ -13,7 +13,14 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.errors import InputError
 from physic_core.types import DepthMap, Pointmap
-from physic_opencv.depth_files import read_depth, read_pointmap, resize_nearest
+from physic_opencv.depth_files import (
+    DEPTH_SUFFIXES,
+    POINTMAP_SUFFIXES,
+    check_suffix,
+    read_depth,
+    read_pointmap,
+    resize_nearest,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
@@ -24,9 +31,8 @@ class DepthFileOptions(interfaces.Options):
 
     path: Path | None = Field(
         None,
-        description="The file, which must be given: .npy (H, W), 16-bit .png, .exr where OpenCV "
-        "reads it, or the .heic "
-        "photo of a phone that stores depth.",
+        description="The file, which must be given: .npy (H, W), .npz with depth, 16-bit .png, "
+        ".exr, .pfm, or the .heic photo of a phone that stores depth.",
     )
     scale: float = Field(
         1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres."
@@ -63,8 +69,12 @@ class DepthFile(interfaces.MetricDepth):
     cacheable = False  # reading the file again costs less than the cache
 
     def missing(self) -> tuple[str, ...]:
-        """Return a line if the file does not exist."""
-        return _missing_file(self.options.path, "metric_depth")
+        """Return a line if the file does not exist.
+
+        Raises:
+            InputError: no file of this suffix is read.
+        """
+        return _missing_file(self.options.path, "metric_depth", DEPTH_SUFFIXES)
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Return the depth (H, W) of the file in metres, NaN where it is unknown and in
@@ -124,8 +134,12 @@ class PointmapFile(interfaces.RelativePointmap):
     cacheable = False  # reading the file again costs less than the cache
 
     def missing(self) -> tuple[str, ...]:
-        """Return a line if the file does not exist."""
-        return _missing_file(self.options.path, "relative_pointmap")
+        """Return a line if the file does not exist.
+
+        Raises:
+            InputError: no file of this suffix is read.
+        """
+        return _missing_file(self.options.path, "relative_pointmap", POINTMAP_SUFFIXES)
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the points (H, W, 3) of the file and their validity, without those in
@@ -154,10 +168,11 @@ def _only_people(path: Path, what: str) -> InputError:
     )
 
 
-def _missing_file(path: Path | None, interface: str) -> tuple[str, ...]:
+def _missing_file(path: Path | None, interface: str, suffixes: tuple[str, ...]) -> tuple[str, ...]:
     if path is None:
         return (f"a file of this photo: set {interface}.options.path",)
     if path.is_file():
+        check_suffix(path, suffixes)
         return ()
     return (
         f"{path}: there is no such file; set {interface}.options.path to the file of this photo",

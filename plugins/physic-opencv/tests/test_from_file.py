@@ -86,6 +86,44 @@ def test_unusable_depth_is_refused(tmp_path, name, values, message):
         depth(tmp_path / name)
 
 
+def pfm(path, values, scale, end=None):
+    order = "<f4" if scale < 0 else ">f4"
+    head = f"Pf\n{values.shape[1]} {values.shape[0]}\n{scale}\n".encode()
+    path.write_bytes(head + values[::-1].astype(order).tobytes()[:end])
+    return path
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.0])
+def test_the_rows_of_a_pfm_count_from_below_in_the_order_of_bytes_of_its_sign(tmp_path, scale):
+    found = depth(pfm(tmp_path / "d.pfm", DEPTH, scale)).depth
+    np.testing.assert_array_equal(found, DEPTH.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("scale", "end", "message"),
+    [(-0.25, None, "states a scale of 0.25"), (-1.0, -8, "truncated"), (0.0, None, "damaged")],
+)
+def test_an_unclear_or_damaged_pfm_is_refused(tmp_path, scale, end, message):
+    with pytest.raises(InputError, match=message):
+        depth(pfm(tmp_path / "d.pfm", DEPTH, scale, end))
+
+
+@pytest.mark.parametrize("setting", ["depth", "pointmap"])
+def test_a_file_that_no_backend_reads_is_refused_before_anything_is_computed(
+    tmp_path, stand, setting
+):
+    (tmp_path / "d.tif").write_bytes(b"II*\0")
+    photo = {"photo": {setting: str(tmp_path / "d.tif")}}
+    ran = []
+    with pytest.raises(InputError, match="ends in none of"):
+        reconstruct(
+            stand.image,
+            load_config(preset="mock", flags={"flag": photo}),
+            progress=lambda name, *_: ran.append(name),
+        )
+    assert ran == []
+
+
 def test_damaged_and_missing_files_are_refused(tmp_path):
     for name, reader in (("d.npy", depth), ("d.png", depth), ("d.npz", pointmap)):
         (tmp_path / name).write_bytes(b"nothing of the kind")

@@ -1,0 +1,102 @@
+"""Read what a file states about its picture beside the lens: projection, shape of pixels, drone."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from physic_core.io.exif import positive_number, swaps_sides
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+_VALUE = r"""(?:\s*=\s*["']|>)\s*"""  # of XMP, as an attribute or an element
+_PROJECTION = re.compile(rf"\bProjectionType{_VALUE}([\w-]+)")
+_PITCH = re.compile(rf"\bGimbalPitchDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ALTITUDE = re.compile(rf"\bRelativeAltitude{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_FLAT = ("perspective", "rectilinear")
+
+_MAKE = 0x010F
+_RESOLUTIONS = (0x011A, 0x011B)
+_CUSTOM_RENDERED = 0xA401
+_PANORAMA_OF_APPLE = 6
+_OF_CAMERAS = {_MAKE, 0x0110, 0x920A}  # make, model, focal length
+
+_SQUARE = math.log(1.02)
+_LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that nobody reads
+_RECORDERS = {
+    (960, 1080): "are not square: resize it to 1920 x 1080 px",
+    (
+        960,
+        576,
+    ): "are not square: resize it to 768 x 576 px, or 1024 x 576 px if the camera has 16:9",
+    (704, 288): "are not square: resize it to 768 x 576 px",
+    (1440, 1080): "may not be square: if people look narrow, resize it to 1920 x 1080 px",
+    (720, 576): "may not be square: it may show 768 x 576 or 1024 x 576 px",
+}
+"""Size of pictures of recorders -> what is known of their pixels."""
+_PAIRS = ("jfif_density", "aspect", "dpi")
+
+
+def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
+    """Return the projection of a panorama, such as "equirectangular"; "" for a perspective photo.
+
+    Args:
+        xmp: of the file.
+        tags: as in :func:`physic_core.io.exif.intrinsics_from_exif`.
+    """
+    if (found := _PROJECTION.search(xmp)) and found[1].lower() not in _FLAT:
+        return found[1].lower()
+    is_apple = str(tags.get(_MAKE)).strip("\0 ") == "Apple"
+    return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
+
+
+def drone_note(xmp: str) -> str:
+    """Return a note on the gimbal's pitch and the height over the take-off, or ""."""
+    pitch, altitude = (pattern.search(xmp) for pattern in (_PITCH, _ALTITUDE))
+    said = [f"a camera pitch of {float(pitch[1]):g} degrees"] if pitch else []
+    said += [f"{float(altitude[1]):g} m above the take-off"] if altitude else []
+    if not said:
+        return ""
+    return (
+        f"the drone states {' and '.join(said)}, which are not used: give --camera-height if "
+        f"people stand as high as it took off"
+    )
+
+
+def stretched_pixels(
+    info: Mapping[Any, Any], tags: Mapping[int, Any], stored: tuple[int, int], orientation: int
+) -> str:
+    """Return why the pixels of a file are or may not be square, and the resize that mends them; ""
+    for square ones.
+
+    Without a unit of length, programs disagree on which number is that of the width. A recorder
+    states nothing: it is known by the exact size of its pictures.
+
+    Args:
+        info: of Pillow: resolutions of JFIF, PNG and TIFF.
+        tags: as in :func:`physic_core.io.exif.intrinsics_from_exif`.
+        stored: (width, height) px of the stored pixel grid.
+        orientation: EXIF orientation, 1-8.
+    """
+    of_tags = [tags.get(tag) for tag in _RESOLUTIONS]
+    for name, pair in (*((name, info.get(name)) for name in _PAIRS), ("", of_tags)):
+        x, y = (positive_number(value) for value in pair or (0, 0))
+        if not x or not y or not _SQUARE < abs(math.log(x / y)) < _LARGEST:
+            continue
+        by_height = (x > y) != swaps_sides(orientation)
+        sides = ("height", "width") if by_height else ("width", "height")
+        text = (
+            f"the file states pixels that are not square ({x:g}:{y:g}): resize it to "
+            f"{max(x / y, y / x):.3g} times its {sides[0]}"
+        )
+        has_unit = name != "aspect" and (name != "jfif_density" or info.get("jfif_unit"))
+        return text if has_unit else f"{text}, or {sides[1]} if a video program wrote it"
+    if stored not in _RECORDERS or _OF_CAMERAS & tags.keys():
+        return ""
+    return (
+        f"{stored[0]} x {stored[1]} px is a size of video recorders, whose pixels "
+        f"{_RECORDERS[stored]}"
+    )

@@ -1,0 +1,87 @@
+"""Colours of files that are not sRGB arrive as their file means them."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image, ImageCms, PngImagePlugin
+
+from physic_core.io.photo import read_photo
+
+SMALL = np.random.default_rng(0).integers(0, 255, (9, 12, 3), np.uint8)
+PICTURE = Image.fromarray(SMALL).resize((96, 72))
+SHARES = np.asarray(PICTURE) / 255
+LINEAR = np.where(SHARES > 0.04045, ((SHARES + 0.055) / 1.055) ** 2.4, SHARES / 12.92)
+
+
+def stored(kind, picture=PICTURE, **options):
+    """The bytes of a file of a format."""
+    file = io.BytesIO()
+    picture.save(file, kind, **options)
+    return file.getvalue()
+
+
+def with_gamma(picture, gamma):
+    info = PngImagePlugin.PngInfo()
+    info.add(b"gAMA", round(gamma * 1e5).to_bytes(4))
+    return stored("PNG", picture, pnginfo=info)
+
+
+def test_a_linear_png_is_read_as_bright_as_it_is():
+    photo = read_photo(with_gamma(Image.fromarray((255 * LINEAR).round().astype(np.uint8)), 1.0))
+    error = np.abs(photo.image.astype(float) - np.asarray(PICTURE))
+    assert error[np.asarray(PICTURE) > 50].max() <= 4
+    assert len(photo.notes) == 1
+
+
+def test_the_usual_gamma_changes_nothing():
+    photo = read_photo(with_gamma(PICTURE, 0.45455))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert photo.notes == ()
+
+
+def profile(name):
+    return ImageCms.ImageCmsProfile(ImageCms.createProfile(name)).tobytes()
+
+
+def wide_profile():
+    """sRGB whose red and green are exchanged: colours that differ from sRGB without doubt."""
+    content = bytearray(profile("sRGB"))
+    red, green = (content.index(tag) for tag in (b"rXYZ", b"gXYZ"))
+    content[red : red + 4], content[green : green + 4] = b"gXYZ", b"rXYZ"
+    return bytes(content)
+
+
+@pytest.mark.parametrize("kind", ["JPEG", "PNG", "TIFF", "WEBP", "AVIF"])
+def test_a_colour_profile_is_followed(kind):
+    options = {"WEBP": {"lossless": True}, "JPEG": {"quality": 100, "subsampling": 0}}
+    plain = read_photo(stored(kind, **options.get(kind, {})))
+    photo = read_photo(stored(kind, icc_profile=wide_profile(), **options.get(kind, {})))
+    error = np.abs(photo.image.astype(float) - plain.image[..., [1, 0, 2]])
+    assert error.mean() < 2
+    assert photo.notes == ()
+
+
+def test_a_profile_of_srgb_changes_nothing():
+    photo = read_photo(stored("PNG", icc_profile=profile("sRGB")))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert photo.notes == ()
+
+
+def test_an_unreadable_profile_is_named():
+    photo = read_photo(stored("PNG", icc_profile=b"no profile of any kind"))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert ["colour profile" in note for note in photo.notes] == [True]
+
+
+def test_grey_is_read_by_a_grey_profile():
+    content = bytearray(profile("sRGB"))
+    content[16:20] = b"GRAY"
+    curve = content.index(b"rTRC")
+    content[curve : curve + 4] = b"kTRC"
+    grey = PICTURE.convert("L")
+    photo = read_photo(stored("PNG", grey, icc_profile=bytes(content)))
+    np.testing.assert_array_equal(photo.image, np.asarray(grey.convert("RGB")))
+    assert ["grey" in note for note in photo.notes] == [True]

@@ -1,0 +1,129 @@
+"""What files state about their picture: panoramas, pixels that are not square, drones."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from PIL import Image, PngImagePlugin
+
+from physic_core.errors import InputError
+from physic_core.io.photo import read_photo
+
+PICTURE = Image.effect_noise((96, 72), 60).convert("RGB")
+
+
+def stored(kind, picture=PICTURE, *, xmp=b"", exif=None, **options):
+    """The bytes of a file of a format, with XMP and EXIF tags."""
+    if kind == "TIFF":
+        options["tiffinfo"] = dict(exif or {}) | ({700: xmp} if xmp else {})
+    elif kind == "PNG" and xmp:
+        options["pnginfo"] = PngImagePlugin.PngInfo()
+        options["pnginfo"].add_itxt("XML:com.adobe.xmp", xmp.decode())
+    elif xmp:
+        options["xmp"] = xmp
+    if exif and kind != "TIFF":
+        tags = Image.Exif()
+        tags.update({tag: value for tag, value in exif.items() if tag < 0x9000})
+        tags.get_ifd(0x8769).update({tag: value for tag, value in exif.items() if tag >= 0x9000})
+        options["exif"] = tags
+    file = io.BytesIO()
+    picture.save(file, kind, **options)
+    return file.getvalue()
+
+
+FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "AVIF")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize(
+    "xmp",
+    [
+        b'<rdf:Description GPano:ProjectionType="equirectangular"/>',
+        b"<GPano:ProjectionType>cylindrical</GPano:ProjectionType>",
+    ],
+)
+def test_a_panorama_of_any_shape_is_refused(kind, xmp):
+    with pytest.raises(InputError, match="it is a panorama"):
+        read_photo(stored(kind, xmp=xmp))
+
+
+def test_a_phones_panorama_is_refused_by_its_tag_and_a_portrait_is_read():
+    apple = {0x010F: "Apple"}
+    with pytest.raises(InputError, match="panorama"):
+        read_photo(stored("JPEG", exif={**apple, 0xA401: 6}))
+    assert read_photo(stored("JPEG", exif={**apple, 0xA401: 7})).warnings == ()
+    flat = b'<rdf:Description GPano:ProjectionType="rectilinear"/>'
+    assert read_photo(stored("JPEG", xmp=flat)).warnings == ()
+
+
+RESOLUTION = {0x011A: 72.0, 0x011B: 36.0}
+STRETCHED = {
+    "JPEG": ("JPEG", {"dpi": (72, 36)}, "2 times its height"),
+    "PNG": ("PNG", {"dpi": (36, 72)}, "2 times its width"),
+    "TIFF": ("TIFF", {"dpi": (72, 36)}, "2 times its height"),
+    "EXIF in WebP": ("WEBP", {"exif": RESOLUTION}, "2 times its height"),
+    "EXIF in AVIF": ("AVIF", {"exif": RESOLUTION}, "2 times its height"),
+    "turned": ("WEBP", {"exif": {**RESOLUTION, 0x0112: 6}}, "2 times its width"),
+}
+
+
+@pytest.mark.parametrize("name", STRETCHED)
+def test_pixels_that_are_not_square_are_named_with_the_size_that_mends_them(name):
+    kind, options, size = STRETCHED[name]
+    photo = read_photo(stored(kind, **options))
+    (warning,) = photo.warnings
+    assert warning.endswith(f"resize it to {size}")
+
+
+def jfif(x, y, unit=0):
+    """A JPEG with a density in its header."""
+    content = bytearray(stored("JPEG"))
+    place = content.index(b"JFIF\0") + 7
+    content[place : place + 5] = bytes([unit, 0, x, 0, y])
+    return bytes(content)
+
+
+@pytest.mark.parametrize(("x", "y"), [(2, 1), (1, 2)])
+def test_a_density_without_a_unit_has_two_readings(x, y):
+    (warning,) = read_photo(jfif(x, y)).warnings
+    assert "height" in warning
+    assert "width" in warning
+
+
+@pytest.mark.parametrize(("x", "y"), [(1, 1), (100, 101), (200, 72)])
+def test_square_pixels_and_mistakes_are_not_named(x, y):
+    assert read_photo(jfif(x, y)).warnings == ()
+
+
+def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known():
+    exif = {0xA405: 26, **RESOLUTION}
+    photo = read_photo(stored("WEBP", exif=exif))
+    assert photo.intrinsics is None
+    assert len(photo.warnings) == 1
+    assert read_photo(stored("WEBP", exif={0xA405: 26})).intrinsics is not None
+
+
+@pytest.mark.parametrize(
+    ("size", "right"),
+    [
+        ((960, 1080), "are not square: resize it to 1920 x 1080"),
+        ((960, 576), "768 x 576"),
+        ((704, 288), "768 x 576"),
+        ((1440, 1080), "may not be square"),
+        ((720, 576), "may not be square"),
+        ((960, 720), ""),
+    ],
+)
+def test_the_sizes_of_recorders_are_named(size, right):
+    picture = Image.new("RGB", size, (90, 120, 150))
+    photo = read_photo(stored("JPEG", picture))
+    assert [right in text for text in photo.warnings] == ([True] if right else [])
+    of_camera = read_photo(stored("JPEG", picture, exif={0x010F: "Maker"}))
+    assert (of_camera.warnings, of_camera.notes) == ((), ())
+
+
+def test_what_a_drone_states_is_a_note():
+    xmp = b'<d drone-dji:GimbalPitchDegree="-35.10" drone-dji:RelativeAltitude="+12.40"/>'
+    (note,) = read_photo(stored("JPEG", xmp=xmp)).notes
+    assert "-35.1 degrees and 12.4 m" in note
