@@ -13,6 +13,8 @@ collection and films by a fit to the given photos alone. The numbers are then fi
 but the films apart, and calibrated on people whose repository took no part. Bends of hips and knees
 are fitted to people whose legs a crop removes, and to what the pose network says of their whole
 picture. The numbers are written to OUT, and with ``--write`` into the plugin.
+``left_out.json`` of OUT has what fits to the other pictures say of feet, hands and seats, for
+``contact_on_photos``.
 
 ``--changed N`` says instead how far the plugin's answers move when N pictures are mirrored, made
 grey, smaller, or a column narrower, or seen in int8 or at 322 px. ``--encoder`` names a function
@@ -27,7 +29,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 
@@ -35,12 +37,21 @@ from benchmarks.truth.scores import LIMBS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.metrics import match_by_boxes
+from physic_core.types.skeletons import SIDES
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, regions
 
 from .cuts import CutPerson, cut_of, fit_bends, see_cut
-from .fit import APART, LabelledPerson, Question, figures, fitted, question_of
+from .fit import (
+    APART,
+    LabelledPerson,
+    Question,
+    evidence_left_out,
+    figures,
+    fitted,
+    question_of,
+)
 from .labels import Photo, agreed, given_photos
 from .robust import lines_of, moved
 from .sample import Networks, Picture, read_seen, write_seen
@@ -58,6 +69,8 @@ if TYPE_CHECKING:
 
 FILM_FRAMES = 6
 """Frames of each film."""
+
+LEFT_OUT = "left_out.json"
 
 ENCODER = "benchmarks.observer.command:embedded_encoder"
 
@@ -97,10 +110,27 @@ def main() -> int:
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
     numbers["flexion"], lines = fit_bends(list(_cut_people(pictures, given.out, encoder)))
     print(*lines, sep="\n")
+    (given.out / LEFT_OUT).write_text(json.dumps(_touch_left_out(people)))
     for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
         write_arrays(file, numbers, stored="f")
         print(f"wrote {file}")
     return 0
+
+
+def _touch_left_out(people: Sequence[LabelledPerson]) -> dict[str, list[dict[str, Any]]]:
+    """Return picture -> rows of box and log odds by part, beyond the share, of people whose feet,
+    hands or seat are labelled, by fits to the other pictures.
+    """
+    rows: dict[int, tuple[LabelledPerson, dict[str, float]]] = {}
+    for name in ("foot", "hand", "seat"):
+        for person, side, odds in evidence_left_out(name, people):
+            part = name if name == "seat" else f"{SIDES[side]}_{name}"
+            rows.setdefault(id(person), (person, {}))[1][part] = odds
+    found: dict[str, list[dict[str, Any]]] = {}
+    for person, parts in rows.values():
+        row = {"box": person.truth.get("box"), "parts": parts}
+        found.setdefault(person.photo.name, []).append(row)
+    return found
 
 
 def _fitted(question: Question) -> NDArray[np.float32]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -84,22 +84,44 @@ class Question:
 
 def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
     """Return the examples of one question: labelled, and shown by a keypoint."""
-    rows = [
-        (x, y, person.photo)
-        for person in people
-        for x, y in zip(person.tokens[REGIONS[name]], answers(name, person.truth), strict=True)
-        if np.isfinite(x).all() and np.isfinite(y).all()
-    ]
-    photos = [photo for _, _, photo in rows]
+    rows = list(_rows(name, people))
+    photos = [person.photo for _, _, person, _ in rows]
     weight = [FRAME_WEIGHT if photo.set.startswith("films") else 1.0 for photo in photos]
     examples = Examples(
-        np.array([x for x, _, _ in rows]),
-        np.array([y for _, y, _ in rows]),
+        np.array([x for x, *_ in rows]),
+        np.array([y for _, y, *_ in rows]),
         np.array(weight),
         [photo.group for photo in photos],
     )
     sets = np.array([photo.set for photo in photos])
     return Question(name, examples, sets, np.array([photo.repository for photo in photos]))
+
+
+def _rows(
+    name: str, people: Sequence[LabelledPerson]
+) -> Iterator[tuple[Array, Array, LabelledPerson, int]]:
+    """Yield tokens, answers, person and side of each example of a question."""
+    for person in people:
+        pairs = zip(person.tokens[REGIONS[name]], answers(name, person.truth), strict=True)
+        for side, (x, y) in enumerate(pairs):
+            if np.isfinite(x).all() and np.isfinite(y).all():
+                yield x, y, person, side
+
+
+def evidence_left_out(
+    name: str, people: Sequence[LabelledPerson]
+) -> Iterator[tuple[LabelledPerson, int, float]]:
+    """Yield person, side and log odds beyond the share, by a fit to the other pictures, of each
+    example of a question with yes and no.
+    """
+    question = question_of(name, people)
+    of = question.examples
+    factor, offset = pair_of(question)
+    logits = factor * left_out(of, partial(fit_logistic, ridge=RIDGE)) + offset
+    share = float((of.weight @ of.y)[0] / of.weight.sum())
+    beyond = logits[:, 0] - np.log(share / (1 - share))
+    for (_, _, person, side), value in zip(_rows(name, people), beyond.tolist(), strict=True):
+        yield person, side, value
 
 
 def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
