@@ -1,16 +1,23 @@
 """Fit the touch of body parts on labelled photos and films with measured forces.
 
     python -m benchmarks contact_on_photos sample DATA OUT [--films N]
-    python -m benchmarks contact_on_photos fit DATA OUT [--write]
+    python -m benchmarks contact_on_photos fit DATA OUT --observed FILE [--write]
     python -m benchmarks contact_on_photos cut DATA OUT [--photos N]
 
-``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, and on N
-frames of each of the films of fits, and keeps the features of each person in a file of OUT; an
-interrupted run continues. ``fit`` prints the scores of both halves of the photos, and with
-``--write`` writes ``physic_core/engine/touch.json``, fitted on both. Half "development" chose the
+``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, on
+DATA/contact/other with the labels of ``--other``, and on N frames of each of the films of fits, and
+keeps the features of each person in a file of OUT; an interrupted run continues. OUT may lack
+photos, and those in it may be chosen by their labels: the constants are for the shares of touching
+parts among all labelled people. FILE is the ``left_out.json`` of ``benchmarks observer``: what fits
+of the observer to other pictures say, in place of what the shipped numbers say, which were fitted
+to these pictures.
+
+``fit`` prints the scores of both halves of the photos and of the other collection, and with
+``--write`` writes ``physic_core/engine/touch.json``, fitted on all. Half "development" chose the
 features: each of its pictures is scored by a fit to the others of the half. Half "held" is scored
-by a fit to half "development". A picture that stands in two sets is in one half. Photos of sport
-with walls and rails are also scored apart.
+by a fit to half "development", and the other collection by a fit to both halves. A picture that
+stands in two sets is in one half. Photos of sport with walls and rails are also scored apart. With
+``--kinds``, only these kinds of part are fitted, and the others keep their weights and scores.
 
 A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders
 and hips, hips and knees, and knees and ankles: the parts below are as labelled. Feet in films count
@@ -23,9 +30,7 @@ whose partner was labelled say how much rarer it is in photos than in the worlds
 fitted to.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the
-pictures alone. A frame of a film counts half, since the frames of a film are not independent. Its
-hands count only if the person seems to hang by them: people in these films hold bars, and people in
-photos hardly touch anything.
+pictures alone. A frame of a film counts half, since the frames of a film are not independent.
 """
 
 from __future__ import annotations
@@ -44,10 +49,19 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.engine.touch import HANDS, IN_WORLDS, LEAST_PROBABILITY, RIDING, touch_model
+from physic_core.engine.touch import (
+    DISTANCE,
+    HANDS,
+    IN_WORLDS,
+    LEAST_PROBABILITY,
+    LOWER,
+    OBSERVED,
+    touch_model,
+)
 from physic_core.metrics import match_by_boxes
 from physic_core.types.skeletons import SIDES
 
+from .observer.labels import agreed
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.scores import LIMBS
@@ -72,6 +86,8 @@ FALSE_SHARE = 0.05
 """Share of parts that do not touch, at which a recall is printed."""
 
 HALVES = ("development", "held")
+OTHER = "other"
+"""Set of photos of another collection."""
 SPORT = "parkourone"
 """In the names of photos of sport with walls and rails."""
 
@@ -82,14 +98,16 @@ Its fit shifts the log odds of the fit to worlds.
 """
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "foot": ("distance", "depth beside", "hanging", "riding"),
-    "foot in the picture": ("lower than the other foot", "depth beside", "hanging"),
-    "hand": ("distance", "depth beside", "holding", "riding"),
-    "seat": ("distance", "depth beside", "bend at the hips", "riding"),
-    "other": ("distance",),
-    "unseen foot": ("riding", "hands"),
-    "unseen hand": ("riding",),
-    "unseen seat": ("riding",),
+    "foot": (DISTANCE, OBSERVED),
+    "foot in the picture": (LOWER, OBSERVED),
+    "hand": (DISTANCE, OBSERVED),
+    "hand in the picture": (OBSERVED,),
+    "seat": (DISTANCE, OBSERVED),
+    "seat in the picture": (OBSERVED,),
+    "other": (DISTANCE,),
+    "unseen foot": (HANDS,),
+    "unseen hand": (),
+    "unseen seat": (),
     SKIN: (),
 }
 """Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
@@ -113,6 +131,7 @@ class Case:
         features: by name.
         touches: whether it touches the world.
         weight: of the case.
+        set: of the picture.
     """
 
     picture: str
@@ -120,10 +139,15 @@ class Case:
     features: Mapping[str, float]
     touches: bool
     weight: float
+    set: str = ""
 
     @property
     def half(self) -> str:
-        """The half of the picture; all films are in "development"."""
+        """The half of the picture; all films are in "development", and another collection is a
+        part of its own.
+        """
+        if self.set == OTHER:
+            return OTHER
         return half_of(self.picture) if self.weight == 1 else HALVES[0]
 
 
@@ -141,9 +165,12 @@ def main() -> int:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded"
     )
+    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=())
+    parser.add_argument("--observed", type=Path, metavar="FILE", help="left_out.json of observer")
+    parser.add_argument("--kinds", nargs="+", choices=PARTS, default=tuple(PARTS))
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
-    samples = samples_of(given.data, given.films)
+    samples = samples_of(given.data, given.films, given.other)
     if given.step == "sample":
         from physic_core import Pipeline, load_config
 
@@ -154,12 +181,18 @@ def main() -> int:
     if given.step == "cut":
         cut_pictures(samples, given.out, given.photos, given.config)
         return 0
-    fit_all(cases_of(samples, given.out), write=given.write)
+    if given.observed is None:
+        parser.error("fit needs --observed: left_out.json, which benchmarks observer writes")
+    left_out_of = json.loads(given.observed.read_text())
+    cases = cases_of(samples, given.out, left_out_of)
+    fit_all(cases, given.kinds, labelled_shares(samples), write=given.write)
     return 0
 
 
-def samples_of(data: Path, frames: int) -> list[Sample]:
-    """Return the labelled photos and the first N frames of each film of fits."""
+def samples_of(data: Path, frames: int, other: Sequence[Path] = ()) -> list[Sample]:
+    """Return the labelled photos and the first N frames of each film of fits; and the photos of
+    another collection with the labels of its readers, where they agree.
+    """
     photos = labelled_photos(data / "contact")
     files = {file.stem: file for file in (data / "photos").iterdir()}
     more = json.loads(LABELS_OF_PHOTOS.read_text())
@@ -167,6 +200,11 @@ def samples_of(data: Path, frames: int) -> list[Sample]:
         Sample("photos", name, name, files[name], truth={"people": people})
         for name, people in more.items()
     ]
+    folder = data / "contact" / "other" / "photos"
+    readers = [json.loads(file.read_text()) for file in other]
+    for name, people in (agreed(readers) if readers else {}).items():
+        source = next(folder.glob(f"{name}.*"))
+        photos.append(Sample(OTHER, name, name, source, truth={"people": people}))
     films: dict[str, list[Sample]] = {}
     for sample in parkour(data / "truth" / "parkour"):
         if sample.group in FILMS_OF_FITS:
@@ -269,14 +307,19 @@ def _logit(probability: float) -> float:
     return float(np.log(probability) - np.log1p(-probability))
 
 
-def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
-    """Return the judged parts of the samples in OUT."""
+def cases_of(
+    samples: Sequence[Sample], out: Path, left_out_of: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> list[Case]:
+    """Return the judged parts of the samples in OUT; picture -> rows of box and log odds that a fit
+    of the observer to others gives.
+    """
     from physic_core.engine.contact.probability import kind_of_part
 
     cases: list[Case] = []
     for sample in samples:
         file = out / f"{sample.set}-{sample.name}.json"
         people = json.loads(file.read_text()) if file.exists() else []
+        people = [with_observed(one, left_out_of.get(sample.name, ())) for one in people]
         for one, judged in judged_parts(sample, people):
             for part, touches in judged.items():
                 name = OF_RESULTS.get(part, part)
@@ -285,24 +328,35 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 kind = kind_of_part(name)
                 of_film = sample.frame is not None
                 weight = FRAME_WEIGHT if of_film else 1.0
-                case = Case(picture_name(sample), kind, one["parts"][name], touches, weight)
-                cases += (
-                    [] if of_film and kind == "hand" and not case.features["holding"] else [case]
+                case = Case(
+                    picture_name(sample), kind, one["parts"][name], touches, weight, sample.set
                 )
+                cases.append(case)
                 if kind == "foot" and of_film:
                     cases.append(replace(case, kind="unseen foot", features=unseen_features(one)))
-                if kind == "foot":
-                    lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
+                lower = {LOWER: one["lower"][part.startswith("right")]}
+                in_picture = f"{kind} in the picture"
+                if in_picture in PARTS:
                     cases.append(
-                        replace(
-                            case, kind="foot in the picture", features={**case.features, **lower}
-                        )
+                        replace(case, kind=in_picture, features={**case.features, **lower})
                     )
             cases += (
                 [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
             )
         cases += skin_cases(sample, people)
     return cases
+
+
+def with_observed(one: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return the features of a person with what fits of the observer to other pictures say, where
+    they say anything; rows without a box are of the person of a film.
+    """
+    same = match_by_boxes([one["box"]], [row["box"] or one["box"] for row in rows], MIN_IOU)
+    found = {**one["parts"]}
+    for i in same.predicted_of:
+        for part, odds in rows[i]["parts"].items():
+            found[part] = {**found[part], OBSERVED: odds}
+    return {**one, "parts": found}
 
 
 def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
@@ -339,8 +393,7 @@ def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) 
 
 def unseen_features(one: Mapping[str, Any]) -> dict[str, float]:
     """Return the features of parts of a person that no pixel shows."""
-    riding = one["parts"]["seat"][RIDING]
-    return {RIDING: riding, HANDS: one["hands"] * (1 - riding)}
+    return {HANDS: one["hands"]}
 
 
 def cut_rows(y: Mapping[str, float]) -> dict[str, float]:
@@ -517,48 +570,74 @@ def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array, Arr
     return np.array(features, np.float64), touches, weights, known
 
 
-def fit_all(cases: Sequence[Case], *, write: bool) -> None:
-    """Score both halves, then fit on all cases."""
+def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
+    """Return kind of part -> share that touches the world among all labelled people of photos."""
+    touches: dict[str, list[bool]] = {}
+    for sample in samples:
+        for person in sample.truth.get("people", ()):
+            for part, label in person["parts"].items():
+                if label is not None:
+                    kind = part.rpartition("_")[2]
+                    touches.setdefault(kind, []).append(TOUCHES[label])
+    return {kind: float(np.mean(values)) for kind, values in touches.items()}
+
+
+def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Array:
+    """Return constant and coefficients of a kind of part, for the share of touching parts that
+    all labelled people have.
+    """
+    features, touches, weights, known = table_of(cases, kind)
+    found = logistic(features, touches, weights, known)
+    if (share := shares.get(kind.partition(" ")[0])) is not None:
+        found[0] += _logit(share) - _logit(float(weights @ touches / weights.sum()))
+    return found
+
+
+def fit_all(
+    cases: Sequence[Case], kinds: Sequence[str], shares: Mapping[str, float], *, write: bool
+) -> None:
+    """Score both halves and the other collection, then fit these kinds of part on all cases."""
     development = [case for case in cases if case.half == "development"]
-    scores = {}
-    weights = {}
-    for kind in PARTS:
-        likely = {"development": left_out(development, kind)}
-        w = logistic(*table_of(development, kind))
+    record = json.loads(TOUCH.read_text())
+    scores = record["error on pictures left out"]
+    weights = record["parts"]
+    for kind in kinds:
+        likely = {"development": left_out(development, kind, shares)}
+        w = fit_of(development, kind, shares)
         held = [case for case in cases if case.half == "held" and case.kind == kind]
         likely["held"] = [(case, chance(case, w)) for case in held]
+        given = [case for case in cases if case.half != OTHER]
+        w = fit_of(given, kind, shares)
+        apart = [case for case in cases if case.half == OTHER and case.kind == kind]
+        likely["other collection"] = [(case, chance(case, w)) for case in apart]
         scores[kind] = {half: words for half, rows in likely.items() if (words := described(rows))}
         sport = [(case, p) for rows in likely.values() for case, p in rows if SPORT in case.picture]
         if words := described(sport):
             scores[kind]["sport"] = words
-        w = logistic(*table_of(cases, kind))
+        w = fit_of(cases, kind, shares)
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
-    # Pictures that are cut above the feet show no toes, and so no posture of people who hang.
-    weights["unseen foot"]["hanging"] = weights["foot"]["hanging"]
-    weights[SKIN][IN_WORLDS] = 1.0
+        weights[kind] = {IN_WORLDS: 1.0, **weights[kind]} if kind == SKIN else weights[kind]
     photos = len({case.picture for case in cases if case.weight == 1})
     films = len({case.picture for case in cases if case.weight < 1})
-    record = {
-        "made by": "benchmarks/contact_on_photos.py",
-        "fitted on": f"{photos} photos labelled by two readers, and {films} films with measured "
-        f"forces",
-        "error on pictures left out": scores,
-        "parts": weights,
-    }
+    record["fitted on"] |= dict.fromkeys(
+        kinds,
+        f"{photos} photos labelled by two readers, and {films} films with measured forces",
+    )
     print(json.dumps(record, indent=2))
     if write:
         TOUCH.write_text(json.dumps(record, indent=2) + "\n")
 
 
-def left_out(cases: Sequence[Case], kind: str) -> list[tuple[Case, float]]:
+def left_out(
+    cases: Sequence[Case], kind: str, shares: Mapping[str, float]
+) -> list[tuple[Case, float]]:
     """Return the photos' parts of one kind, each with its probability by a fit without a tenth of
     the pictures.
     """
     found = []
     for fold in range(10):
-        w = logistic(
-            *table_of([case for case in cases if _digest(case.picture + "fold") % 10 != fold], kind)
-        )
+        others = [case for case in cases if _digest(case.picture + "fold") % 10 != fold]
+        w = fit_of(others, kind, shares)
         own = (
             c
             for c in cases

@@ -49,12 +49,9 @@ from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_sc
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_probability, stature_sigmas
 from physic_core.engine.stance import (
     Stance,
-    depth_beside,
     depth_gaps_at_feet,
-    hanging_posture,
-    lower_than_the_other,
+    stance_in_picture,
     standing_prior,
-    touch_in_picture,
 )
 from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
@@ -63,6 +60,7 @@ from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import select_people
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
@@ -74,6 +72,7 @@ if TYPE_CHECKING:
         FloatArray,
         Intrinsics,
         Keypoints,
+        Observations,
         People,
         Pointmap,
     )
@@ -113,7 +112,6 @@ _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
 _RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
 _RIVAL_DEG = 5.0  # off the chosen floor
-_FOOT_OF_RIDER_DOWN = 0.15  # 2 of 14 feet of people who ride in labelled photos
 _FEWEST_ON_FLOOR = 2  # people who tell each other's size
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
@@ -158,6 +156,7 @@ def floor_evidence(
     hole: BoolArray,
     keypoints: Keypoints,
     camera: Intrinsics,
+    observations: Observations,
     photo: Pointmap | None = None,
 ) -> FloorEvidence:
     """Return the evidence of segmenter, feet and camera about the floor.
@@ -167,13 +166,15 @@ def floor_evidence(
         hole: (H, W) bool, inpainted pixels.
         keypoints: of the people.
         camera: of the photo.
+        observations: of the people.
         photo: points of the photo with its people, aligned to the scene. They tell who lies beneath
             the camera; None if it is not asked.
     """
     labels = people.surfaces
     uncovered = ~people.masks.any(0)
     ground = None if labels is None else labels.ground & uncovered
-    soles = _ground_at_soles(people, hole, keypoints)
+    touch = stance_in_picture(keypoints.points, keypoints.joint_set.names, observations).touch
+    soles = _ground_at_soles(people, hole, keypoints, touch[:, :2])
     no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & uncovered
     mask, hole_, feet, floor, other = optional_tensors(
         people.floor, hole, feet_pixels(keypoints, *hole.shape), ground, no_ground
@@ -188,18 +189,15 @@ def floor_evidence(
 
 
 def _ground_at_soles(
-    people: People, hole: BoolArray, keypoints: Keypoints
+    people: People, hole: BoolArray, keypoints: Keypoints, touch: FloatArray
 ) -> tuple[GroundAtSoles, ...]:
-    """Return the visible ground beside the soles of each person, if the photo shows it."""
+    """Return the visible ground beside the soles of each person, if the photo shows it; feet touch
+    something with the probability (N, 2).
+    """
     height, width = hole.shape
     labels = people.surfaces
     found = []
     visible = torch.from_numpy(~hole)
-    touch = (
-        touch_in_picture(keypoints.points, keypoints.joint_set.names)
-        if len(people)
-        else np.zeros((0, 2))
-    )
     for i, mask in enumerate(people.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
         window = torch.zeros_like(visible)
@@ -268,6 +266,7 @@ class PeopleInScene(NamedTuple):
     keypoints: Keypoints
     bodies: Bodies
     known: KnownPeople
+    observations: Observations
 
 
 def find_floor_and_scale(
@@ -368,7 +367,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     )
     sizes = given.known.filled(count)
     sigma = _size_sigmas(given, *sizes)
-    real = given.people.scores * adult_probability(*sizes)
+    real = given.people.scores * adult_probability(*sizes, given.observations.child)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(given)
     by_torsos = scales_by_torsos(
@@ -399,20 +398,17 @@ def _stance_without_floor(given: PeopleInScene) -> tuple[Stance, FloatArray]:
     )
     masks = tensor(people.masks)
     shown = keypoints.points, keypoints.joint_set.names
-    stance = replace(
-        Stance.unknown(len(people)),
-        lower=lower_than_the_other(*shown),
-        hanging=hanging_posture(*shown),
-    )
+    observed = given.observations
+    stance = stance_in_picture(*shown, observed)
     gap, among = depth_gaps_at_feet(keypoints, masks, photo, scene, raised)
     stands, right = standing_prior(
-        stance.touch, gap.numpy(), None if raised is None else among.numpy()
+        stance.touch[:, :2],
+        gap.numpy(),
+        None if raised is None else among.numpy(),
+        np.nan_to_num(observed.posture[:, POSTURES.index("ride")]),
     )
     carried = carried_people(people.carriers, keypoints) if people.carriers else None
-    if carried is not None:
-        stands = np.where(carried.rides[:, None], _FOOT_OF_RIDER_DOWN * stands, stands)
-    beside = depth_beside(keypoints, masks, photo)
-    return replace(stance, beside=beside, stands=stands, carried=carried), right
+    return replace(stance, stands=stands, carried=carried), right
 
 
 def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:

@@ -114,7 +114,8 @@ def body_size_sigmas(estimates: Estimates, state: State) -> list[float]:
         # lengths across a measured depth
         sigma = math.hypot(sigma, estimates.intrinsics.focal_sigma or 0.0)
     stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(state))
-    sigmas: list[float] = size_sigmas(stature, years, sigma).tolist()
+    child = estimates.observations.child
+    sigmas: list[float] = size_sigmas(stature, years, child, sigma).tolist()
     return sigmas
 
 

@@ -1,10 +1,7 @@
-"""Touch of feet, and depth beside feet, hands and seat, from the picture before people are placed.
+"""Touch of feet, hands and seat, from the picture before people are placed.
 
-A foot that is much higher than the other one in the picture is in the air or farther away. A person
-who raises both arms and points the toes down probably hangs. A part of the body and what it touches
-have the same depth, so the depth map of the photo shows that depth somewhere beside the part, or
-below the thighs. Around a part in the air, the depth map is farther away. This holds in any unit
-and wherever people are placed. The weights are in ``touch.json``.
+A foot that is much higher than the other one in the picture is in the air or farther away. What the
+person observer says of a part counts as evidence beside that. The weights are in ``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without
 people nearly agree: the ground continues behind the foot. A foot in the air has a gap, the
@@ -24,7 +21,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.carriers import NOTHING, Carried
-from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
+from physic_core.engine.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
 from physic_core.geometry.tensors import dilate_square, tensors
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
@@ -35,24 +32,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Keypoints
+    from physic_core.types import BoolArray, FloatArray, Keypoints, Observations
 
 _TOES = ("foot_tip", "big_toe")
 _MOST_TRUNKS = 1.0  # largest height difference of feet that counts
-# wrists over shoulders, and toes under heels, of people who hang
-_RAISED_TRUNKS = 0.8
-_POINTED_TRUNKS = 0.2
-# of parts without a measurement; largest difference that counts
-_USUAL_BESIDE = 0.1
-_MOST_BESIDE = 0.3
-
-# of the height of a person's mask: background beside a part
-_BESIDE_SHARE = 0.1
-_BELOW_THIGH_SHARE = 0.2
-_THIGHS = 4  # row of the first of both thighs among the parts
-_FINGERS = 0.45  # of a forearm, from the wrist to the middle of the hand
-_QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
-
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
 _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
@@ -78,18 +61,15 @@ class Stance(ShortRepr):
     Attributes:
         lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of
             the trunk; NaN where unknown.
-        hanging: (N,) posture of people who hang, from 0 to 1: both arms raised, and toes that point
-            down; 0 where unknown.
-        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat
-            and the picture beside each of them, below the thighs for the seat; NaN where unknown.
+        observed: (N, 5) log odds of the person observer that feet, hands and seat touch the world,
+            beyond those of its base rate; 0 where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
             found.
         carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
     lower: FloatArray = field(metadata=PER_PERSON)
-    hanging: FloatArray = field(metadata=PER_PERSON)
-    beside: FloatArray = field(metadata=PER_PERSON)
+    observed: FloatArray = field(metadata=PER_PERSON)
     stands: FloatArray = field(metadata=PER_PERSON)
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
@@ -97,45 +77,19 @@ class Stance(ShortRepr):
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
         feet = np.full((count, 2), np.nan)
-        stance = Stance(feet, np.zeros(count), np.full((count, 5), np.nan), feet)
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch)
-
-    @property
-    def depth_beside(self) -> FloatArray:
-        """Feature (N, 5) of feet, hands and seat: 0 where the depth beside them is unknown."""
-        return (
-            np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE)
-            - _USUAL_BESIDE
-        )
-
-    @property
-    def holding(self) -> FloatArray:
-        """Feature (N, 2) of hands: "hanging", as far as something beside the hand has its depth; 0
-        where unknown.
-
-        People who jump with raised arms have the posture of people who hang, but nothing beside
-        their hands.
-        """
-        return np.asarray(
-            self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0)
-        )
-
-    @property
-    def riding(self) -> FloatArray:
-        """Feature (N,) of feet, hands and seat: 1 for people who ride."""
-        if self.carried is None:
-            return np.zeros(len(self.stands))
-        return self.carried.rides.astype(float)
+        stance = Stance(feet, np.zeros((count, 5)), feet)
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
 
     @property
     def touch(self) -> FloatArray:
-        """Probability (N, 2) that the foot touches floor, seat or support."""
-        features = {
-            "lower than the other foot": np.nan_to_num(self.lower),
-            DEPTH_BESIDE: self.depth_beside[:, :2],
-            HANGING: self.hanging[:, None],
-        }
-        return np.asarray(1 / (1 + np.exp(-touch_log_odds("foot in the picture", features))))
+        """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
+        feet = touch_log_odds(
+            "foot in the picture",
+            {LOWER: np.nan_to_num(self.lower), OBSERVED: self.observed[:, :2]},
+        )
+        hands = touch_log_odds("hand in the picture", {OBSERVED: self.observed[:, 2:4]})
+        seat = touch_log_odds("seat in the picture", {OBSERVED: self.observed[:, 4:]})
+        return np.asarray(1 / (1 + np.exp(-np.concatenate([feet, hands, seat], 1))))
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
@@ -145,7 +99,7 @@ class Stance(ShortRepr):
     @property
     def in_air(self) -> BoolArray:
         """People (N,) bool with both feet probably in the air."""
-        return np.asarray((self.touch < LEAST_PROBABILITY).all(1))
+        return np.asarray((self.touch[:, :2] < LEAST_PROBABILITY).all(1))
 
     def expanded(self, rows: BoolArray) -> Stance:
         """Return N rows from those of the people selected by ``rows`` (N,); the others have average
@@ -163,18 +117,21 @@ class Stance(ShortRepr):
             ridden=wider(self.carried.ridden, NOTHING),
             board=wider(self.carried.board, NOTHING),
         )
-        return Stance(
-            wider(self.lower), wider(self.hanging, 0.0), wider(self.beside), stands, carried
-        )
+        return Stance(wider(self.lower), wider(self.observed, 0.0), stands, carried)
 
 
-def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the probability (N, 2) that feet touch something, from named keypoints (N, J, 2), px,
-    only.
+def stance_in_picture(
+    points: FloatArray, names: Sequence[str], observations: Observations
+) -> Stance:
+    """Return the stance of N people by named keypoints (N, J, 2), px, and what is observed of
+    them; feet that touch stand with the usual share.
     """
-    lower = lower_than_the_other(points, names)
-    hanging = hanging_posture(points, names)
-    return replace(Stance.unknown(len(points)), lower=lower, hanging=hanging).touch
+    stance = replace(
+        Stance.unknown(len(points)),
+        lower=lower_than_the_other(points, names),
+        observed=observations.evidence("touch"),
+    )
+    return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
 
 
 def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -193,20 +150,6 @@ def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray
     )
     lower = np.clip(left - right, -_MOST_TRUNKS, _MOST_TRUNKS)
     return np.stack([lower, -lower], 1)
-
-
-def hanging_posture(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the posture of people who hang (N,), from 0 to 1: both arms raised, and toes that
-    point down.
-
-    0 without finite keypoints of trunk, wrists and feet. Arguments as in
-    :func:`lower_than_the_other`.
-    """
-    row = _rows_in_trunks(points, names)
-    raised = np.min([row(f"{side}_shoulder") - row(f"{side}_wrist") for side in SIDES], axis=0)
-    pointed = np.mean([row(f"{side}_toe") - row(f"{side}_heel") for side in SIDES], axis=0)
-    shares = np.clip(raised / _RAISED_TRUNKS, 0, 1) * np.clip(pointed / _POINTED_TRUNKS, 0, 1)
-    return np.asarray(np.nan_to_num(shares))
 
 
 def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
@@ -233,64 +176,6 @@ def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str],
     return lambda name: at(name)[:, 1] / trunk
 
 
-def depth_beside(keypoints: Keypoints, masks: Tensor, photo: Tensor) -> FloatArray:
-    """Return the smallest difference of log depth between feet, hands and seat, and the picture
-    beside them, (N, 5).
-
-    Args:
-        keypoints: of N people.
-        masks: (N, H, W) bool, visible pixels of each person.
-        photo: (H, W) depth of the photo, any unit, NaN where unknown.
-    """
-    log = photo.log()
-    (points,) = tensors(keypoints.points)
-    background = ~dilate_square(masks.any(0), _MARGIN_PX)
-    found = torch.full((len(masks), _THIGHS + 2), torch.nan, dtype=torch.float64)
-    for i, mask in enumerate(masks):
-        size = _height_px(mask)
-        for k, places in enumerate(_places_of_parts(points[i], keypoints.joint_set.names)):
-            if not bool(torch.isfinite(places).all()):
-                continue
-            share = _BESIDE_SHARE if k < _THIGHS else _BELOW_THIGH_SHARE
-            own = torch.cat(
-                [_around(log, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places]
-            )
-            others = _around(
-                log, background, places.mean(0), _MARGIN_PX + share * size, below=k >= _THIGHS
-            )
-            if min(len(own), len(others)) >= _MIN_PIXELS:
-                found[i, k] = np.abs(
-                    np.quantile(others.numpy(), _QUANTILES) - np.median(own.numpy())
-                ).min()
-    return torch.cat([found[:, :_THIGHS], found[:, _THIGHS:].nanmean(1, keepdim=True)], 1).numpy()
-
-
-def _places_of_parts(points: Tensor, names: Sequence[str]) -> list[Tensor]:
-    """Return places (n, 2) px on both feet, both hands and both thighs, from keypoints (J, 2); NaN
-    where unknown.
-    """
-    row = {name: j for j, name in enumerate(names)}
-    toe = next((name for name in _TOES if f"left_{name}" in row), "")
-
-    def at(name: str) -> Tensor:
-        return (
-            points[row[name]].double()
-            if name in row
-            else torch.full((2,), torch.nan, dtype=torch.float64)
-        )
-
-    feet = [torch.stack([at(f"{side}_heel"), at(f"{side}_{toe}")]) for side in SIDES]
-    hands = []
-    for side in SIDES:
-        wrist = at(f"{side}_wrist")
-        hands.append(torch.stack([wrist, wrist + _FINGERS * (wrist - at(f"{side}_elbow"))]))
-    thighs = [
-        torch.stack([at(f"{side}_{end}") for end in ("hip", "knee")]).mean(0, keepdim=True)
-        for side in SIDES
-    ]
-    return [*feet, *hands, *thighs]
-
-
 def _height_px(mask: Tensor) -> float:
     """Return the height of a mask (H, W), px; 0 if it is empty."""
     rows = mask.any(1).nonzero()
@@ -298,7 +183,10 @@ def _height_px(mask: Tensor) -> float:
 
 
 def standing_prior(
-    touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None
+    touch: FloatArray,
+    gap: FloatArray,
+    on_furniture: BoolArray | None,
+    rides: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probability that feet stand on the floor, and that the photo's depth of people is
     right.
@@ -307,14 +195,15 @@ def standing_prior(
     foot in the air shows that the depth is wrong, and does not count for the foot.
 
     Args:
-        touch: (N, 2) probability that the feet touch something, by keypoints alone.
+        touch: (N, 2) probability that the feet touch something.
         gap: (N, 2) of :func:`depth_gaps_at_feet`.
         on_furniture: (N, 2) of the same; None without labels.
+        rides: (N,) probability that people ride: then their feet are on pedals or in stirrups.
     """
     share = _ON_FLOOR_SHARE * np.where(
         False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0
     )
-    prior = share * touch
+    prior = share * touch * (1.0 if rides is None else 1 - rides[:, None])
     known = np.isfinite(gap) & ~np.asarray(False if on_furniture is None else on_furniture)
 
     def density(mean: float, spread: float) -> FloatArray:

@@ -213,8 +213,8 @@ class State(ShortRepr):
         human_points: per person (M_i, 3) metres, aligned to the scene; None as ``photo_depth``.
         estimated_transl: (N, 3) metres, by the body estimator.
         keypoint_transl: (N, 3) metres, by the keypoints alone (Eq. 2).
-        foot_touch: (N, 2) probability that the left and right foot touch something, which weights
-            their attraction to the ground; None counts as 1.
+        touch: (N, 5) probability that feet, hands and seat touch something, which weights their
+            attraction to floor and scene; None counts as 1.
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".
@@ -256,7 +256,7 @@ class State(ShortRepr):
     human_points: tuple[Tensor, ...] | None = None
     estimated_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     keypoint_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
-    foot_touch: Tensor | None = field(default=None, metadata=shape("N", 2))
+    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
     unplaced: tuple[str, ...] = ()
 
@@ -327,16 +327,20 @@ class State(ShortRepr):
             views=(),
         )
 
-    def weight_of_feet(self) -> Tensor:
-        """Return the probability (N, V) that the foot of each vertex touches something; 1
-        elsewhere.
+    def weight_of_parts(self) -> Tensor:
+        """Return the probability (N, V) that the part of each vertex touches something: of feet,
+        hands, thighs, buttocks, and of the back that of the seat; 1 elsewhere.
         """
         model = self.model
         weight = self.transl.new_ones(len(self), model.num_vertices)
-        if self.foot_touch is not None:
-            for foot, side in enumerate(SIDES):
-                part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
-                weight[:, part] = self.foot_touch[:, foot, None].to(weight)
+        if self.touch is None:
+            return weight
+        for name in ("thighs", "gluteus", "back"):
+            weight[:, model.contact_sets[name]] = self.touch[:, 4:].to(weight)
+        limbs = [f"{side}_{limb}" for limb in ("foot", "hand") for side in SIDES]
+        for column, name in enumerate(limbs):
+            part = model.part_of_vertex == model.part_names.index(name)
+            weight[:, part] = self.touch[:, column, None].to(weight)
         return weight
 
     def check(self, name: str = "joint optimisation") -> None:

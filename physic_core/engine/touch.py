@@ -26,31 +26,21 @@ deviations.
 LEAST_PROBABILITY = 0.5
 """Minimum probability of a part in contact: others are not listed and do not support the person."""
 
-DEPTH_BESIDE = "depth beside"
-"""Feature of feet, hands and seats: how far the depth beside the part in the picture is from its
-own.
-"""
+LOWER = "lower than the other foot"
+"""Feature of feet in the picture: how much lower than the other one, in lengths of the trunk."""
+
+OBSERVED = "observed"
+"""Feature of feet, hands and seat: log odds by the person observer, beyond its base rate."""
 
 IN_WORLDS = "log odds in worlds"
 """Feature of kind "skin": that a part touches another person or the own body, by a fit to synthetic
 worlds.
 """
 
-HANGING = "hanging"
-"""Feature of feet: how far the posture in the picture is that of people who hang."""
-
-HOLDING = "holding"
-"""Feature of hands: "hanging", as far as the picture shows something beside the hand at its
-depth.
-"""
-
 HANDS = "hands"
 """Feature of unseen feet: the larger probability that a hand touches the world; 0 for people who
 ride.
 """
-
-RIDING = "riding"
-"""Feature of feet, hands and seats: 1 for people on a bicycle, a motorcycle or a horse."""
 
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
@@ -59,8 +49,8 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
     """Return the log odds (...) that parts touch; a number for a kind without features.
 
     Args:
-        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people
-            are placed; "unseen foot", "unseen hand" or "unseen seat" if no pixel shows the part;
+        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" and so on
+            before people are placed; "unseen foot" and so on if no pixel shows the part;
             "skin" for contact of a part with another person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 

@@ -74,7 +74,7 @@ class BodyEstimator(Backend):
     api = 1
     Request = BodyEstimatorRequest
     Result = Bodies
-    hints = ("intrinsics", "people", "keypoints", "scene", "original", "floor")
+    hints = ("intrinsics", "people", "keypoints", "observations", "scene", "original", "floor")
 
     @abstractmethod
     def infer(

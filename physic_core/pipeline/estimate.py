@@ -182,12 +182,12 @@ def run_backends(
     observations = run.observations(PersonObserverRequest(image, people, keypoints))
     with stages.time_engine("floor candidates"):
         aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
-        evidence = floor_evidence(people, hole, keypoints, camera, aligned)
+        evidence = floor_evidence(people, hole, keypoints, camera, observations, aligned)
         evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
         floors = candidates_in(scene, evidence, plan.engine.scene)
         floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
 
-    hints = replace(hints, floor=floor_by_pixels, original=aligned)
+    hints = replace(hints, floor=floor_by_pixels, original=aligned, observations=observations)
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
@@ -196,7 +196,15 @@ def run_backends(
     contact = run.contact(image, seen, seen_bodies, embodied)
 
     seen_keypoints = select_people(keypoints, embodied)
-    hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
+    seen_observations = select_people(observations, embodied)
+    hints = replace(
+        hints,
+        people=seen,
+        keypoints=seen_keypoints,
+        observations=seen_observations,
+        hole=hole,
+        bodies=seen_bodies,
+    )
     if own is None:
         own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
     with stages.time_engine("floor and scale"):
@@ -208,6 +216,7 @@ def run_backends(
             seen_keypoints,
             select_people(bodies, embodied),
             known.select(embodied),
+            seen_observations,
         )
         witness = own if plan.engine.scene.rescales_depth else None
         found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
@@ -409,13 +418,13 @@ class _BackendCalls:
         bodies = self._with_hands(
             HandEstimatorRequest(request.image, request.people, request.keypoints), bodies
         )
-        if known.stature is None and known.years is None:
-            return bodies
         from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
 
         if known.stature is not None:
             bodies = bodies_of_stature(bodies, self.model, known.stature)
-        bodies, notes = resize_children(bodies, self.model, known)
+        observed = request.hints.observations
+        assert observed is not None
+        bodies, notes = resize_children(bodies, self.model, known, observed.child)
         self.stages.note(*notes)
         return bodies
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.bodies import Bodies
     from physic_core.types.camera import Intrinsics
+    from physic_core.types.observations import Observations
     from physic_core.types.people import Keypoints, People
 
 AffineAmbiguity = Literal["scale", "scale_shift", "inverse_scale_shift"]
@@ -115,6 +116,7 @@ class Hints(ShortRepr):
         bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are
             given if that model is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
+        observations: what the people do.
     """
 
     intrinsics: Intrinsics | None = None
@@ -127,3 +129,4 @@ class Hints(ShortRepr):
     scale: SceneScale | None = None
     bodies: Bodies | None = None
     photo: UInt8Array | None = None
+    observations: Observations | None = None

@@ -84,10 +84,13 @@ def test_without_keypoints_of_the_hips_nothing_is_ridden():
     ids=["beside", "on a board", "rides", "rides what the scene lacks"],
 )
 def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, hands):
-    """A person in the rest pose over a floor, by a gap."""
+    """A person in the rest pose over a floor, by a gap; hands of people who ride are observed to
+    touch something.
+    """
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     carried = Carried((name,), np.array([ridden]), np.array([board]))
-    stance = replace(Stance.unknown(1), carried=carried)
+    observed = np.full((1, 5), 0.0 if ridden == NOTHING else 4.0)
+    stance = replace(Stance.unknown(1), carried=carried, observed=observed)
     state = alone(body, (torch.tensor([0.0, 1.0, 0.0]), gap - soles), stance)
     found = contact_of(state, near_of(state, ContactMethod()), ContactMethod())
     touched = {one.part: one.partner.title for one in found.contacts[0]}

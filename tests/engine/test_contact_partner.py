@@ -103,7 +103,7 @@ def assigned(touched, scene, floor, point):
     near = distances_of(torch.zeros(1, count, 3), surface, parts, skin)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
-    return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
+    return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 
 def test_each_contact_vertex_has_its_partner():
@@ -123,7 +123,7 @@ def test_each_contact_vertex_has_its_partner():
         ContactPartner("self", part="left_hand"),
         ContactPartner("hidden", "seat"),
         ContactPartner("hidden"),
-        ContactPartner(""),
+        None,
     ]
 
 

@@ -36,6 +36,7 @@ from physic_core.types import (
     DepthMap,
     Intrinsics,
     Keypoints,
+    Observations,
     People,
     SurfaceLabels,
 )
@@ -119,11 +120,14 @@ class World:
             keypoints_of(len(places)),
             Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded"),
             NONE_KNOWN,
+            Observations.unknown(len(places)),
         )
 
     def answer(self, candidates=FLOOR, depth=None, **changed):
         given = self.given._replace(**changed)
-        evidence = floor_evidence(given.people, EMPTY, given.keypoints, given.camera)
+        evidence = floor_evidence(
+            given.people, EMPTY, given.keypoints, given.camera, given.observations
+        )
         return find_floor_and_scale(candidates, evidence, given, load_body("embedded"), depth)
 
     def with_depth(self, factor, sigma=None, **changed):
@@ -134,7 +138,7 @@ class World:
     def candidates(self, people=None, method=None, **changed):
         given = self.given._replace(people=people or self.given.people, **changed)
         hole = self.given.people.masks.any(0)
-        evidence = floor_evidence(given.people, hole, given.keypoints, CAMERA)
+        evidence = floor_evidence(given.people, hole, given.keypoints, CAMERA, given.observations)
         return candidates_in(given.scene, evidence, method or SceneMethod())
 
     def labelled(self, name, ground, **masks):
@@ -387,6 +391,7 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
         "people": people_of(EMPTY[None][:0]),
         "bodies": bodies,
         "keypoints": keypoints_of(0),
+        "observations": Observations.unknown(0),
     }
     found = world.answer(**no_people)
     assert found.scale.sigma is None
@@ -404,7 +409,8 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
         people = world.labelled(label, (ROW > 0.1) & ~lower)
         given = {"scene": scene, "people": people, "keypoints": world.soles()}
         candidates = world.candidates(**given)
-        likeliest = max(candidates, key=lambda c: c.log_score).plane
+        planes = [c for c in candidates if c.plane is not None]
+        likeliest = max(planes, key=lambda c: c.log_score).plane
         assert likeliest.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.05)
         answers.append(world.answer(candidates, **given))
     as_floor, other = answers

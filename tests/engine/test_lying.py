@@ -20,7 +20,15 @@ from physic_core.engine.floor_and_scale import (
 )
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.geometry.camera import project
-from physic_core.types import Bodies, Intrinsics, Keypoints, People, Plane, SurfaceLabels
+from physic_core.types import (
+    Bodies,
+    Intrinsics,
+    Keypoints,
+    Observations,
+    People,
+    Plane,
+    SurfaceLabels,
+)
 from physic_core.types.known_sizes import KnownPeople
 from physic_testing.worlds import load_world
 
@@ -64,8 +72,9 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None):
         for z in (depth, np.where(mask, own, depth))
     )
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople())
-    evidence = floor_evidence(people, mask, keypoints, CAMERA, photo)
+    nothing = Observations.unknown(1)
+    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople(), nothing)
+    evidence = floor_evidence(people, mask, keypoints, CAMERA, nothing, photo)
     floors = candidates_in(scene, evidence, SceneMethod())
     return find_floor_and_scale(floors, evidence, given, model)
 

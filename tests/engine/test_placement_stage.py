@@ -44,7 +44,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
     assert error < 0.03
     assert found.photo_alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.scene is state.scene
-    assert (found.size_ratio, found.foot_touch) == (None, None)
+    assert (found.size_ratio, found.touch) == (None, None)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Whether feet touch something, by their keypoints and by the depth beside them."""
+"""Whether feet, hands and seat touch something, by keypoints and by what is observed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.stance import (
     Stance,
-    depth_beside,
     depth_gaps_at_feet,
-    hanging_posture,
     lower_than_the_other,
+    stance_in_picture,
     standing_prior,
-    touch_in_picture,
 )
 from physic_core.geometry.camera import pixel_rays
-from physic_core.types import Keypoints
+from physic_core.types import Keypoints, Observations
 
 from .conftest import FLOOR_Y
 
@@ -52,17 +50,23 @@ def person(left=None, both=None):
     return points.reshape(1, -1, 2)
 
 
-def touch(lower=(math.nan, math.nan), beside=(math.nan, math.nan)):
-    """Probability that both feet touch."""
-    parts = np.array([(*beside, math.nan, math.nan, math.nan)])
-    return replace(Stance.unknown(1), lower=np.array([lower]), beside=parts).touch[0]
+def observed(*touch):
+    """Observations of one person: probabilities of feet, hands and seat, of a share of one half."""
+    unknown = Observations.unknown(1)
+    half = np.full(5, 0.5, np.float32)
+    return replace(unknown, touch=np.array([touch], np.float32), touch_share=half)
+
+
+def touch_of(points, names=NAMES, said=None):
+    """Probability that feet touch, (N, 2)."""
+    return stance_in_picture(points, names, said or Observations.unknown(len(points))).touch[:, :2]
 
 
 def test_both_feet_of_people_who_stand_touch_and_one_raised_behind_touches_less():
-    assert (touch_in_picture(person(), NAMES) > 0.6).all()
-    raised, other = touch_in_picture(person(left=RAISED), NAMES)[0]
+    assert (touch_of(person()) > 0.6).all()
+    raised, other = touch_of(person(left=RAISED))[0]
     assert raised < other
-    assert touch_in_picture(np.zeros((0, 12, 2)), NAMES).shape == (0, 2)
+    assert touch_of(np.zeros((0, 12, 2))).shape == (0, 2)
 
 
 def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_picture():
@@ -73,9 +77,7 @@ def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_pictur
 def test_mirrored_people_have_mirrored_feet():
     points = person(left=RAISED)
     mirrored = np.concatenate([points[:, 6:], points[:, :6]], 1) * [-1, 1]
-    assert touch_in_picture(mirrored, NAMES) == pytest.approx(
-        touch_in_picture(points, NAMES)[:, ::-1]
-    )
+    assert touch_of(mirrored) == pytest.approx(touch_of(points)[:, ::-1])
 
 
 @pytest.mark.parametrize("unknown", ["nan", "names"])
@@ -87,44 +89,21 @@ def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
     else:
         names = tuple(name.replace("heel", "sole") for name in NAMES)
     assert np.isnan(lower_than_the_other(points, names)).all()
-    found = touch_in_picture(points, names)[0]
+    found = touch_of(points, names)[0]
     assert found[0] == found[1]
     assert 0.5 < found[0] < 0.97
 
 
-ARMS_UP = {"wrist": (5, -90)}
-TOES_DOWN = {"foot_tip": (0, 300)}
-
-
-@pytest.mark.parametrize(
-    ("changed", "posture"),
-    [
-        ({}, 0.0),
-        (ARMS_UP, 0.4),
-        (TOES_DOWN, 0.0),
-        (ARMS_UP | TOES_DOWN, 1.0),
-        ({"wrist": (5, -40)} | TOES_DOWN, 0.5),
-    ],
-)
-def test_people_hang_if_both_arms_are_raised_and_the_toes_point_down(changed, posture):
-    points = person(both=changed)
-    found = hanging_posture(3.0 * points, NAMES)
-    assert found.tolist() == pytest.approx([posture])
-    lowered = person(both={**changed, "wrist": STANDS["wrist"]})
-    assert (touch_in_picture(points, NAMES) < touch_in_picture(lowered, NAMES)).all() == (
-        posture > 0
-    )
-
-
-def test_a_person_who_raises_one_arm_does_not_hang():
-    assert hanging_posture(person(left=ARMS_UP | TOES_DOWN), NAMES).tolist() == [0.0]
-
-
-def test_a_foot_with_only_larger_depths_beside_it_touches_less():
-    average = touch()[0]
-    near, far = touch(beside=(0.01, 0.3))
-    assert far < average < near
-    assert touch(beside=(0.3, 0.9)).tolist() == [far, far]
+def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
+    nothing = math.nan
+    average = stance_in_picture(person(), NAMES, Observations.unknown(1)).touch[0]
+    for column in range(5):
+        for sure in (0.03, 0.97):
+            said = np.full(5, nothing)
+            said[column] = sure
+            found = stance_in_picture(person(), NAMES, observed(*said)).touch[0]
+            assert (found[column] > average[column]) == (sure > 0.5)
+            assert np.delete(found, column).tolist() == np.delete(average, column).tolist()
 
 
 def prior(gap, raised=None):
@@ -146,18 +125,27 @@ def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foo
     assert prior(0.02)[1] > 0.9
 
 
+def test_feet_of_people_who_ride_are_not_on_the_floor():
+    walks, rides = (
+        standing_prior(np.array([[0.9, 0.9]]), np.full((1, 2), np.nan), None, np.array([p]))[0]
+        for p in (0.0, 0.95)
+    )
+    assert rides.max() < 0.1 * walks.min()
+
+
 def test_people_with_both_feet_probably_off_the_ground_are_in_the_air():
-    lower = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
-    beside = np.array([[0.01] * 5, [0.01] * 5, [0.3] * 5])
-    stance = replace(Stance.unknown(3), lower=lower, beside=beside)
+    one_raised = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
+    said = np.zeros((3, 5))
+    said[2, :2] = -6.0
+    stance = replace(Stance.unknown(3), lower=one_raised, observed=said)
     assert stance.in_air.tolist() == [False, False, True]
 
 
 def test_people_without_a_body_have_average_feet():
-    known = replace(Stance.unknown(1), lower=np.array([[-0.5, 0.5]]), beside=np.full((1, 5), 0.2))
+    known = replace(Stance.unknown(1), lower=np.array([[-0.5, 0.5]]), observed=np.full((1, 5), 0.2))
     wider = known.expanded(np.array([False, True]))
     assert wider.touch[1].tolist() == known.touch[0].tolist()
-    assert wider.touch[0].tolist() == touch().tolist()
+    assert wider.touch[0].tolist() == Stance.unknown(1).touch[0].tolist()
 
 
 def floor_depth(state):
@@ -172,24 +160,6 @@ def people_of(state):
     points = state.keypoints.numpy()
     confidence = state.keypoint_confidence.numpy()
     return Keypoints(points, confidence, state.skeleton), state.masks, photo
-
-
-def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_feet(make_stage):
-    on_floor, over_it = (
-        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).state))[0]
-        for y in (1.3, 0.9)
-    )
-    assert on_floor[:2].max() < 0.06
-    assert over_it[:2].min() > 0.15
-
-
-def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
-    keypoints, masks, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).state)
-    left = [[name.startswith("left_")] for name in keypoints.joint_set.names]
-    points = np.where(left, math.nan, keypoints.points)
-    found = depth_beside(replace(keypoints, points=points), masks, photo)
-    assert np.isnan(found[0]).tolist()[::2] == [True, True, False]
-    assert np.isnan(depth_beside(keypoints, masks, torch.full_like(photo, math.nan))).all()
 
 
 def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
@@ -228,7 +198,7 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     lift = height(stage.vertices)
     assert 0.05 < lift < 0.15
     state = replace(stage.state, keypoint_confidence=0.35 * stage.state.keypoint_confidence)
-    known = replace(state, foot_touch=torch.tensor([[0.0, 1.0]]))
+    known = replace(state, touch=torch.tensor([[0.0, 1.0, 1.0, 1.0, 1.0]]))
     plain, lifted = (
         height(optimize(given, engine_preset("default").joint).vertices) for given in (state, known)
     )

@@ -31,17 +31,21 @@ def test_the_size_of_people_of_unknown_age_includes_children():
     nan = np.nan
     stature = np.array([nan, nan, nan, 1.7])
     years = np.array([nan, 40.0, 8.0, nan])
-    unknown, adult, child, measured = size_sigmas(stature, years)
+    unknown, adult, child, measured = size_sigmas(stature, years, np.full(4, nan))
     assert 0.1 < unknown < 0.13
     assert adult == pytest.approx(STATURE_SIGMA)
     assert 0.04 < child < adult
     assert measured < 0.01
+    said = np.array([0.01, 0.4, 0.6, 0.97])
+    surely_adult, hardly, perhaps, surely_child = size_sigmas(*np.full((2, 4), nan), said)
+    assert surely_adult < unknown < hardly
+    assert surely_adult < surely_child < perhaps
 
 
 def test_a_scene_of_known_size_gives_the_size_of_people_of_unknown_age():
     nan = np.array([np.nan])
-    assert size_sigmas(nan, nan, 0.01) == pytest.approx(math.hypot(0.01, 0.05))
-    assert size_sigmas(nan, nan, 0.5) == size_sigmas(nan, nan)
+    assert size_sigmas(nan, nan, nan, 0.01) == pytest.approx(math.hypot(0.01, 0.05))
+    assert size_sigmas(nan, nan, nan, 0.5) == size_sigmas(nan, nan, nan)
 
 
 def spread_of_stature(body):

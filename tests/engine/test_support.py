@@ -99,10 +99,10 @@ CASES = {
     "sits on nothing, soles down": (SITS, SOLES, {"sits": True}, "assumed", SEAT),
     "sits, no guess": (SITS, SOLES, {"assume": False}, "unbalanced", ()),
     "sits on a seat": (SITS, SEAT, {"sits": True}, "balanced", ()),
-    "squats, may sit": (SQUATS, SOLES, {"sits": True}, "balanced", ()),
+    "sits over its feet": (SQUATS, SOLES, {"sits": True}, "assumed", SEAT),
     "squats on nothing": (SQUATS, (), {"sits": True}, "assumed", SEAT),
     "squats on unseen feet": (SQUATS, SOLES, {"sits": True, "unseen": SOLES}, "assumed", SEAT),
-    "jumps as if seated": (SITS, (), {"sits": True} | AIR, "airborne", ()),
+    "sits, feet in the air": (SITS, (), {"sits": True} | AIR, "assumed", SEAT),
     "one unseen foot, seated": (
         SITS,
         (),

@@ -38,10 +38,28 @@ def stature(parameters):
     return load_body("embedded").stature(torch.tensor(parameters.betas)).tolist()
 
 
+UNSAID = np.full(2, NAN)
+
+
+def test_people_who_seem_to_be_children_get_the_size_of_one_unless_their_size_is_known():
+    said = np.array([0.2, 0.9])
+    before = two_adults()
+    unknown, grown = (
+        resize_children(Bodies(before, "embedded"), load_body("embedded"), known, said)
+        for known in (KnownPeople(), KnownPeople(years=np.array([NAN, 30.0])))
+    )
+    tall, small = stature(unknown[0].parameters)
+    assert tall == pytest.approx(stature(before)[0])
+    assert 1.0 < small < 1.4
+    assert "person 1 seems to be a child" in unknown[1][0]
+    assert stature(grown[0].parameters) == pytest.approx(stature(before))
+    assert not grown[1]
+
+
 def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
     before = two_adults()
     known = KnownPeople(years=np.array([NAN, 4.5]))
-    found, notes = resize_children(Bodies(before, "embedded"), load_body("embedded"), known)
+    found, notes = resize_children(Bodies(before, "embedded"), load_body("embedded"), known, UNSAID)
     after = found.parameters
     assert np.array_equal(after.betas[0], before.betas[0])
     assert np.array_equal(after.transl[0], before.transl[0])
@@ -54,7 +72,9 @@ def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
 
 def test_a_known_stature_counts_more_than_an_age():
     known = KnownPeople(years=np.array([4.5, 4.5]), stature=np.array([0.95, NAN]))
-    found, notes = resize_children(Bodies(two_adults(), "embedded"), load_body("embedded"), known)
+    found, notes = resize_children(
+        Bodies(two_adults(), "embedded"), load_body("embedded"), known, UNSAID
+    )
     assert stature(found.parameters) == pytest.approx(
         [0.95, np.exp(load_ages().at_age(4.5)[0])], abs=1e-3
     )
@@ -65,7 +85,7 @@ def test_adults_and_people_without_a_body_keep_what_they_have():
     before = two_adults()
     before.betas[1] = NAN
     known = KnownPeople(years=np.array([16.0, 4.5]))
-    found, notes = resize_children(Bodies(before, "embedded"), load_body("embedded"), known)
+    found, notes = resize_children(Bodies(before, "embedded"), load_body("embedded"), known, UNSAID)
     assert np.array_equal(found.parameters.betas, before.betas, equal_nan=True)
     assert np.array_equal(found.parameters.transl, before.transl)
     assert not notes

@@ -37,13 +37,10 @@ from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
 from physic_core.engine.state import State
 from physic_core.engine.touch import (
-    DEPTH_BESIDE,
     DISTANCE,
     HANDS,
-    HANGING,
-    HOLDING,
     IN_WORLDS,
-    RIDING,
+    OBSERVED,
     touch_log_odds,
     touch_model,
 )
@@ -178,7 +175,7 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
             odds = torch.where(lies & beneath, _like_feet(distance), odds)
         parts[name] = torch.sigmoid(odds)
         if kind == "hand":
-            hands = hands.maximum(parts[name] * (1 - features[RIDING]))
+            hands = hands.maximum(parts[name])
     parts = {name: parts[name] for name in of_parts}
     limbs = _parts(state.model, "hand", "foot")
     model = contact_model().nearness
@@ -259,9 +256,8 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
-    radius. "bend at the hips" is the smaller angle between trunk and thighs, radians; 0 is
-    straight. "depth beside", "hanging", "holding" and "riding" are those of the
-    stance.
+    radius. "observed" is that of the stance. "bend at the hips" is the smaller angle between trunk
+    and thighs, radians; 0 is straight.
 
     Args:
         state: bodies, and what the photo shows of them.
@@ -269,10 +265,7 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     """
     joints = state.joints
     stance = state.stance or Stance.unknown(len(joints))
-    beside, hanging, holding, riding = (
-        torch.tensor(values).to(joints)
-        for values in (stance.depth_beside, stance.hanging, stance.holding, stance.riding)
-    )
+    observed = torch.tensor(stance.observed).to(joints)
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(contact_parts(state.model), gap.T, strict=True):
@@ -280,12 +273,7 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
         if column is not None:
-            found[name][DEPTH_BESIDE] = beside[:, column]
-            found[name][RIDING] = riding
-        if kind_of_part(name) == "foot":
-            found[name][HANGING] = hanging
-        if kind_of_part(name) == "hand":
-            found[name][HOLDING] = holding[:, side]
+            found[name][OBSERVED] = observed[:, column]
     found[SEAT]["bend at the hips"] = bend
     return found
 

@@ -2,14 +2,12 @@
 supports.
 
 A seated person has a seat: the surface under buttocks and thighs, whatever else balances the body,
-or a hidden one, unless feet that the photo shows balance it or are in the air. Somebody who squats
-or jumps looks seated, and needs no seat. A person is balanced if the centre of mass is over the
-convex hull of the carrying contacts, or below hands that hold something. Feet alone balance a
-person only on heels that rest on enough ground: on less, the person is unsteady. Otherwise, the
-photo may not show the support. A hidden support is assumed only where the photo cannot show one,
-and if the body is balanced on it: something under feet that the photo does not show, and a bar in
-the hands of people whose feet are in the air. Feet that the photo shows stand on what it shows, or
-on nothing. Camera frame, metres.
+or a hidden one. A person is balanced if the centre of mass is over the convex hull of the carrying
+contacts, or below hands that hold something. Feet alone balance a person only on heels that rest on
+enough ground: on less, the person is unsteady. Otherwise, the photo may not show the support. A
+hidden support is assumed only where the photo cannot show one, and if the body is balanced on it:
+something under feet that the photo does not show, and a bar in the hands of people whose feet are
+in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -125,12 +123,7 @@ def find_support(
         under = _members(model, "thighs", "gluteus")
         seat = level & under
         patch = _lowest(person, under, up)
-        soles = [person.seen & _members(model, f"{side}_sole") for side in SIDES]
-        feet = contact & (soles[0] | soles[1])
-        stands = distance_to_hull(centre, vertices[feet], up) <= _BALANCE_M
-        jumps = person.in_air and all(bool(sole.any()) for sole in soles)
-        hidden = assume and not stands and not jumps and not bool(seat.any())
-        if hidden and int(patch.sum()) >= _MIN_VERTICES:
+        if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = distance_to_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
     hands = _members(model, *(f"{side}_hand" for side in SIDES))

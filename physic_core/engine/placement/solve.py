@@ -40,7 +40,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
         state = _resized(estimates, state, state.known, feet_seen, method)
     if method.stance and state.stance is not None:
         feet_seen = feet_seen & ~torch.from_numpy(state.stance.in_air).to(feet_seen.device)
-        state = replace(state, foot_touch=torch.from_numpy(state.stance.touch).to(state.transl))
+        state = replace(state, touch=torch.from_numpy(state.stance.touch).to(state.transl))
     return _place(estimates, state, feet_seen, method)
 
 

@@ -85,7 +85,13 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
 def _scene_input(estimates: Estimates) -> SceneInput:
     scene = estimates.scene
     people = estimates.people
-    evidence = floor_evidence(people, estimates.hole, estimates.keypoints, estimates.intrinsics)
+    evidence = floor_evidence(
+        people,
+        estimates.hole,
+        estimates.keypoints,
+        estimates.intrinsics,
+        estimates.observations,
+    )
     points, valid, depth = tensors(scene.points, scene.valid, estimates.depth.depth)
     floor = replace(evidence, found=estimates.floor)
     return SceneInput(points, valid, scene.unknown, depth, _cameras(estimates), floor)

@@ -47,8 +47,11 @@ With the embedded body's shape prior (0.054) the combined error is 0.04.
 
 CHILD_SHARE = 0.07
 """Share of children from 2 to 13 years among people whose age is unknown: by eye 22 of 325 people
-in 150 photos of the street, sport and rooms. They get sizes of adults.
+in 150 photos of the street, sport and rooms.
 """
+
+SEEMS_CHILD = 0.5
+"""Probability by the photo from which on a person of unknown size and age gets that of a child."""
 
 _CHILD_YEARS = (2.0, 13.0)
 
@@ -168,16 +171,33 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
     return sigma
 
 
-def adult_probability(stature: FloatArray, years: FloatArray) -> FloatArray:
+def adult_probability(stature: FloatArray, years: FloatArray, child: FloatArray) -> FloatArray:
     """Return the probability (N,) that people of unknown age are adults; 1 for a known size or
     age.
+
+    Args:
+        stature: (N,) metres, NaN where unknown.
+        years: (N,), NaN where unknown.
+        child: (N,) probability by the photo, NaN where it says nothing.
     """
-    adult: FloatArray = np.where(np.isnan(stature) & np.isnan(years), 1 - CHILD_SHARE, 1.0)
-    return adult
+    adult = 1 - np.where(np.isnan(child), CHILD_SHARE, child)
+    return np.asarray(np.where(np.isnan(stature) & np.isnan(years), adult, 1.0))
+
+
+def log_stature_of_children() -> tuple[float, float]:
+    """Return mean and standard deviation of log stature of children whose age is unknown."""
+    ages = load_ages()
+    child = (ages.years[:, 0] >= _CHILD_YEARS[0]) & (ages.years[:, 1] <= _CHILD_YEARS[1])
+    mean = ages.log_stature[child].mean()
+    variance = ((ages.log_stature[child] - mean) ** 2 + ages.sigma[child] ** 2).mean()
+    return float(mean), float(np.sqrt(variance))
 
 
 def size_sigmas(
-    stature: FloatArray, years: FloatArray, scale_sigma: float | None = None
+    stature: FloatArray,
+    years: FloatArray,
+    child: FloatArray,
+    scale_sigma: float | None = None,
 ) -> FloatArray:
     """Return the standard deviation (N,) of the log size of the bodies of N people, children among
     them.
@@ -185,15 +205,17 @@ def size_sigmas(
     Args:
         stature: (N,) metres, NaN where unknown.
         years: (N,), NaN where unknown.
+        child: (N,) probability by the photo, NaN where it says nothing.
         scale_sigma: of a scene of known size, which gives those of people of unknown stature; None
             if people give it.
     """
-    ages = load_ages()
-    variance = stature_sigmas(stature, years) ** 2
-    adult = adult_probability(stature, years)
-    child = (ages.years[:, 0] >= _CHILD_YEARS[0]) & (ages.years[:, 1] <= _CHILD_YEARS[1])
-    as_adult = ((ages.log_stature - np.log(ADULT_STATURE_M)) ** 2 + ages.sigma**2)[child].mean()
-    sigma = np.sqrt(adult * variance + (1 - adult) * as_adult)
+    adult = adult_probability(stature, years, child)
+    mean, spread = log_stature_of_children()
+    other = (mean - np.log(ADULT_STATURE_M)) ** 2  # of who gets the size of the other class
+    is_child = 1 - adult >= SEEMS_CHILD
+    as_adult = stature_sigmas(stature, years) ** 2 + other * is_child
+    as_child = spread**2 + other * ~is_child
+    sigma = np.sqrt(adult * as_adult + (1 - adult) * as_child)
     if scale_sigma is not None:
         sigma = np.minimum(sigma, np.hypot(scale_sigma, FACTOR_SPREAD))
     return np.asarray(np.maximum(sigma, KNOWN_SIZE_SIGMA))
@@ -309,37 +331,48 @@ def bodies_of_stature(
 
 
 def resize_children(
-    bodies: Bodies, model: BodyModel, known: KnownPeople
+    bodies: Bodies, model: BodyModel, known: KnownPeople, child: FloatArray
 ) -> tuple[Bodies, list[str]]:
-    """Give people of known age under 16 a child's stature and shape; others are unchanged.
+    """Give people of known age under 16, and those who seem to be children, a child's stature and
+    shape; others are unchanged.
 
     Body estimators treat all people as adults, so children come out as adults farther away. The
-    size of a child in the photo is preserved. A known stature overrides an age.
+    size of a child in the photo is preserved. A known stature overrides an age, and both override
+    what the photo says.
 
     Args:
         bodies: of N people, of the configured body model; people of known stature have it.
         model: the configured body model.
         known: by the user.
+        child: (N,) probability by the photo, NaN where it says nothing.
 
     Returns:
         The bodies, and a note about each child.
     """
-    if known.years is None:
-        return bodies, []
     betas = np.array(bodies.parameters.betas, np.float64)
     statures = np.full(len(betas), np.nan)
     notes = []
     table = load_ages()
-    for i in np.flatnonzero((known.years < ADULT_YEARS) & np.isfinite(betas).all(1)).tolist():
-        mean, sigma = table.at_age(known.years[i])
+    has_body = np.isfinite(betas).all(1)
+    given, years = known.filled(len(betas))
+    for i in np.flatnonzero((years < ADULT_YEARS) & has_body).tolist():
+        mean, sigma = table.at_age(years[i])
         statures[i] = np.exp(mean)
         spread = f" ± {100 * sigma:.0f} %"
-        if known.stature is not None and np.isfinite(known.stature[i]):
-            statures[i] = known.stature[i]
+        if np.isfinite(given[i]):
+            statures[i] = given[i]
             spread = ""
         notes.append(
-            f"person {i} is a child of {known.years[i]:g} years, {statures[i]:.2f} m{spread} tall "
+            f"person {i} is a child of {years[i]:g} years, {statures[i]:.2f} m{spread} tall "
             f"before the joint fit"
+        )
+    seems = 1 - adult_probability(given, years, child) >= SEEMS_CHILD
+    mean, sigma = log_stature_of_children()
+    for i in np.flatnonzero(seems & has_body).tolist():
+        statures[i] = np.exp(mean)
+        notes.append(
+            f"person {i} seems to be a child, and is taken as {statures[i]:.2f} m "
+            f"± {100 * sigma:.0f} % tall: give --age"
         )
     near = None
     if model.name == "embedded":

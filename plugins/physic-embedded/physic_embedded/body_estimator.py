@@ -28,6 +28,7 @@ _BEND_SHARE = 0.35  # share of it that counts as real
 # of the fit's squared residuals, which uprightness may cost before it is halved
 _ACCEPTED_RISE = 50.0
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
+_LIES = 0.5  # probability, from which on a trunk without legs is not set upright
 _MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
 _ROTATION_SIGMA = {
@@ -61,7 +62,7 @@ class EmbeddedBodies(BodyEstimator):
     """
 
     written_for = 1
-    reads = ("people", "intrinsics", "keypoints", "floor", "original")
+    reads = ("people", "intrinsics", "keypoints", "observations", "floor", "original")
 
     _model: BodyModel | None = None
 
@@ -103,9 +104,14 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.adapters.bodies import observed_joints
         from physic_core.adapters.devices import limited_threads
         from physic_core.body.bones import parameters_from_rotations
-        from physic_core.types import Bodies
+        from physic_core.types import Bodies, Observations
+        from physic_core.types.observations import POSTURES
         from physic_embedded.body_fit.fit import fit_outlines
-        from physic_embedded.body_fit.hidden_legs import with_hidden_legs
+        from physic_embedded.body_fit.hidden_legs import (
+            legs_hidden,
+            pitch_sigma,
+            with_hidden_legs,
+        )
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
         from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
         from physic_embedded.body_fit.newton import covariance
@@ -123,24 +129,24 @@ class EmbeddedBodies(BodyEstimator):
             return Bodies(
                 parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
             )
+        skeleton = keypoints.joint_set
+        said = hints.observations or Observations.unknown(len(people))
+        up = np.array([0.0, -1.0, 0.0]) if hints.floor is None else hints.floor.normal
         observations = with_hidden_legs(
-            observe_people(keypoints, people, intrinsics),
-            people,
-            keypoints.joint_set,
-            intrinsics,
-            hints,
+            observe_people(keypoints, people, intrinsics, said), skeleton, said, up
         )
+        cut = legs_hidden(observations, skeleton)
+        lies = said.posture[:, POSTURES.index("lie")] > _LIES
+        trunk = (cut & ~lies) | (hints.floor is not None)
         with torch.enable_grad(), limited_threads():
             fit = (
                 _fit_with_world_landmarks
                 if observations.world is not None
                 else fit_without_world_landmarks
-            )(self._model, observations, camera, keypoints.joint_set)
+            )(self._model, observations, camera, skeleton)
             upright = np.zeros(len(people), bool)
-            if hints.floor is not None and keypoints.depth_sigma is None:
-                fit, upright = self._on_floor(
-                    fit, observations, camera, keypoints.joint_set, hints.floor.normal
-                )
+            if trunk.any() and keypoints.depth_sigma is None:
+                fit, upright = self._upright(fit, observations, camera, skeleton, up, trunk)
             fit = fit_outlines(
                 self._model,
                 fit,
@@ -158,18 +164,20 @@ class EmbeddedBodies(BodyEstimator):
             "embedded",
             observed,
             rotation_sigma=rotation_sigma,
-            lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.nan),
+            lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
         )
 
-    def _on_floor(
+    def _upright(
         self,
         fit: FittedBodies,
         observations: BodyObservations,
         camera: FloatArray,
         skeleton: Skeleton,
         up: FloatArray,
+        trunk: BoolArray,
     ) -> tuple[FittedBodies, BoolArray]:
-        """Repeat the fit with a known floor: feet level, and standing people upright.
+        """Repeat the fit with a known vertical, for people with known ``trunk`` (N,): feet level,
+        and standing people upright.
 
         Return the fit, and who was set upright: (N,) bool.
 
@@ -189,7 +197,7 @@ class EmbeddedBodies(BodyEstimator):
         joints = fit.joints.double().numpy()
         lean = lean_towards_camera(joints, observations.turn, up)
         legs_seen = observations.confidence[:, legs].min(1) > _MIN_LEG_CONFIDENCE
-        upright = standing_legs(joints).any(1) & legs_seen & (np.abs(lean) < 2 * _MAX_LEAN)
+        upright = standing_legs(joints).any(1) & legs_seen & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
         turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
         again = fit
         for _ in range(2):
@@ -199,7 +207,7 @@ class EmbeddedBodies(BodyEstimator):
                 camera,
                 skeleton,
                 _restart(fit, observations, turn, upright),
-                floor=FloorConstraint(up, upright, turn),
+                floor=FloorConstraint(up, trunk, upright, turn),
             )
             costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
             if not costly.any():

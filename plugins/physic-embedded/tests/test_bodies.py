@@ -16,11 +16,12 @@ from physic_core.types import (
     Hints,
     Intrinsics,
     Keypoints,
+    Observations,
     People,
     Plane,
-    Pointmap,
     skeleton_named,
 )
+from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
 from physic_embedded.body_estimator import EmbeddedBodies
 from physic_embedded.body_fit.lean import lean_towards_camera
@@ -354,32 +355,34 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend):
     assert observed[joints_of(*upper)].all()
 
 
-def fit_behind_table(backend, pose, shoulders_m, leg_confidence=0.02):
-    """Angles of the thighs from the vertical, degrees, of somebody whose legs are hidden.
+def says(posture, people=1):
+    """Observations of people who are sure to have this posture."""
+    rows = np.full((people, len(POSTURES)), 0.01, np.float32)
+    rows[:, POSTURES.index(posture)] = 0.92
+    return replace(Observations.unknown(people), posture=rows)
 
-    The shoulders are at a height over the floor, and the point map is in units of two metres.
-    """
-    seen = truth([pose], [(-0.2, 0.75, 1.8)])
+
+def fit_behind_table(backend, pose, posture, leg_confidence=0.02, lean_deg=0.0):
+    """Joints of somebody whose legs are hidden, before a camera without a floor."""
+    seen = truth([pose], [(-0.2, 0.75, 1.8)], lean_deg=lean_deg)
     legs = (f"{side}_{j}" for side in SIDES for j in ("knee", "ankle", "heel", "foot_tip"))
     confidence = seen.keypoints.confidence.copy()
     confidence[0, rows_of(BLAZEPOSE_SKELETON, *legs)] = leg_confidence
-    place = seen.joints[0, joints_of("shoulder")].mean(0)
-    points = np.full((*IMAGE.shape[:2], 3), place[2] / 2)
-    hints = Hints(
-        floor=Plane(FLOOR.normal, float(shoulders_m + place[1]) / 2),
-        original=Pointmap(points, np.ones(IMAGE.shape[:2], bool), "scale"),
-    )
-    people = replace(seen.people, masks=np.ones((1, *IMAGE.shape[:2]), bool))
     keypoints = replace(seen.keypoints, confidence=confidence)
-    joints, _ = posed(backend.infer(IMAGE, people, CAMERA, keypoints, hints))
+    hints = Hints(observations=says(posture))
+    return posed(backend.infer(IMAGE, seen.people, CAMERA, keypoints, hints))[0]
+
+
+def thighs_deg(joints):
+    """Angles of the thighs of one person from the vertical, degrees."""
     thighs = joints[0, joints_of("knee")] - joints[0, joints_of("hip")]
     return np.degrees(np.arccos(thighs[:, 1] / np.linalg.norm(thighs, axis=1)))
 
 
 @pytest.mark.parametrize("pose", [STANDS, SITS], ids=["as if standing", "as if sitting"])
-def test_hidden_legs_hang_or_are_seated_by_the_height_of_the_shoulders(backend, pose):
-    assert fit_behind_table(backend, pose, 1.2).max() < 15
-    assert fit_behind_table(backend, pose, 0.5).min() > 45
+def test_hidden_legs_hang_or_are_seated_by_the_posture(backend, pose):
+    assert thighs_deg(fit_behind_table(backend, pose, "stand")).max() < 15
+    assert thighs_deg(fit_behind_table(backend, pose, "sit")).min() > 45
 
 
 def test_legs_of_people_who_sit_stay_as_they_are_if_they_are_seen_a_little(backend):
@@ -389,7 +392,31 @@ def test_legs_of_people_who_sit_stay_as_they_are_if_they_are_seen_a_little(backe
         left_knee=(120, 0, 0),
         right_knee=(120, 0, 0),
     )
-    assert fit_behind_table(backend, legs_drawn_up, 0.5, leg_confidence=0.2).min() > 105
+    joints = fit_behind_table(backend, legs_drawn_up, "sit", leg_confidence=0.2)
+    assert thighs_deg(joints).min() > 105
+
+
+@pytest.mark.parametrize("lean_deg", [20.0, 40.0])
+def test_a_trunk_without_legs_is_upright_unless_the_person_lies(backend, lean_deg):
+    stands, lies = (
+        trunk_tilt_deg(fit_behind_table(backend, STANDS, posture, lean_deg=lean_deg))[0]
+        for posture in ("stand", "lie")
+    )
+    assert abs(stands) < 0.4 * lean_deg
+    assert lies > 0.6 * lean_deg
+
+
+def test_the_estimator_states_the_lean_of_people_whose_legs_are_hidden(backend):
+    seen = truth([STANDS], PLACES[:1])
+    confidence = seen.keypoints.confidence.copy()
+    legs = (f"{side}_{j}" for side in SIDES for j in ("knee", "ankle", "heel", "foot_tip"))
+    confidence[0, rows_of(BLAZEPOSE_SKELETON, *legs)] = 0.02
+    cut = replace(seen.keypoints, confidence=confidence)
+    sure, unsure = (
+        backend.infer(IMAGE, seen.people, CAMERA, cut, Hints(observations=says(word))).lean_sigma[0]
+        for word in ("stand", "squat")
+    )
+    assert 0 < sure < unsure
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])

@@ -114,6 +114,7 @@ def two_people(*, landmarks):
         turn=np.broadcast_to(np.eye(3), (2, 3, 3)),
         world=rng.normal(0, 0.5, (*shape, 3)) if landmarks else None,
         world_weight=rng.uniform(0.5, 1, shape),
+        touch=np.ones((2, 2)),
     )
     yes = np.ones(2, bool)
     model = load_body("embedded").to(dtype=torch.float64)
@@ -127,7 +128,7 @@ def two_people(*, landmarks):
             rng.normal(0, 0.3, (2, 21, 3)),
             np.array([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]),
         ),
-        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, np.array([0.1, -0.1])),
+        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, yes, np.array([0.1, -0.1])),
     )
     problem = replace(problem, feet=torch.ones(2, dtype=torch.float64))
     pairs = (2, 5)

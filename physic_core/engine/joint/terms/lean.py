@@ -12,14 +12,20 @@ from physic_core.engine.state import State
 
 _ANKLES = joint_pair("ankle")
 _NECK = JOINT_INDEX["neck"]
+_PELVIS = JOINT_INDEX["pelvis"]
+
+CAMERA_PITCH_SIGMA = 0.17
+"""Radians, standard deviation of the pitch of a camera without a floor: photos are taken level to
+about 10 degrees.
+"""
 
 
 class LeanTerm(Term):
     """Squared change of the lean towards the camera since the start, over its variance.
 
-    The lean is the angle between the floor's normal and the line from ankles to neck, in the
-    vertical plane through the camera and the ankles. The picture hardly shows it: a leg that is 1 %
-    too long leans the body by several degrees.
+    The lean is the angle between the vertical and the line from ankles to neck, or from the pelvis
+    where the photo shows no ankle, in the vertical plane through the camera and that point. The
+    picture hardly shows it: a leg that is 1 % too long leans the body by several degrees.
     """
 
     def __init__(self, weight: float, sampling: Sampling) -> None:
@@ -30,8 +36,9 @@ class LeanTerm(Term):
         self._weight = weight * precision
         self._up = sampling.state.up
         joints = sampling.start.joints
-        feet = joints[:, _ANKLES].mean(1)
-        level = (feet @ self._up)[:, None] * self._up - feet
+        self._legs = ankles_observed(sampling.state)
+        foot = self._foot(joints)
+        level = (foot @ self._up)[:, None] * self._up - foot
         self._towards = torch.nn.functional.normalize(level, dim=1)
         self._start = self._lean(joints)
 
@@ -44,19 +51,32 @@ class LeanTerm(Term):
 
     def _lean(self, joints: Tensor) -> Tensor:
         """Return the lean (B,) of joints (B, 55, 3), radians; positive towards the camera."""
-        column = joints[:, _NECK] - joints[:, _ANKLES].mean(1)
+        column = joints[:, _NECK] - self._foot(joints)
         return torch.atan2((column * self._towards).sum(1), column @ self._up)
+
+    def _foot(self, joints: Tensor) -> Tensor:
+        """Return the lower end (B, 3) of the line that leans."""
+        return torch.where(self._legs[:, None], joints[:, _ANKLES].mean(1), joints[:, _PELVIS])
+
+
+def ankles_observed(state: State) -> Tensor:
+    """Return the people (B,) bool of whom a photo shows an ankle."""
+    return state.observed_anywhere[:, _ANKLES].any(1)
 
 
 def lean_precision(state: State) -> Tensor | None:
-    """Return the probability that a person stands or walks, over the variance of the lean: (B,),
-    1/rad^2.
+    """Return the probability that the lean is what the body estimator states, over its variance:
+    (B,), 1/rad^2.
 
-    The variance is that of bodies over a known floor, and that of the floor's pitch. The result is
-    0 for people whose lean is not stated; None without a stated lean or without a floor.
+    For people with visible ankles, it is the probability that they stand or walk. The variance is
+    that of the stated lean, and that of the vertical's pitch. The result is 0 for people whose lean
+    is not stated; None without a stated lean.
     """
-    floor = state.scene.floor
-    if state.lean_sigma is None or state.stance is None or floor is None:
+    if state.lean_sigma is None or state.stance is None:
         return None
+    floor = state.scene.floor
+    pitch = CAMERA_PITCH_SIGMA if floor is None else floor.pitch_sigma
     stands = 1 - (1 - torch.from_numpy(state.stance.stands).to(state.lean_sigma)).prod(1)
-    return torch.nan_to_num(stands / (state.lean_sigma.square() + floor.pitch_sigma**2))
+    stands = stands * (floor is not None)
+    stated = torch.where(ankles_observed(state), stands, torch.ones_like(stands))
+    return torch.nan_to_num(stated / (state.lean_sigma.square() + pitch**2))

@@ -142,7 +142,7 @@ class ContactTerm(SurfaceTerm):
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
-        self.prior = prior * sampling.state.weight_of_feet()[:, sampling.ids]
+        self.prior = prior * sampling.state.weight_of_parts()[:, sampling.ids]
         self.weights: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(sampling.is_contact)
 
@@ -334,8 +334,8 @@ class SoleTerm:
         dtype = sampling.area.dtype
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
-        if sampling.state.foot_touch is not None:
-            touch = sampling.state.foot_touch.to(lowest)
+        if sampling.state.touch is not None:
+            touch = sampling.state.touch[:, :2].to(lowest)
             either = 1 - (1 - touch).prod(1)
         self.weights = {
             "soles": touch * on_floor,

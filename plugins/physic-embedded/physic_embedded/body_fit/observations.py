@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.engine.stance import stance_in_picture
+from physic_core.types import Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 
 if TYPE_CHECKING:
@@ -50,6 +52,7 @@ class BodyObservations:
         world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None
             without 3D landmarks.
         world_weight: (N, J) of the 3D points.
+        touch: (N, 2) probability that the left and the right foot touch something, by the picture.
         sigma: (N, J) px of the 2D points, as the detector states it; None if it states none.
         depth_sigma: (N, J) metres of the depth of the 3D points, the same.
     """
@@ -61,6 +64,7 @@ class BodyObservations:
     turn: FloatArray
     world: FloatArray | None
     world_weight: FloatArray
+    touch: FloatArray
     sigma: FloatArray | None = None
     depth_sigma: FloatArray | None = None
 
@@ -75,7 +79,10 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
 
 
 def observe_people(
-    keypoints: Keypoints, people: People, intrinsics: Intrinsics
+    keypoints: Keypoints,
+    people: People,
+    intrinsics: Intrinsics,
+    observations: Observations | None = None,
 ) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
@@ -83,8 +90,8 @@ def observe_people(
         keypoints: of a joint set with hips and shoulders; one row a person.
         people: their boxes give the size where there are no 3D landmarks.
         intrinsics: of the photo.
+        observations: of the people; None if nothing is observed.
     """
-
     row = keypoint_indices(keypoints.joint_set)
     hips = [row["left_hip"], row["right_hip"]]
     points = np.asarray(keypoints.points, np.float64)
@@ -127,6 +134,9 @@ def observe_people(
         turn,
         world,
         world_weight,
+        stance_in_picture(
+            points, list(row), observations or Observations.unknown(len(points))
+        ).touch[:, :2],
         keypoints.sigma,
         keypoints.depth_sigma,
     )

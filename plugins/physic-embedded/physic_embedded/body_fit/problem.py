@@ -12,7 +12,6 @@ import torch
 
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.sizes.stature import adult_shape
-from physic_core.engine.stance import touch_in_picture
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
@@ -91,15 +90,18 @@ class InitialPose:
 
 @dataclass(frozen=True)
 class FloorConstraint:
-    """Constraint of a known floor on the fit of N people: level feet, and upright bodies.
+    """Constraint of the vertical on the fit of N people: level feet, and upright bodies.
 
     Attributes:
-        up: (3,) unit normal of the floor, camera frame.
+        up: (3,) unit normal of the floor, or of an upright camera without one; camera frame.
+        trunk: (N,) bool, people whose trunk is vertical unless it is clearly bent, and whose feet
+            are level.
         upright: (N,) bool, people whose line from ankles to neck must be vertical.
         lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
     """
 
     up: FloatArray
+    trunk: BoolArray
     upright: BoolArray
     lean: FloatArray
 
@@ -357,9 +359,9 @@ def fit_problem(
     feet = np.zeros(count)
     upright: BoolArray | FloatArray = np.zeros(count)
     lean: FloatArray = np.zeros(count)
-    trunk = np.zeros(count)
+    trunk: BoolArray | FloatArray = np.zeros(count)
     if floor is not None:
-        trunk = np.ones(count)
+        trunk = floor.trunk
         up = np.asarray(floor.up, np.float64)
         upright = floor.upright
         lean = floor.lean
@@ -368,8 +370,7 @@ def fit_problem(
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
         # The picture decides whether both feet stand: a raised foot looks like one that is farther
         # away.
-        touches = touch_in_picture(observations.points, list(index))
-        feet = (ankles > _SEEN) * touches.prod(1)
+        feet = (ankles > _SEEN) * trunk * observations.touch.prod(1)
     shape = observations.weight.shape
     point_sigma = np.broadcast_to(_KEYPOINT_SIGMA * observations.size[:, None], shape)
     world_sigma = np.broadcast_to(_WORLD_SIGMA_M, (*shape, 3))
