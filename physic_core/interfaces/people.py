@@ -205,7 +205,9 @@ def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:
 
 def _span(mask: BoolArray) -> list[int]:
     """Return the tight box x0 y0 x1 y1 of a mask."""
-    rows, columns = (mask.any(axis).nonzero()[0] for axis in (1, 0))
+    import numpy as np
+
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
     return [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1]
 
 

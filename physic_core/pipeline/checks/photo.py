@@ -206,11 +206,9 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     mirrored.
     """
     step = max(1, max(estimates.hole.shape) // _CORRELATED_PX)
-    z, depth, valid = (
-        array[::step, ::step]
-        for array in (estimates.scene.points[..., 2], estimates.depth.depth, estimates.scene.valid)
-    )
-    known = valid & (depth > 0)
+    scene = estimates.scene
+    z, depth = (each[::step, ::step] for each in (scene.points[..., 2], estimates.depth.depth))
+    known = scene.valid[::step, ::step] & (depth > 0)
     known &= known[:, ::-1]
     one, other = (_along_rows(array, known) for array in (z, depth))
     size = max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)

@@ -63,7 +63,7 @@ class MockPersonObserver(interfaces.PersonObserver):
             truth = np.tile(np.array(POSTURES) == name, (len(bent), 1))
             odds = np.exp(log_odds(truth))
             posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
-        nothing = ~world.contact.any(1) & (world.touched_person < 0).all(1)
+        nothing = np.asarray(~world.contact.any(1) & (world.touched_person < 0).all(1))
         return Observations(
             posture=posture,
             touch=probability(touch),
