@@ -38,7 +38,7 @@ try:
 except ValueError:
     refused = True
 version = importlib.metadata.version("dm_control")
-print(f"dm_control {version}: the door ends at {alone:.0f}, then {attached:.0f} degrees; stated units refused: {refused}")
+print(f"dm_control {version}: the door ends at {alone:.0f}, then {attached:.0f} degrees; stated, refused: {refused}")
 if not (abs(alone - 90) < 1e-3 and abs(attached - np.degrees(90)) < 1 and refused):
     raise SystemExit("the behaviour has changed")
 PYTHON

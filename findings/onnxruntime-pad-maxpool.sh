@@ -1,6 +1,6 @@
 #!/bin/sh
-# An ONNX graph puts a border of zeros around a map of negative values, and takes the largest of 3 x 3. Expected:
-# zeros at the border, whether the graph is optimised or not.
+# An ONNX graph puts a border of zeros around a map of negative values, and takes the largest of 3 x 3. Expected: zeros
+# at the border, whether the graph is optimised or not.
 # Measured with onnxruntime 1.31.1: by default it makes the border part of the pool, where a border counts as -inf, so
 # the corner is -1 in place of 0; with ORT_DISABLE_ALL it is 0. 1.32.0 does not.
 set -eu

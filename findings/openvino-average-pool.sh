@@ -1,9 +1,9 @@
 #!/bin/sh
-# ONNX's AveragePool of 3 x 3 steps by 2 over a map of ones with a border of 1, with ceil_mode and count_include_pad,
-# as torch exports it. The last window reaches beyond the border. Guessed: other runtimes have onnxruntime's values.
-# Measured with openvino 2026.4.1 and opencv-python-headless 5.0.0.93: they divide by what lies beyond the border,
-# too, so the last corner is .111 in place of .25, which onnxruntime 1.32.0 and ONNX's reference have; the last row is
-# a third too small.
+# ONNX's AveragePool of 3 x 3 steps by 2 over a map of ones with a border of 1, with ceil_mode and count_include_pad, as
+# torch exports it. The last window reaches beyond the border. Guessed: other runtimes have onnxruntime's values.
+# Measured with openvino 2026.4.1 and opencv-python-headless 5.0.0.93: they divide by what lies beyond the border, too,
+# so the last corner is .111 in place of .25, which onnxruntime 1.32.0 and ONNX's reference have; the last row is a
+# third too small.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -24,9 +24,8 @@ import openvino
 from onnx import helper
 from onnx.reference import ReferenceEvaluator
 
-node = helper.make_node(
-    "AveragePool", ["map"], ["mean"], kernel_shape=[3, 3], strides=[2, 2], pads=[1] * 4, ceil_mode=1, count_include_pad=1
-)
+window = {"kernel_shape": [3, 3], "strides": [2, 2], "pads": [1, 1, 1, 1]}
+node = helper.make_node("AveragePool", ["map"], ["mean"], ceil_mode=1, count_include_pad=1, **window)
 ports = [
     helper.make_tensor_value_info("map", onnx.TensorProto.FLOAT, [1, 1, 6, 6]),
     helper.make_tensor_value_info("mean", onnx.TensorProto.FLOAT, [1, 1, 4, 4]),

@@ -1,8 +1,8 @@
 #!/bin/sh
-# An MJCF model has a body with two hinges, and another with one. Each hinge rests at `ref`, so the pose of the file
-# has coordinates other than 0. Guessed: Pinocchio has MuJoCo's poses for MuJoCo's coordinates, or refuses `ref`.
-# Measured with pin 4.1.0: of the single hinge it does. Of two hinges in one body it leaves `ref` out in silence, so
-# the foot is .52 m beside its place, and the second hinge has no name: the joint is called Composite_ and the first.
+# An MJCF model has a body with two hinges, and another with one. Each hinge rests at `ref`, so the pose of the file has
+# coordinates other than 0. Guessed: Pinocchio has MuJoCo's poses for MuJoCo's coordinates, or refuses `ref`.
+# Measured with pin 4.1.0: of the single hinge it does. Of two hinges in one body it leaves `ref` out in silence, so the
+# foot is .52 m beside its place, and the second hinge has no name: the joint is called Composite_ and the first.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

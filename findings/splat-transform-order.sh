@@ -1,8 +1,8 @@
 #!/bin/sh
 # A PLY of six splats, each with a label of its own (a property "label"), is converted by PlayCanvas' splat-transform to
 # other formats and back. Guessed: the splats keep their order, so a list of labels beside the file still fits.
-# Measured with @playcanvas/splat-transform 2.7.1: PLY, CSV and SPZ keep the order, compressed PLY and SOG sort the splats by
-# place, in silence. The label is kept in PLY and CSV alone.
+# Measured with @playcanvas/splat-transform 2.7.1: PLY, CSV and SPZ keep the order, compressed PLY and SOG sort the
+# splats by place, in silence. The label is kept in PLY and CSV alone.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -16,7 +16,8 @@ names.push("rot_0", "rot_1", "rot_2", "rot_3", "label");
 const rows = [5, 1, 4, 2, 3, 0].map((x, i) => [x, 0, 0, 0, 0, 0, 2, -3, -3, -3, 1, 0, 0, 0, 10 + i]);
 const header = ["ply", "format binary_little_endian 1.0", `element vertex ${rows.length}`];
 header.push(...names.map((name) => `property float ${name}`), "end_header", "");
-writeFileSync("in.ply", Buffer.concat([Buffer.from(header.join("\n")), Buffer.from(new Float32Array(rows.flat()).buffer)]));
+const values = Buffer.from(new Float32Array(rows.flat()).buffer);
+writeFileSync("in.ply", Buffer.concat([Buffer.from(header.join("\n")), values]));
 NODE
 cat > look.mjs <<'NODE'
 import { readFileSync } from "node:fs";

@@ -1,8 +1,9 @@
 #!/bin/sh
-# The root of a BVH file has an OFFSET of 1 m in height, and channels of position that say 1 m, too, as many exporters write
-# it. Guessed: three.js puts the root 1 m high, since a position replaces the OFFSET, as Blender and bvhio have it.
-# Measured with three 0.187.0 and bvhio 1.5.4: three.js adds both, so the person floats 1 m above the floor (root at 2 m);
-# bvhio has 1 m.
+# The root of a BVH file has an OFFSET of 1 m in height, and channels of position that say 1 m, too, as many exporters
+# write it. Guessed: three.js puts the root 1 m high, since a position replaces the OFFSET, as Blender and bvhio have
+# it.
+# Measured with three 0.187.0 and bvhio 1.5.4: three.js adds both, so the person floats 1 m above the floor (root at 2
+# m); bvhio has 1 m.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -28,7 +28,7 @@ mass = {}
 for name in ("urchin", "yourdfpy"):
     mass[name] = sum(float(element.get("value")) for element in xml.parse(f"made/{name}.urdf").iter("mass"))
 versions = [importlib.metadata.version(name) for name in mass]
-print(f"2 kg in the file; urchin {versions[0]} writes {mass['urchin']} kg, yourdfpy {versions[1]} {mass['yourdfpy']} kg")
+print(f"2 kg in the file; urchin {versions[0]} and yourdfpy {versions[1]} write {mass}")
 if mass != {"urchin": 3, "yourdfpy": 2}:
     raise SystemExit("the behaviour has changed")
 PYTHON
