@@ -1,8 +1,8 @@
 #!/bin/sh
-# A PFM file of depth has a scale of -2: the sign says the order of bytes, and files say little of the size. Its rows
-# come from below. Guessed: readers leave the size out, and put the first row on top.
-# Measured: Pillow 13.0.0 does. OpenCV 5.0.0 divides by 2, OpenImageIO 3.2.2.0 multiplies by 2 and has the picture
-# upside down, so with a size of 1 it has it upside down still.
+# A PFM file of depth has a scale of -2, whose sign states the order of bytes, and its rows from below. Guessed: readers
+# leave the size of the scale out, and put the first row on top.
+# Measured: Pillow 13.0.0 does. OpenCV 5.0.0 divides by 2, OpenImageIO 3.2.2.0 multiplies by 2. OpenImageIO has the
+# picture upside down, also for a scale of -1.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
