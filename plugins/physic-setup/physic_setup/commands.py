@@ -140,7 +140,6 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     A licence that restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
     from physic_core.configuration.layers import preset_comment
-    from physic_setup.steps import pin_setup, read_config
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
@@ -153,7 +152,6 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        pin_setup(read_config(place / f"{preset}.toml", preset)[0])
         found = _find(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
