@@ -3,7 +3,7 @@ visible.
 
 Joints 0-21 of SMPL and SMPL-X and their rotations are the same. SMPL's joints 22 and 23, the hands,
 are omitted: SMPL-X has no such joints, its wrists already rotate the hands. MHR bodies (SAM 3D
-Body, InstantHMR) have 70 keypoints.
+Body) have 70 keypoints.
 """
 
 from __future__ import annotations

@@ -73,18 +73,16 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
     """Compare the files of all weight sets, or of the sets NAME..., with their published sizes and
     SHA-256.
 
-    A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if
-    a file differs, or if a file of a set NAME is missing.
+    Exits with code 4 if a file differs, or if a file of a set NAME is missing.
     """
     from physic_core.weights.find import describe_mismatch, locate_files
     from physic_core.weights.library import read_library
-    from physic_core.weights.lock import locked
 
     library = read_library()
     count = Counter[str]()
     for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
         here = locate_files(one.weights)
-        for file in locked(one.weights).files:
+        for file in one.weights.files:
             path = here.get(file.path)
             wrong = "" if path is None else describe_mismatch(path, file)
             note = wrong or ("" if file.sha256 or path is None else "no SHA-256 is published")

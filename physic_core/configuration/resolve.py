@@ -240,19 +240,16 @@ def format_missing(texts: Sequence[str], end: str) -> str:
 
 
 def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
-    """Return the weight sets that options of the backends name, each once, with the hashes of the
-    lock file.
+    """Return the weight sets that options of the backends name, each once.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
     """
-    from physic_core.weights.lock import locked
-
     found: dict[tuple[str, str], WeightSet] = {}
     for resolved in plan.backends.values():
         who = resolved.provenance
         for weights in named_sets(who.distribution, who.options):
-            found[who.distribution, weights.name] = locked(weights)
+            found[who.distribution, weights.name] = weights
     return tuple(found.values())
 
 

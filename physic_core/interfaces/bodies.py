@@ -109,7 +109,6 @@ class BodyEstimator(Backend):
         wrong_type = [
             *check_type(result.parameters, BodyParameters, "parameters"),
             *check_type(result.body_model, str, "body_model"),
-            *check_type(result.tpose_rotations, bool, "tpose_rotations"),
         ]
         if wrong_type:
             yield from wrong_type

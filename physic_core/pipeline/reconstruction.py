@@ -40,7 +40,6 @@ from physic_core.types import (
 )
 from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.results import main_people
-from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -255,47 +254,27 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     ]
 
 
-def describe_sources(
-    plan: ResolvedPipeline, files: Mapping[str, FileUse]
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the entries "weights" and "repositories" of the diagnostics, and warnings.
+def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the entry "repositories" of the diagnostics, if there are any, and warnings.
 
-    A repository's state is "tested" or "locked" if it is at the commit with which the backend was
-    tested, or that of the lock file, "differs" if it is at another one, and "unpinned" if there is
-    no such commit.
-
-    Args:
-        plan: the backends of the run.
-        files: weight files that were loaded, by "set/file".
+    A checkout's state is "tested" if it is at the commit with which the backend was tested,
+    "differs" if it is at another one, and "unpinned" if no such commit is stated.
     """
-    repositories: dict[str, FileUse] = {}
+    found: dict[str, dict[str, str]] = {}
     for resolved in plan.backends.values():
         with suppress(Exception):  # of a plugin; the result is complete without its statement
             for one in resolved.backend.requirements():
                 if isinstance(one, Repository) and one.found:
-                    repositories[one.url] = {"commit": one.found, "state": _state(one)}
-    entries = {"weights": dict(sorted(files.items())), "repositories": repositories}
-    others = [
-        f"weights {name} are not those of {lock_file_path()}"
-        for name, use in files.items()
-        if _differs(use)
-    ]
-    others += [
-        f"the checkout of {url} is at {use['commit'][:7]}, not at the commit that was pinned"
-        for url, use in repositories.items()
-        if _differs(use)
-    ]
-    return {name: entry for name, entry in entries.items() if entry}, tuple(others)
-
-
-def _differs(use: FileUse) -> bool:
-    return use["state"] == "differs"
+                    found[one.url] = {"commit": one.found, "state": _state(one)}
+    others = tuple(
+        f"the checkout of {url} is at {entry['commit'][:7]}, not at the commit that was tested"
+        for url, entry in found.items()
+        if entry["state"] == "differs"
+    )
+    return ({"repositories": found} if found else {}), others
 
 
 def _state(one: Repository) -> str:
-    if one.commit:
-        return "tested" if one.found.startswith(one.commit) else "differs"
-    expected = read_lock().get(one.url, {}).get("commit")
-    if expected is None:
+    if not one.commit:
         return "unpinned"
-    return "locked" if expected == one.found else "differs"
+    return "tested" if one.found.startswith(one.commit) else "differs"

@@ -389,7 +389,7 @@ def _reconstruct(
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (
         describe_methods,
-        describe_sources,
+        describe_repositories,
         judge,
         warn_of_small_people,
     )
@@ -399,7 +399,7 @@ def _reconstruct(
     with limited_threads(plan.config.run.threads):
         found = run_engine(estimates, plan.engine, load_model(), stages)
         checks = run_checks(estimates, found)
-    sources, others = describe_sources(plan, stages.files)
+    repositories, others = describe_repositories(plan)
     stages.warn(*others, *warning_messages(checks), *warn_of_small_people(estimates, found))
     stages.note(*describe_methods(estimates, found))
     found = replace(
@@ -409,7 +409,7 @@ def _reconstruct(
         notes=tuple(stages.notes),
         config=plan.config.as_dict(),
         lens=prepared.lens,
-        diagnostics={**found.diagnostics, **sources},
+        diagnostics={**found.diagnostics, **repositories},
     )
     return found if prepared.border is None else prepared.border.added_to(found)
 

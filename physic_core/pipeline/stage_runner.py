@@ -9,7 +9,7 @@ import gc
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
@@ -31,7 +31,6 @@ from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
 from physic_core.types import StageRecord
-from physic_core.weights.lock import FileUse, recorded_uses
 
 if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
@@ -74,7 +73,6 @@ class StageRunner:
     close_used: bool = False
     loaded: LoadedBackends | None = None
     records: list[StageRecord] = field(default_factory=list, init=False)
-    files: dict[str, FileUse] = field(default_factory=dict, init=False)
     warnings: list[str] = field(default_factory=list, init=False)
     notes: list[str] = field(default_factory=list, init=False)
 
@@ -134,7 +132,6 @@ class StageRunner:
             cached = result is not None
             if result is None:
                 loading = self._loaded.load(resolved, title, self.warn)
-                self.files |= self._loaded.files_of(resolved)
                 start = time.perf_counter()
                 with wrap_plugin_errors(title, resolved, self.warn), network_results_in(self.cache):
                     # A copy: the backend may write to its input, and later stages get the same
@@ -235,7 +232,6 @@ class LoadedBackends:
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()
-        self._uses: dict[int, dict[str, FileUse]] = {}
 
     def load(
         self,
@@ -261,15 +257,10 @@ class LoadedBackends:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
             title = title or f"{resolved.title} cannot be loaded"
-            with wrap_plugin_errors(title, resolved, report, loads=True), recorded_uses() as uses:
+            with wrap_plugin_errors(title, resolved, report, loads=True):
                 resolved.backend.load(self._device)
-            self._uses[key] = uses
             self._ready.add(key)
         return time.perf_counter() - start
-
-    def files_of(self, resolved: ResolvedBackend) -> Mapping[str, FileUse]:
-        """Return the weight files that a loaded backend read."""
-        return self._uses.get(id(resolved.backend), {})
 
     def close(
         self, *only: ResolvedBackend, report: Callable[[str], None] = _LOG.warning

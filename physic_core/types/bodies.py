@@ -89,8 +89,8 @@ class Bodies(ShortRepr):
 
     Bodies of another model than the configured one are converted to it from ``joints``, and from
     ``mesh`` if given. Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21
-    as SMPL's, hands zero), which share the T-pose, and of any other model with ``tpose_rotations``.
-    It may leave rotations and shape zero, and must give joints or a mesh.
+    as SMPL's, hands zero), which share the T-pose. Any other model may leave rotations and shape
+    zero, and must give joints or a mesh.
 
     Attributes:
         parameters: of N bodies, body i of person i, metres, camera frame.
@@ -109,8 +109,6 @@ class Bodies(ShortRepr):
             the backend has set upright on the floor of its hints; NaN for others. The lean is that
             of the line from ankles to neck, seen from the side. The error of the floor is not a
             part of it. None if the backend sets no person upright.
-        tpose_rotations: whether the rotations of a body of another model are those of SMPL-X's
-            joints from its T-pose.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -120,7 +118,6 @@ class Bodies(ShortRepr):
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
     rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
     lean_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    tpose_rotations: bool = False
 
 
 @dataclass(frozen=True)

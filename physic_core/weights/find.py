@@ -18,7 +18,6 @@ from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
 
 FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
@@ -55,15 +54,13 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
     if weights is not None:
         here = locate_files(weights)
         for wanted in weights.files:
-            if file in (None, wanted.path):
-                if wrong := describe_mismatch(here[wanted.path], wanted):
-                    raise BackendError(
-                        f"{here[wanted.path]} is not the published file: {wrong}: move it away, "
-                        f"then "
-                        f"{weights.how_to_get()}; to use a file of your own, give its path in "
-                        f"place of '{value}'"
-                    )
-                record_use(f"{value}/{wanted.path}", here[wanted.path], wanted.sha256)
+            used = file in (None, wanted.path)
+            if used and (wrong := describe_mismatch(here[wanted.path], wanted)):
+                raise BackendError(
+                    f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
+                    f"{weights.how_to_get()}; to use a file of your own, give its path in "
+                    f"place of '{value}'"
+                )
     return found
 
 
@@ -177,10 +174,9 @@ def locate_files(weights: WeightSet) -> Mapping[str, Path]:
         places.append({path: place for path, place in inside.items() if place.is_file()})
     # saves the slow import of huggingface_hub
     if not any(len(place) == len(weights.files) for place in places):
-        for variant in (locked(weights), weights):
-            places.append(
-                {file.path: found for file in variant.files if (found := find_in_hub_cache(file))}
-            )
+        places.append(
+            {file.path: found for file in weights.files if (found := find_in_hub_cache(file))}
+        )
     complete = (place for place in places if len(place) == len(weights.files))
     return next(complete, ChainMap(*places))
 

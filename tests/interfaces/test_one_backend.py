@@ -113,8 +113,8 @@ def test_a_backend_that_cannot_be_loaded():
     ):
         with pytest.raises(ConfigError, match=message):
             load_backend(*arguments, **options)
-    with pytest.raises(WeightsMissingError, match="depth-anything-v2-metric-onnx"):
-        load_backend("metric_depth", "depth-anything-v2-metric-onnx")
+    with pytest.raises(WeightsMissingError, match="moge-2-onnx"):
+        load_backend("metric_depth", "moge-2-onnx")
 
 
 @pytest.mark.parametrize("shape", [(64, 80), (64, 80, 1), (64, 80, 4)])

@@ -16,7 +16,7 @@ HASH = hashlib.sha256(CONTENT).hexdigest()
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, tmp_path_factory, monkeypatch):
+def own_cache(tmp_path, monkeypatch):
     """A user's folder for caches and one of Hugging Face's, both of the test alone; no folder of
     the user's own.
     """
@@ -24,8 +24,6 @@ def own_cache(tmp_path, tmp_path_factory, monkeypatch):
 
     monkeypatch.delenv("PHYSIC_WEIGHTS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    # beside no file
-    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     return tmp_path / "cache" / "physic" / "weights"
 

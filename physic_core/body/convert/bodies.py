@@ -127,7 +127,7 @@ def convert_with_residuals(
         fit, surface_m = _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[usable]), find)
     else:
         world = None
-        if bodies.body_model in _SHARED or bodies.tpose_rotations:
+        if bodies.body_model in _SHARED:
             world = rotations_from_tpose(
                 rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy()
             )

@@ -1,3 +1,1 @@
-"""Backends of bodies, hands, contact and point maps that run published code or TorchScript files on
-the user's disk.
-"""
+"""Backends of bodies, hands, contact and point maps that run published code on the user's disk."""

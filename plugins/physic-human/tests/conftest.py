@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 import pytest
 import torch
@@ -40,15 +38,3 @@ def smpl_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
     np.savez(path, **smpl_arrays())
     return path
-
-
-@pytest.fixture
-def torchvision(monkeypatch):
-    """A torchvision that can be imported."""
-    import importlib.machinery
-    import sys
-
-    module = ModuleType("torchvision")
-    module.__spec__ = importlib.machinery.ModuleSpec("torchvision", None)
-    monkeypatch.setitem(sys.modules, "torchvision", module)
-    return module

@@ -17,7 +17,7 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics
+    from physic_core.types import BoolArray, FloatArray, Intrinsics
 
 
 def input_size_least_scaling(
@@ -142,38 +142,6 @@ def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) 
         f"{by:.2g}; "
         "a file of free size would see it as it is",
     )
-
-
-def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
-    """Return the camera for an image from ``hints``, or raise BackendError.
-
-    Raises:
-        BackendError: no camera is known; the network called ``name`` needs one for metres.
-    """
-    from physic_core.adapters.canonical_depth import known_camera
-
-    camera = known_camera(hints, image)
-    if camera is None:
-        raise BackendError(
-            f"{name} gives metres only for a known focal length, and none is known: set focal_px "
-            f"in [photo], "
-            "or choose a relative_pointmap that finds the camera"
-        )
-    return camera
-
-
-def mask_depth(depth: FloatArray, farthest: float | None) -> FloatArray:
-    """Replace depth (h, w) that is not positive, or farther than ``farthest``, by NaN."""
-
-    with np.errstate(invalid="ignore"):
-        known = np.isfinite(depth) & (depth > 0)
-        if farthest is not None:
-            known &= depth <= farthest
-    found: FloatArray = np.where(known, depth, np.nan).astype(np.float32)
-    if not known.any():
-        limit = "" if farthest is None else f" nearer than {farthest:g} m"
-        raise BackendError(f"the network sees nothing in this photo{limit}: no pixel has a depth")
-    return found
 
 
 # ranges of the disparity between infinity and the farthest point, so that depth stays finite

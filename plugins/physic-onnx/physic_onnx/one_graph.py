@@ -233,13 +233,7 @@ class OnnxBackend(NetworkBackend):
 
     def build(self, device: str) -> LoadedGraph:
         """Find the file, open it, and match its inputs and outputs against the known signatures."""
-        path = self.graph_file()
-        network = open_network(path, self.options, device)  # refuses what is no ONNX file
-        self.check_file(path)
-        return self.match(network)
-
-    def check_file(self, path: Path) -> None:
-        """Raise BackendError for an ONNX file of another network."""
+        return self.match(open_network(self.graph_file(), self.options, device))
 
     def match(self, network: Network) -> LoadedGraph:
         """Match the inputs and outputs of an open network to the known signatures.

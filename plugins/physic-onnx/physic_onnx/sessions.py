@@ -67,7 +67,6 @@ class Network:
         inputs: name -> port, in the file's order.
         outputs: name -> port, in the file's order.
         provider: execution provider that runs it: "CPU", "CUDA", ...
-        metadata: what the exporter wrote beside the graph, as texts.
         shares_ranges: whether it quantises all rows of a batch with one range, so that rows change
             each other.
     """
@@ -82,7 +81,6 @@ class Network:
         self.outputs: Mapping[str, Port] = {
             node.name: _port(node) for node in session.session.get_outputs()
         }
-        self.metadata: Mapping[str, str] = dict(session.session.get_modelmeta().custom_metadata_map)
         self._session = session
 
     def run(self, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:

@@ -1,6 +1,4 @@
-"""Base class of keypoint detectors that see one person at a time, and helpers for other networks
-that do.
-"""
+"""Base class of keypoint detectors that see one person at a time."""
 
 from __future__ import annotations
 
@@ -35,15 +33,10 @@ SKELETON_BY_JOINTS: dict[int, str] = {
 """Number of joints -> skeleton name."""
 
 
-class BatchOptions(OnnxBackendOptions):
-    """Base class of the settings of a network that sees one person at a time."""
-
-    batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
-
-
-class TopDownOptions(BatchOptions):
+class TopDownOptions(OnnxBackendOptions):
     """Base class of the settings of a keypoint detector that sees one person at a time."""
 
+    batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
     padding: float = Field(
         1.25, ge=1, le=3, description="size of the crop relative to the person's box"
     )
@@ -161,7 +154,7 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
 
 
 def run_batches(
-    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str], most: int = 8
+    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str], most: int
 ) -> list[NDArray[Any]]:
     """Run a network over N rows in batches.
 

@@ -5,7 +5,6 @@ test gives.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -102,7 +101,6 @@ class StandInNetwork:
 
     name = "stand_in.onnx"
     provider = "CPU"
-    metadata: Mapping[str, str] = {}
     shares_ranges = False
 
     def __init__(self, inputs, outputs, answer):

@@ -1,4 +1,4 @@
-"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, and the real small
+"""Depth Anything V2 relative, V2 metric and 3: the exports that are about, and the real small
 network.
 """
 
@@ -13,18 +13,15 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything import (
     OTHER,
     PUBLISHED,
     VIEWS,
-    DepthAnythingMetric,
-    DepthAnythingRelative,
+    DepthAnything,
     has_sigmoid,
     preprocess,
 )
-from physic_onnx.depth_anything_3 import DepthAnything3
 
 from .depth_maps_of_worlds import at, ramp
 from .tiny_classes import depth_anything
@@ -76,13 +73,8 @@ def contract_graph(graph, node, tmp_path):
 
 
 @pytest.fixture
-def relative(loaded):
-    return partial(loaded, DepthAnythingRelative)
-
-
-@pytest.fixture
-def metric(loaded):
-    return partial(loaded, DepthAnythingMetric)
+def opened(loaded):
+    return partial(loaded, DepthAnything)
 
 
 def normalised(image):
@@ -101,9 +93,9 @@ class TestExports:
         ],
     )
     def test_ports_are_known_by_their_names_or_their_place(
-        self, contract_graph, takes, gives, signature, relative
+        self, contract_graph, takes, gives, signature, opened
     ):
-        backend = relative(contract_graph(takes=takes, gives=gives))
+        backend = opened(contract_graph(takes=takes, gives=gives))
         assert backend.network.signature == signature
         backend.infer(ramp(196, 252), Hints())
 
@@ -111,7 +103,7 @@ class TestExports:
         values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
         values[:100] = 0
         backend = bound(
-            DepthAnythingRelative,
+            DepthAnything,
             {"pixel_values": ("float32", (1, 3, 518, 518))},
             {"predicted_depth": ("float32", (1, 518, 518))},
             lambda fed: {"predicted_depth": values[None]},
@@ -121,62 +113,63 @@ class TestExports:
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
 
-    def test_a_fixed_input_size_squashes_the_photo_and_is_noted(self, contract_graph, metric):
+    def test_a_fixed_input_size_squashes_the_photo_and_is_noted(self, contract_graph, opened):
         path = contract_graph(shape=(1, 3, 70, 70), map_shape=(1, 70, 70), sigmoid=True)
         image = ramp(100, 300)
-        answer = metric(path).infer(image, Hints())
-        assert answer.depth.shape == (100, 300)
-        np.testing.assert_allclose(
-            answer.depth[:, 5:-5], (20 / (1 + np.exp(-normalised(image))))[:, 5:-5], rtol=0.03
-        )
-        assert "70 x 70 px only" in answer.notes[0]
+        answer = opened(path).infer(image, Hints())
+        assert answer.points.shape == (100, 300, 3)
+        metres = 1 / (1 + np.exp(-normalised(image)))
+        z = (answer.points[..., 2] * np.median(metres))[:, 5:-5]
+        np.testing.assert_allclose(z, metres[:, 5:-5], rtol=0.03)
+        assert "70 x 70 px only" in answer.notes[-1]
 
     def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, bound):
         """Trap: exports whose output keeps the size of the export, whatever they are fed."""
         backend = bound(
-            DepthAnythingMetric,
+            DepthAnything,
             {"pixel_values": ("float32", FREE)},
             {"predicted_depth": ("float32", FREE_MAP)},
             lambda fed: {
                 "predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))
             },
         )
-        depth = backend.infer(ramp(140, 280), Hints()).depth
-        np.testing.assert_allclose(
-            depth[:, 0],
-            np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2),
-            atol=1e-5,
-        )
+        disparity = 1 / backend.infer(ramp(140, 280), Hints()).points[:, 0, 2]
+        rows = np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2)
+        np.testing.assert_allclose(disparity * np.median(rows), rows, atol=1e-5)
 
-    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(
-        self, contract_graph, metric
+    @pytest.mark.parametrize(
+        ("sigmoid", "unknown"), [(True, "scale"), (False, "inverse_scale_shift")]
+    )
+    def test_a_metric_file_is_known_by_its_last_activation(
+        self, contract_graph, opened, sigmoid, unknown
     ):
-        image = np.zeros((196, 252, 3), np.uint8)
-        image[:, 126:] = 255
-        backend = metric(
-            contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0
+        image = ramp(196, 252)
+        path = contract_graph("depth_anything_v2_vits.onnx", sigmoid=sigmoid)
+        assert has_sigmoid(Path(path)) == sigmoid
+        answer = opened(path).infer(image, Hints())
+        assert answer.unknown == unknown
+        z = answer.points[..., 2].ravel()
+        assert (spearmanr(z, normalised(image).ravel()).statistic > 0) == sigmoid
+
+    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, bound):
+        depth = np.full((1, 70, 70), 5.0)
+        depth[..., 35:] = 19.7
+        depth[..., :35, :] += 0.1
+        backend = bound(
+            DepthAnything,
+            {"pixel_values": ("float32", (1, 3, 70, 70))},
+            {"predicted_depth": ("float32", (1, 70, 70))},
+            lambda fed: {"predicted_depth": depth},
+            weights="depth-anything-v2-metric-indoor-small",
         )
-        assert np.isnan(backend.infer(image, Hints()).depth[:, 140:]).all()
-
-    def test_relative_file_is_refused_for_metres_by_its_last_activation(
-        self, contract_graph, metric
-    ):
-        path = contract_graph("depth_anything_v2_vits.onnx")
-        assert not has_sigmoid(Path(path))
-        with pytest.raises(BackendError, match="relative_pointmap 'depth-anything-onnx'"):
-            metric(path)
-        metric(path, trust=True)
-
-    def test_metric_file_is_refused_for_disparity(self, contract_graph, relative):
-        path = contract_graph(sigmoid=True)
-        assert has_sigmoid(Path(path))
-        with pytest.raises(BackendError, match="it returns metres, and not disparity"):
-            relative(path)
-        relative(path, trust=True)
+        backend._sigmoid = True
+        valid = backend.infer(np.zeros((70, 70, 3), np.uint8), Hints()).valid
+        assert valid[:, :35].all()
+        assert not valid[:, 35:].any()
 
 
 class TestNormalisation:
-    def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph, relative):
+    def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph, opened):
         """Trap: such a file has the same names; its sides are called H and W, and it takes one
         photo.
         """
@@ -189,10 +182,8 @@ class TestNormalisation:
             sigmoid=False,
         )
         disparity = image[..., 0] + 4.0
-        z = relative(path).infer(image, Hints()).points[..., 2]
+        z = opened(path).infer(image, Hints()).points[..., 2]
         np.testing.assert_allclose(z * disparity, np.median(disparity), rtol=0.02)
-        other = relative(path, pixels="imagenet").infer(image, Hints()).points[..., 2]
-        assert not np.allclose(z, other, rtol=0.05)
 
     @pytest.mark.parametrize("size", [(600, 800), (97, 131)])
     def test_photo_is_prepared_as_by_the_librarys_own_processor(self, size):
@@ -219,24 +210,14 @@ class TestNormalisation:
 
 
 @pytest.mark.parametrize(
-    ("kind", "shape", "map_shape", "sizes"),
+    ("shape", "map_shape", "sizes"),
     [
-        (
-            DepthAnythingRelative,
-            FREE,
-            FREE_MAP,
-            {(720, 1280): (518, 924), (1280, 720): (924, 518), (97, 131): (378, 518)},
-        ),
-        (
-            DepthAnythingRelative,
-            ("b", "n", 3, "h", "w"),
-            ("b", "n", "h", "w"),
-            {(720, 1280): (280, 504)},
-        ),
-        (DepthAnything3, FREE, FREE_MAP, {(1080, 1920): (280, 504), (640, 480): (504, 378)}),
+        (FREE, FREE_MAP, {(720, 1280): (518, 924), (1280, 720): (924, 518), (97, 131): (378, 518)}),
+        (("b", "n", 3, "h", "w"), ("b", "n", "h", "w"), {(720, 1280): (280, 504)}),
+        (("b", "n", 3, "h", "w"), ("b", "n", "h", "w"), {(640, 480): (504, 378)}),
     ],
 )
-def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, kind, shape, map_shape, sizes):
+def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, shape, map_shape, sizes):
     """The short side becomes 518 of a larger photo and the long one of a smaller; the long one 504
     in version 3.
     """
@@ -244,28 +225,23 @@ def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, kind, shape, map_s
 
     def answer(fed):
         seen.append(fed["image"].shape[-2:])
-        depth = fed["image"][..., 0, :, :] + 4
-        return {"depth": depth, "sky": np.zeros_like(depth)}
+        return {"depth": fed["image"][..., 0, :, :] + 4}
 
-    outputs = dict.fromkeys(
-        ("depth", "sky") if kind is DepthAnything3 else ("depth",), ("float32", map_shape)
-    )
-    backend = bound(kind, {"image": ("float32", shape)}, outputs, answer)
+    ports = {"image": ("float32", shape)}, {"depth": ("float32", map_shape)}
+    backend = bound(DepthAnything, *ports, answer)
     for height, width in sizes:
-        backend.infer(
-            ramp(height, width), Hints(intrinsics=Intrinsics.from_focal(500.0, width, height))
-        )
+        backend.infer(ramp(height, width), Hints())
     assert seen == list(sizes.values())
 
 
 class TestVersion3:
-    """Depth Anything 3 relative: depth, and of some files a camera, a confidence, a sky."""
+    """Depth Anything 3: depth, and of some files a camera, a confidence, a sky."""
 
-    def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph, relative):
+    def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph, opened):
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
         views = {"shape": ("b", 1, 3, "h", "w"), "map_shape": ("b", 1, "h", "w")}
-        backend = relative(contract_graph("da.onnx", **views))
+        backend = opened(contract_graph("da.onnx", **views))
         assert backend.network.signature == VIEWS
         answer = backend.infer(image, Hints())
         assert answer.unknown == "scale"
@@ -278,57 +254,53 @@ class TestVersion3:
             ({"depth_conf": np.zeros((1, 1, 2, 2))}, "scale"),
             ({"intrinsics": np.eye(3)[None, None]}, "scale"),
             ({"sky": np.zeros((1, 1, 252, 252))}, "scale_shift"),
+            ({"sky": np.zeros((1, 1, 252, 252)), "metric": 0}, "scale"),
         ],
     )
-    def test_kind_is_recognised_by_further_outputs(
-        self, contract_graph, further, unknown, relative
-    ):
-        path = contract_graph(**ONE_PHOTO, further=further)
+    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown, opened):
+        name = "da3metric-large.onnx" if "metric" in further else "model.onnx"
+        path = contract_graph(name, **ONE_PHOTO, further=further)
         image = ramp(252, 252)
-        answer = relative(path).infer(
-            image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252))
-        )
+        answer = opened(path).infer(image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252)))
         assert answer.unknown == unknown
         assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
 
     @pytest.mark.parametrize(
         ("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)]
     )
-    def test_kind_is_recognised_by_name_or_option(
-        self, contract_graph, name, far_is_large, relative
-    ):
+    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large, opened):
         image = ramp(252, 252)
         path = contract_graph(name, **ONE_PHOTO)
         for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
-            z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
+            z = opened(path, answers=answers).infer(image, Hints()).points[..., 2]
             assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
 
-    def test_its_camera_is_brought_to_the_photo(self, contract_graph, relative):
+    def test_its_camera_is_brought_to_the_photo(self, contract_graph, opened):
         """Trap: the matrix is of the network's picture, and counts from its corner."""
         matrix = np.array([[200.0, 0, 126], [0, 300.0, 126], [0, 0, 1]])
         path = contract_graph(**ONE_PHOTO, further={"intrinsics": matrix[None, None]})
-        answer = relative(path).infer(ramp(504, 1008), Hints())
+        answer = opened(path).infer(ramp(504, 1008), Hints())
         camera = answer.intrinsics
         found = (camera.fx, camera.fy, camera.cx, camera.cy)
         assert found == pytest.approx((800.0, 600.0, 503.5, 251.5))
         assert camera.source == "Depth Anything 3"
         assert "800 px" in answer.notes[0]
 
-    def test_sky_is_where_the_score_is_high(self, contract_graph, relative):
+    def test_sky_is_where_the_score_is_high(self, contract_graph, opened):
         sky = np.zeros((1, 1, 252, 252))
         sky[..., :100, :] = 0.9
         sky[..., 100:110, :] = 0.29
         path = contract_graph(**ONE_PHOTO, further={"sky": sky})
-        answer = relative(path).infer(ramp(252, 252), Hints())
+        answer = opened(path).infer(ramp(252, 252), Hints())
         assert not answer.valid[:100].any()
         assert answer.valid[100:].all()
 
 
 class TestCamera:
-    def test_an_unknown_camera_becomes_a_default_and_is_noted(self, contract_graph, relative):
-        answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
-        assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
-        assert "60 degrees" in answer.intrinsics.source
+    def test_an_unknown_camera_becomes_a_default_and_is_noted(self, contract_graph, opened):
+        answer = opened(contract_graph()).infer(ramp(196, 140), Hints())
+        assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(55.5 / 2)))
+        assert "55.5 degrees" in answer.intrinsics.source
         assert answer.intrinsics.guessed
         assert "default" in answer.notes[0]
 
@@ -362,17 +334,17 @@ class TestRealNetwork:
         from PIL import Image
 
         with Image.open(PHOTO) as opened:
-            return np.asarray(opened.convert("RGB"))
+            return np.asarray(opened.convert("RGB"))[:, 80:560]
 
-    def test_disparity_is_that_of_the_embedded_backend(self, photo, relative):
+    def test_disparity_is_that_of_the_embedded_backend(self, photo, opened):
         from physic_core.adapters.onnx_sessions import open_session
         from physic_embedded.networks.depth_anything import predict_disparity
 
         session = open_session(_packaged(), threads=0, device="cpu", broken="")
-        # A 4:3 photo has 24 x 18 whole patches: the embedded backend pads others, and this one
-        # stretches them.
-        own = predict_disparity(session, photo, short_side=252)
-        answer = relative(str(_packaged()), side=252).infer(photo, Hints())
+        # A square photo has whole patches: the embedded backend pads others, and this one stretches
+        # them.
+        own = predict_disparity(session, photo, short_side=518)
+        answer = opened(str(_packaged())).infer(photo, Hints())
         own = at(own.astype(float), *photo.shape[:2])
         here = 1 / answer.points[..., 2]
         here *= np.median(own[answer.valid]) / np.median(here[answer.valid])
@@ -383,11 +355,11 @@ class TestRealNetwork:
         assert np.percentile(off, 95) < 0.05, f"{np.percentile(off, 95):.4f}"
 
 
-def test_metres_are_those_of_the_class_of_transformers(exported, metric):
+def test_depth_is_that_of_the_class_of_transformers(exported, opened):
     pytest.importorskip("transformers")
     import torch
 
-    sides = (70, 98)
+    sides = (378, 518)
     torch.manual_seed(0)
     model = depth_anything("metric").eval()
     # as they are first drawn, they answer one number everywhere
@@ -401,12 +373,12 @@ def test_metres_are_those_of_the_class_of_transformers(exported, metric):
         {"pixel_values": (torch.zeros(1, 3, *sides), free)},
         {"predicted_depth": map_free},
     )
-    image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
+    image = np.random.default_rng(0).integers(0, 256, (97, 131, 3), dtype=np.uint8)
     with torch.no_grad():
         own = model(torch.from_numpy(preprocess(image, *sides))).predicted_depth
         own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[
             0, 0
         ].numpy()
     assert np.ptp(own) > 0.1
-    answer = metric(path, side=70).infer(image, Hints())
-    np.testing.assert_allclose(answer.depth, own, rtol=1e-3)
+    z = opened(path).infer(image, Hints()).points[..., 2]
+    np.testing.assert_allclose(z * np.median(own), own, rtol=1e-3)

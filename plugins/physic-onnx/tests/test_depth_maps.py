@@ -13,7 +13,6 @@ from physic_onnx.depth_maps import (
     clip_disparity,
     input_size_least_scaling,
     limit_patches,
-    mask_depth,
     points_from_disparity,
     squeeze_map,
 )
@@ -58,12 +57,3 @@ class TestMaps:
     def test_a_constant_map_is_refused(self, values, words):
         with pytest.raises(BackendError, match=words):
             squeeze_map(values, "depth", "file")
-
-    def test_depth_that_is_not_known_is_nan(self):
-        with np.errstate(invalid="raise"):
-            found = mask_depth(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
-        np.testing.assert_array_equal(
-            found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32)
-        )
-        with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
-            mask_depth(np.array([[9.0]], np.float32), 5.0)

@@ -6,10 +6,7 @@ import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights import read_manifest
-from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
-from physic_onnx.depth_anything_3 import DepthAnything3
-
-ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
+from physic_onnx.depth_anything import DepthAnything
 
 
 @pytest.fixture
@@ -23,14 +20,13 @@ def depth_file(graph, node, tmp_path):
 
 
 class TestFile:
-    @pytest.mark.parametrize("adapter", ADAPTERS)
-    def test_default_weights_are_in_the_manifest(self, adapter):
-        assert adapter.Options().weights in read_manifest(adapter.manifest())
+    def test_default_weights_are_in_the_manifest(self):
+        assert DepthAnything.Options().weights in read_manifest(DepthAnything.manifest())
 
     def test_a_folder_with_one_graph_is_taken_as_that_graph(self, depth_file):
         (depth_file.parent / "notes.txt").write_text("mine")
         for place in (depth_file.parent, depth_file):
-            assert DepthAnything3(weights=str(place)).graph_file() == depth_file
+            assert DepthAnything(weights=str(place)).graph_file() == depth_file
 
     @pytest.mark.parametrize("count", [0, 2])
     def test_a_folder_without_exactly_one_graph_is_refused(self, tmp_path, count):
@@ -38,8 +34,8 @@ class TestFile:
             (tmp_path / f"{i}.onnx").write_bytes(b"0")
         held = "0.onnx, 1.onnx" if count else "none"
         with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
-            DepthAnything3(weights=str(tmp_path)).graph_file()
+            DepthAnything(weights=str(tmp_path)).graph_file()
 
     def test_an_unknown_name_gets_a_known_one_suggested(self):
         with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
-            DepthAnything3(weights="depth-anything-v2-larg").graph_file()
+            DepthAnything(weights="depth-anything-v2-larg").graph_file()

@@ -9,17 +9,10 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the commands "setup" and "weights fetch", and those that help to write a
-    configuration.
-    """
+    """Return the commands "setup", "weights fetch" and "config init"."""
     return [
         PluginItem(
             "config init", "physic_setup.commands:init", "Write a configuration with every setting."
-        ),
-        PluginItem(
-            "config schema",
-            "physic_setup.commands:schema",
-            "Print the JSON Schema of a configuration.",
         ),
         PluginItem(
             "setup",

@@ -1,4 +1,4 @@
-"""The commands ``physic setup``, ``weights fetch``, ``config init`` and ``config schema``.
+"""The commands ``physic setup``, ``weights fetch`` and ``config init``.
 
 ``physic setup`` is the whole way from a bare installation to a preset that runs.
 """
@@ -18,7 +18,7 @@ import click
 
 from physic_core.cli.arguments import AnyPath, FolderPath
 from physic_core.cli.exit_codes import INTERRUPTED, OTHER, WEIGHTS
-from physic_core.cli.output import echo, echo_json
+from physic_core.cli.output import echo
 from physic_core.errors import OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 
@@ -45,19 +45,6 @@ def init(file: Path, preset: str) -> None:
     with atomic_write(file.parent) as temporary:
         temporary(file.name).write_text(text, encoding="utf-8")
     echo(f"wrote {file}; try: physic run PHOTO --config {file}")
-
-
-@click.command()
-def schema() -> None:
-    """Print the JSON Schema of a configuration for your editor, with the options of installed
-    backends.
-
-    With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json`
-    of a TOML file lets editors complete and check it (Even Better TOML, Taplo and others).
-    """
-    from physic_setup.schema import config_schema
-
-    echo_json(config_schema())
 
 
 @click.command()
@@ -140,7 +127,6 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     A licence that restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
     from physic_core.configuration.layers import preset_comment
-    from physic_setup.steps import pin_setup, read_config
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
@@ -153,7 +139,6 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        pin_setup(read_config(place / f"{preset}.toml", preset)[0])
         found = _find(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")

@@ -16,9 +16,7 @@ from physic_core.cache.folders import cache_folder
 from physic_core.errors import DownloadError
 from physic_core.files.atomic import check_writable
 from physic_core.weights.find import common_folder, describe_mismatch, locate_files, size_mismatches
-from physic_core.weights.lock import locked
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
-from physic_setup.pins import pin_files
 
 
 def fetch(
@@ -45,7 +43,6 @@ def fetch(
             Complete files are kept.
         OutputError: the folder cannot be written.
     """
-    weights = locked(weights)
     base = to or cache_folder("weights")
     if base is None:
         raise DownloadError("there is no home folder for weights: choose a folder with --to")
@@ -79,7 +76,6 @@ def fetch(
         absent = [file for file in weights.files if not (folder / file.path).is_file()]
         for file in absent:
             _copy(_here(weights, None)[file.path], folder / file.path)
-    pin_files(weights, _here(weights, to))
     if by_hand:
         raise DownloadError(f"{by_hand} of '{weights.name}' cannot be downloaded: {advice}")
     return tuple(file.path for file in absent)

@@ -24,8 +24,6 @@ from physic_core.discovery.catalog import BACKENDS, ENGINE_PRESETS, sources_in_c
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
 from physic_core.weights.find import locate_files
-from physic_core.weights.lock import read_lock
-from physic_setup.pins import pin, pin_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
@@ -153,8 +151,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         for file in weights.files
         if not file.is_pinned
     ]
-    held = read_lock()
-    unpinned += [one.url for _, one in repositories if not one.commit and one.url not in held]
+    unpinned += [one.url for _, one in repositories if not one.commit]
     steps = (
         _packages(plan),
         _free_weights(sets),
@@ -174,27 +171,6 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         accounts=tuple(dict.fromkeys(accounts)),
         unpinned=tuple(unpinned),
         pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
-    )
-
-
-def pin_setup(config: Config) -> None:
-    """Add the weight files and checkouts that are here to the lock file if nothing else pins them.
-
-    Raises:
-        ConfigError: names or options are invalid.
-        OutputError: the lock file cannot be written.
-    """
-    if _uninstalled(config):
-        return
-    plan = resolve(config)
-    for weights in named_weights(plan):
-        pin_files(weights, locate_files(weights))
-    pin(
-        {
-            one.url: {"commit": one.found}
-            for _, one in _unique(plan, Repository)
-            if one.found and not one.commit
-        }
     )
 
 
@@ -320,14 +296,13 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
 
 def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
     commands = []
-    held = read_lock()
     for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
         if not one.is_here:
             place = shlex.quote(str(_checkout_folder(one, folder)))
             if not _checkout_folder(one, folder).is_dir():
                 commands.append(f"git clone {one.url} {place}")
-            if commit := one.commit or held.get(one.url, {}).get("commit", ""):
-                commands.append(f"git -C {place} checkout --quiet {commit}")
+            if one.commit:
+                commands.append(f"git -C {place} checkout --quiet {one.commit}")
     return (
         SetupStep("Code of the estimators", not commands, tuple(commands)) if repositories else None
     )
