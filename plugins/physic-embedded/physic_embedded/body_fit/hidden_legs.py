@@ -84,7 +84,7 @@ def with_hidden_legs(
     seen = _legs_seen(observations, skeleton)
     weight = observations.weight.copy()
     if observations.world is None:
-        weight[np.ix_(seen <= _GUESSED, legs)] = 0
+        weight[np.ix_(np.flatnonzero(seen <= _GUESSED), legs)] = 0
         return replace(observations, weight=weight)
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
