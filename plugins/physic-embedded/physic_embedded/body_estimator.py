@@ -117,7 +117,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_embedded.body_fit.newton import covariance
         from physic_embedded.body_fit.observations import observe_people
         from physic_embedded.body_fit.problem import UPRIGHT_SIGMA
-        from physic_embedded.body_fit.silhouette import outline_pairs
+        from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 
         if self._model is None:
             raise BackendError("the embedded body is not loaded: call load() before infer()")
@@ -147,11 +147,8 @@ class EmbeddedBodies(BodyEstimator):
             upright = np.zeros(len(people), bool)
             if trunk.any() and keypoints.depth_sigma is None:
                 fit, upright = self._upright(fit, observations, camera, skeleton, up, trunk)
-            fit = fit_outlines(
-                self._model,
-                fit,
-                outline_pairs(self._model, fit, observations, people, camera, hints.original),
-            )
+            pairs = outline_pairs(self._model, fit, observations, people, camera, hints.original)
+            fit = fit_outlines(self._model, fit, without_legs(self._model, pairs, cut))
         rotation_sigma = None
         if keypoints.depth_sigma is not None:
             with torch.enable_grad(), limited_threads():

@@ -325,3 +325,13 @@ def _outline(mask: BoolArray) -> _Outline | None:
     column, row = points.astype(int).T
     normals = -slope[row, column].astype(float)
     return _Outline(points, normals / (np.linalg.norm(normals, axis=-1, keepdims=True) + 1e-9))
+
+
+def without_legs(model: BodyModel, pairs: OutlinePairs, people: BoolArray) -> OutlinePairs:
+    """Return pairs without those on the legs of some people, (N,) bool: a mask does not show where
+    hidden legs end.
+    """
+    legs = torch.tensor([name.endswith(("_leg", "_foot")) for name in model.part_names])
+    on_leg = legs[model.part_of_vertex[pairs.vertex_ids]][pairs.vertex]
+    hidden = on_leg & torch.from_numpy(people)[:, None]
+    return replace(pairs, weight=torch.where(hidden, 0.0, pairs.weight))
