@@ -79,6 +79,11 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     return {name: angle + 0.0 for name, angle in angles.items()}  # no "-0"
 
 
+def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ISB's axes (3, 3), in columns, of a segment that is turned from the T-pose."""
+    return turn @ _ISB.T
+
+
 def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:
     """Return the joints beside body parts, such as "left_knee" beside "left_lower_leg"."""
     return tuple(
