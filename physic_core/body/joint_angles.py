@@ -58,7 +58,7 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
             whole = whole @ turns[JOINT_INDEX[joint] - 1]
         return whole
 
-    angles = {}
+    angles: dict[str, float] = {}
     for name, joints in _TRUNK.items():
         z, x, y = _angles(turned(*joints))
         angles |= {f"{name}_flexion": -z, f"{name}_bending": x, f"{name}_rotation": y}
@@ -81,7 +81,8 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
 
 def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the ISB's axes (3, 3), in columns, of a segment that is turned from the T-pose."""
-    return turn @ _ISB.T
+    axes: NDArray[np.float64] = turn @ _ISB.T
+    return axes
 
 
 def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:

@@ -160,7 +160,8 @@ class Person(ShortRepr):
         index: Mapping[str, int] = import_module("physic_core.body.joints").JOINT_INDEX
         if name not in index:
             raise InputError(f"no joint is named {name!r}: choose one of {', '.join(index)}")
-        return self.joints[index[name]]
+        place: FloatArray = self.joints[index[name]]
+        return place
 
     @property
     def joint_angles(self) -> dict[str, float]:
