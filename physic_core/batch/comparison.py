@@ -40,6 +40,11 @@ HEAD = (
     "contact that differs",
 )
 
+TRUST_NOISE = 0.06
+"""Change of a probability that says nothing: the largest median by which the same photo, mirrored,
+grey or scaled, moves it (docs/checks.md).
+"""
+
 PICTURE_HEIGHT = 320
 """Height of the pictures on the page, px."""
 
@@ -448,11 +453,15 @@ def _metres(value: float | None) -> str:
 
 
 def _step(grade: tuple[str | None, str | None]) -> str:
-    """Return in words how the grade of B compares to that of A; "" where one has none."""
+    """Return in words how the grade of B compares to that of A; "" where one has none. Within
+    TRUST_NOISE of the probability they are the same.
+    """
     if None in grade:
         return ""
-    before, after = (list(Grade).index(Grade(str(one).partition(",")[0])) for one in grade)
-    if after == before:
+    parts = [str(one).partition(", ") for one in grade]
+    before, after = (list(Grade).index(Grade(name)) for name, _, _ in parts)
+    apart = [float(trust) for _, _, trust in parts if trust]
+    if after == before or (len(apart) == 2 and round(abs(apart[1] - apart[0]), 2) <= TRUST_NOISE):
         return "the same"
     return "better" if after < before else "worse"
 

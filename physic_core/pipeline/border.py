@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
 _FEW_SAMPLES = 100  # of a row that may be a strip
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
+_PLAIN_THIN = 48  # the same of a thin frame, which JPEG mixes with the photo
+_THIN_PX = 3
+_ONE_ROW = 1e-9  # share of the rows: a bar of any width
 _STRAY = 0.002  # share of other pixels in a border
 # share of columns with other pixels in the first rows of the photo: a head on a plain ground spans
 # less
@@ -32,7 +35,7 @@ _EDGE = 0.8
 # parts of one row may have the colour of the border, as bright sand has that of a white one
 _FIRST_PX = 16
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
-_LEAST_BAR = 0.01  # of the side; a narrower bar does not disturb networks
+_LEAST_BAR = 0.01  # of the side; a narrower bar on one side does not disturb networks
 # of the area: the whole result has at most ten times the pixels of the picture inside
 _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
@@ -44,13 +47,13 @@ def find_inside(image: UInt8Array) -> Inside | None:
     a border.
     """
     height, width = image.shape[:2]
-    inside = slice(0, height), slice(0, width)
-    for _ in range(2):  # the upper bar of a frame is found again without its sides
-        rows, columns = inside
-        start, stop = _between_bars(image[inside])
-        rows = slice(rows.start + start, rows.start + stop)
-        start, stop = _between_bars(image[rows, columns].transpose(1, 0, 2))
-        inside = rows, slice(columns.start + start, columns.start + stop)
+    wide = _inside(image, _LEAST_BAR)
+    thin = _inside(image, 0.0)
+    framed = all(
+        part.start > 0 and part.stop < whole
+        for part, whole in zip(thin, (height, width), strict=True)
+    )
+    inside = thin if framed else wide
     sides = [part.stop - part.start for part in inside]
     if (
         min(sides) < max(MIN_SIDE, _THINNEST * max(sides))
@@ -70,7 +73,7 @@ def question_of_strip(image: UInt8Array) -> str:
         shares = rows / len(samples)
         rows = rows[(shares > _LEAST_PART) & (shares < 1 - _LEAST_PART)]
         for row in rows[len(rows) // 2 :][:1]:
-            if _bar(across[row:], 1) and _bar(across[row::-1], 1):
+            if _bar(across[row:], _ONE_ROW) and _bar(across[row::-1], _ONE_ROW):
                 return (
                     f"two photos in one file? A strip of one colour crosses it at "
                     f"{row / len(samples):.0%} of its {side}: cut them apart, and run each"
@@ -78,20 +81,31 @@ def question_of_strip(image: UInt8Array) -> str:
     return ""
 
 
-def _between_bars(rows: UInt8Array) -> tuple[int, int]:
-    least = math.ceil(_LEAST_BAR * len(rows))
+def _inside(image: UInt8Array, least: float) -> Inside:
+    """Return rows and columns between bars whose width is at least a share of the side."""
+    inside = slice(0, image.shape[0]), slice(0, image.shape[1])
+    for _ in range(2):  # the upper bar of a frame is found again without its sides
+        rows, columns = inside
+        start, stop = _between_bars(image[inside], least)
+        rows = slice(rows.start + start, rows.start + stop)
+        start, stop = _between_bars(image[rows, columns].transpose(1, 0, 2), least)
+        inside = rows, slice(columns.start + start, columns.start + stop)
+    return inside
+
+
+def _between_bars(rows: UInt8Array, least: float) -> tuple[int, int]:
     return _bar(rows, least), len(rows) - _bar(rows[::-1], least)
 
 
-def _bar(rows: UInt8Array, least: int) -> int:
-    """Return the number of rows (R, C, 3) of one colour, at least some, before the straight edge of
-    a picture; 0 without a bar.
+def _bar(rows: UInt8Array, least: float) -> int:
+    """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0
+    without a bar.
     """
     samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)]
-    outermost = samples[:least].astype(np.int16)
+    outermost = samples[: max(1, math.ceil(least * len(rows)))].astype(np.int16)
     color = np.median(outermost[0], axis=0)
     tolerance = np.abs(outermost - color).max() + 1
-    if tolerance > _PLAIN:  # most photos
+    if tolerance > (_PLAIN if least else _PLAIN_THIN):  # most photos
         return 0
     samples = samples.astype(np.int16)
     difference = np.abs(samples - color).max(-1)
@@ -101,7 +115,7 @@ def _bar(rows: UInt8Array, least: int) -> int:
     steps = np.abs(np.diff(samples[stop - 1 : stop + _RINGING_PX + 1], axis=0)).mean((1, 2))
     edge = stop + int((steps >= steps.max() / 2).argmax())
     first = difference[edge : edge + _FIRST_PX] > 2 * tolerance
-    return edge if first.any(0).mean() >= _EDGE else 0
+    return edge if first.any(0).mean() >= _EDGE and (least or edge <= _THIN_PX) else 0
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:

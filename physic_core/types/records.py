@@ -4,6 +4,7 @@ exports.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -93,16 +94,23 @@ class Grade(StrEnum):
     @classmethod
     def of(cls, trust: float | None) -> Grade:
         """Return the grade of a probability; without one, nothing confirms a result: doubtful."""
-        shown = _LEAST[cls.DOUBTFUL] if trust is None else round(trust, 2)
-        return next((grade for grade, least in _LEAST.items() if shown >= least), cls.BAD)
+        known = LEAST_TRUST[cls.DOUBTFUL] if trust is None else trust
+        return next((grade for grade, least in LEAST_TRUST.items() if known >= least), cls.BAD)
 
 
-_LEAST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
+LEAST_TRUST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
 
 
 def grade_text(grade: Grade | str | None, trust: float | None) -> str:
     """Return a grade with its probability: "good, 0.91"; "none" without a grade."""
-    return f"{grade or 'none'}{'' if trust is None else f', {trust:.2f}'}"
+    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}"
+
+
+def trust_text(trust: float) -> str:
+    """Return a probability with two digits, rounded down: it never looks as if it reached a limit
+    that it misses.
+    """
+    return f"{math.floor(100 * trust + 1e-9) / 100:.2f}"
 
 
 @dataclass(frozen=True)

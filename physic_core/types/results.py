@@ -15,7 +15,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PackageMissingError
 from physic_core.types.arrays import shape
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.records import Measures
@@ -111,6 +111,9 @@ class Person(ShortRepr):
         posture_probability: its probability in [0, 1].
         child_probability: that the person is younger than about 12 years, by the person observer.
             All three are None where it does not say.
+        sizes: mass_kg, chest_girth_m, waist_girth_m and hip_girth_m of the T-pose, which follow
+            from the shape and were not measured; with a floor pelvis_height_m of the joint and
+            seat_height_m of the lowest point of the buttocks over it. Empty without a body.
         measures: what the checks judge.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
             the person.
@@ -144,7 +147,41 @@ class Person(ShortRepr):
     posture: str | None = None
     posture_probability: float | None = None
     child_probability: float | None = None
+    sizes: Mapping[str, float] = field(default_factory=dict)
     measures: Measures = field(default_factory=Measures)
+
+    def joint(self, name: str) -> FloatArray:
+        """Return the position (3,) of a joint of :data:`physic_core.body.JOINT_NAMES`, metres, such
+        as ``person.joint("left_knee")``.
+
+        Raises:
+            InputError: there is no such joint.
+        """
+        index: Mapping[str, int] = import_module("physic_core.body.joints").JOINT_INDEX
+        if name not in index:
+            raise InputError(f"no joint is named {name!r}: choose one of {', '.join(index)}")
+        place: FloatArray = self.joints[index[name]]
+        return place
+
+    @property
+    def joint_angles(self) -> dict[str, float]:
+        """Angles in degrees by the names of the ISB, such as "left_knee_flexion", see
+        :func:`physic_core.body.joint_angles.joint_angles`; NaN without a body.
+        """
+        angles: dict[str, float] = import_module("physic_core.body.joint_angles").joint_angles(
+            self.parameters.body_pose[0]
+        )
+        return angles
+
+    @property
+    def unseen_joints(self) -> tuple[str, ...]:
+        """Joints whose angles are mostly a guess, such as "left_knee", since a part beside them is
+        ``unseen``.
+        """
+        found: tuple[str, ...] = import_module("physic_core.body.joint_angles").joints_beside(
+            self.unseen
+        )
+        return found
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z
@@ -235,6 +272,11 @@ class Reconstruction(ShortRepr):
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
         object.__setattr__(self, "people", people)
+
+    @property
+    def floor(self) -> Plane | None:
+        """The plane ``scene.floor``."""
+        return self.scene.floor
 
     @property
     def distance_sigma(self) -> float | None:
@@ -392,8 +434,14 @@ class Reconstruction(ShortRepr):
     def to_pandas(self) -> Any:
         """Return the rows of ``people.csv``, see :func:`person_rows`, as a ``pandas.DataFrame``;
         pandas is yours.
+
+        Raises:
+            PackageMissingError: pandas is not installed.
         """
-        import pandas
+        try:
+            import pandas
+        except ImportError as error:
+            raise PackageMissingError("to_pandas needs pandas: pip install pandas") from error
 
         return pandas.DataFrame(person_rows(self), columns=list(_ROW))
 
@@ -499,7 +547,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     :class:`Person`), contacts (body parts that are likely, one half or more,
     to touch something, each with what it touches and its probability), assumed (likely contacts of
     body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
-    without a confident keypoint at their end). Distance and stature are None without a body.
+    without a confident keypoint at their end), the sizes of :class:`Person`, and main angles of
+    ``Person.joint_angles``, degrees. Lengths, mass and angles are None without a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()}
@@ -520,8 +569,8 @@ def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
     return None if metres is None or log_sigma is None else metres * log_sigma
 
 
-def _millimetres(metres: float | None) -> float | None:
-    return None if metres is None else round(metres, 3)
+def _rounded(value: float | None, digits: int = 3) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
 _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
@@ -530,12 +579,12 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "grade": lambda result, index: str(result.people[index].grade or ""),
     "trust": lambda result, index: result.people[index].trust,
     "why": lambda result, index: result.people[index].why,
-    "distance_m": lambda result, index: _millimetres(pelvis_distance_m(result.people[index])),
-    "distance_sigma_m": lambda result, index: _millimetres(
+    "distance_m": lambda result, index: _rounded(pelvis_distance_m(result.people[index])),
+    "distance_sigma_m": lambda result, index: _rounded(
         spread_m(pelvis_distance_m(result.people[index]), result.distance_sigmas[index])
     ),
-    "stature_m": lambda result, index: _millimetres(result.people[index].stature),
-    "stature_sigma_m": lambda result, index: _millimetres(
+    "stature_m": lambda result, index: _rounded(result.people[index].stature),
+    "stature_sigma_m": lambda result, index: _rounded(
         spread_m(result.people[index].stature, result.people[index].stature_sigma)
     ),
     "posture": lambda result, index: result.people[index].posture,
@@ -545,6 +594,31 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
 }
+
+_SIZES = (
+    *("mass_kg", "chest_girth_m", "waist_girth_m", "hip_girth_m"),
+    *("pelvis_height_m", "seat_height_m"),
+)
+_ANGLES = (
+    *("trunk_flexion", "neck_flexion"),
+    *(
+        f"{side}_{angle}"
+        for angle in ("hip_flexion", "knee_flexion", "shoulder_elevation", "elbow_flexion")
+        for side in ("left", "right")
+    ),
+)
+
+
+def _size(result: Reconstruction, index: int, name: str) -> float | None:
+    return _rounded(result.people[index].sizes.get(name))
+
+
+def _angle(result: Reconstruction, index: int, name: str) -> float | None:
+    return _rounded(result.people[index].joint_angles[name], 1)
+
+
+_ROW |= {name: partial(_size, name=name) for name in _SIZES}
+_ROW |= {f"{name}_deg": partial(_angle, name=name) for name in _ANGLES}
 
 PERSON_COLUMNS = ("id", *_ROW)
 """Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""

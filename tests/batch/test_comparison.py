@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from physic_core import save_reconstruction
-from physic_core.batch.comparison import changed_lines, compare_results, pair_results
+from physic_core.batch.comparison import changed_lines, compare_results, pair_results, summary_lines
 from physic_core.body import JOINT_NAMES
 from physic_core.configuration.model import load_config
 from physic_core.types import BodyContact, ContactPartner, Grade
@@ -112,6 +112,16 @@ def test_a_person_without_a_body_has_no_joints_to_compare(result):
     lost = replace(first, joints=np.full_like(first.joints, np.nan))
     person = compare_results(result, replace(result, people=(lost, *result.people[1:]))).people[0]
     assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
+
+
+@pytest.mark.parametrize(("trust", "said"), [(0.75, "2 the same"), (0.7, "1 worse, 1 the same")])
+def test_a_grade_has_changed_only_beyond_the_noise_of_the_probability(result, trust, said):
+    first, *rest = result.people
+    a, b = (
+        replace(result, people=(replace(first, grade=Grade.of(p), trust=p), *rest))
+        for p in (0.8, trust)
+    )
+    assert f"grades of people in B: {said}" in summary_lines([compare_results(a, b)], ((), ()))
 
 
 def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):

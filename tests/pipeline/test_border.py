@@ -24,6 +24,7 @@ BORDERS = {
     "bars of a screenshot": (0.4, 0.35, 0, 0, 0),
     "a strip at one side": (0, 0, 0, 0.6, 255),
     "a frame of 10 %": (0.1, 0.1, 0.1, 0.1, 255),
+    "a frame of 2 px": (2 / 240, 2 / 240, 2 / 320, 2 / 320, 0),
 }
 
 
@@ -59,6 +60,13 @@ def test_a_border_is_found_also_in_a_jpeg(name):
     found = find_inside(as_jpeg(whole))
     for part, true in zip(found, inside, strict=True):
         assert (part.start, part.stop) == pytest.approx((true.start, true.stop), abs=1)
+
+
+def test_a_frame_of_one_pixel_is_cut_and_a_line_at_one_side_is_not():
+    photo = textured(240, 320)
+    framed = np.pad(photo, ((1, 1), (1, 1), (0, 0)))
+    assert find_inside(framed) == (slice(1, 241), slice(1, 321))
+    assert find_inside(framed[:, :-1]) is None
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -242,6 +242,12 @@ def test_nothing_fails_where_all_is_well():
         ({"camera": GIVEN, "scene_camera": NEAR_FOCAL}, "focal_agreement", 0.25, "400 px"),
         ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 people"),
         ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 person"),
+        (
+            {"unposed": (replace(stranger(200), reason="more than 20 people: give N"),)},
+            "unposed_people",
+            1.0,
+            "give N",
+        ),
         ({"witness": by_depth(math.log(1000))}, "depth_scale", 138.2, "millimetres"),
         ({"witness": by_depth(-0.16)}, "depth_scale", 3.2, "metric_depth 'x'"),
         ({"depth": SLOPE[:, ::-1]}, "depth_order", 1.984, "metric_depth 'x'"),

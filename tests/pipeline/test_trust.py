@@ -105,6 +105,15 @@ def test_the_two_checks_that_lower_the_probability_most_are_named():
     assert all(CHECKS[one.name].advice in why for one in checks if one.title in named)
 
 
+def test_who_is_not_good_without_a_failed_check_is_told_what_is_missing():
+    checks = results(**{name: value_at(name, 1.0) for name in TERMS})
+    assert not any(check.failed for check in checks)
+    trust = person_trust(checks, 0)
+    assert Grade.of(trust.probability) is not Grade.GOOD
+    assert "no check failed" in trust.why
+    assert trust.why.endswith("below 0.80")
+
+
 def test_checks_of_other_people_do_not_count():
     own = results()
     other = [replace(one, person=1) for one in results(lean=80.0) if one.person == 0]
@@ -124,10 +133,10 @@ def test_a_photo_is_as_good_as_its_worst_main_person():
     ("trust", "grade", "text"),
     [
         (0.91, Grade.GOOD, "good, 0.91"),
-        (0.796, Grade.GOOD, "good, 0.80"),
+        (0.796, Grade.DOUBTFUL, "doubtful, 0.79"),
         (0.794, Grade.DOUBTFUL, "doubtful, 0.79"),
         (0.3, Grade.DOUBTFUL, "doubtful, 0.30"),
-        (0.29, Grade.BAD, "bad, 0.29"),
+        (0.29709, Grade.BAD, "bad, 0.29"),
         (None, Grade.DOUBTFUL, "doubtful"),
     ],
 )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from physic_core.errors import InputError, PackageMissingError
 from physic_core.types import (
     BodyContact,
     ContactPartner,
@@ -40,6 +42,10 @@ def two_people(reconstruction):
             BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
         ),
         unseen=("left_lower_leg", "left_foot"),
+        sizes={"mass_kg": 70.12345, "pelvis_height_m": 0.9},
+        parameters=replace(
+            near.parameters, body_pose=np.where(np.arange(63) == 9, np.pi / 3, 0)[None]
+        ),
     )
     far = replace(
         far,
@@ -49,9 +55,16 @@ def two_people(reconstruction):
         why="Leans: 50° (see the view from the side)",
         joints=np.full_like(far.joints, np.nan),
         contacts=(),
+        parameters=replace(far.parameters, body_pose=np.full((1, 63), np.nan)),
+        sizes={},
     )
     camera = replace(reconstruction.intrinsics, trust="known")
     return replace(reconstruction, people=(near, far), intrinsics=camera)
+
+
+NUMBERS = [name for name in PERSON_COLUMNS if name.endswith(("_kg", "girth_m", "height_m", "_deg"))]
+UPRIGHT = {name: 0.0 for name in NUMBERS if name.endswith("_deg")}
+ARMS = {f"{side}_shoulder_elevation_deg": 90.0 for side in ("left", "right")}  # of the T-pose
 
 
 def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
@@ -72,6 +85,12 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
             "assumed": "left lower leg: floor, 0.80, assumed",
             "unseen": "left lower leg, left foot",
+            **dict.fromkeys(NUMBERS),
+            **UPRIGHT,
+            **ARMS,
+            "mass_kg": 70.123,
+            "pelvis_height_m": 0.9,
+            "left_knee_flexion_deg": 60.0,
         },
         {
             "person": 1,
@@ -89,6 +108,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "contacts": "",
             "assumed": "",
             "unseen": "",
+            **dict.fromkeys(NUMBERS),
         },
     ]
     assert all(["id", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
@@ -117,3 +137,18 @@ def test_a_frame_of_pandas_has_the_rows_of_people(two_people):
     frame = two_people.to_pandas()
     pandas.testing.assert_frame_equal(frame, pandas.DataFrame(person_rows(two_people)))
     assert list(frame.columns) == list(PERSON_COLUMNS[1:])
+
+
+def test_joints_and_the_floor_have_names(two_people):
+    person = two_people.people[0]
+    np.testing.assert_array_equal(person.joint("left_knee"), person.joints[4])
+    with pytest.raises(InputError, match="left_knee"):
+        person.joint("knee")
+    assert person.unseen_joints == ("left_knee", "left_ankle")
+    assert two_people.floor is two_people.scene.floor
+
+
+def test_pandas_that_is_not_installed_is_named(two_people, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(PackageMissingError, match="pip install pandas"):
+        two_people.to_pandas()

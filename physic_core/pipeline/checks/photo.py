@@ -277,6 +277,9 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
 
+_POINT = "point at each person with --person x,y"
+
+
 @_check("People without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the number of boxes without a body that are as large as main people, and not of people
@@ -285,15 +288,18 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     people = estimates.people
     boxes: list[FloatArray] = list(people.boxes)
     posed: BoolArray = np.any(people.masks, axis=0)
-    lacking = sum(
-        len(boxes) in main_people([*boxes, np.array(one.box)]) and not _is_covered(one.box, posed)
+    lacking = [
+        one.reason
         for one in people.unposed
-    )
-    who = "1 person" if lacking == 1 else f"{lacking} people"
-    return float(lacking), (
+        if len(boxes) in main_people([*boxes, np.array(one.box)])
+        and not _is_covered(one.box, posed)
+    ]
+    who = "1 person" if len(lacking) == 1 else f"{len(lacking)} people"
+    # a reason that the segmenter can cure ends with what to do
+    cures = dict.fromkeys(reason.partition(": ")[2] or _POINT for reason in lacking)
+    return float(len(lacking)), (
         f"no body was found for {who} in the photo, whom dashed boxes in preview and page show: "
-        f"point at each person "
-        "with --person x,y"
+        f"{', or '.join(cures)}"
     )
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.pipeline.checks.spec import CHECKS
 from physic_core.types import Grade
+from physic_core.types.records import LEAST_TRUST, trust_text
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult
@@ -156,9 +157,14 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
         if name in own and name not in named and shares[name] <= -_LEAST_LOSS:
             named.append(name)
     probability = probability_of(values, trust_model())
-    if not named and Grade.of(probability) is not Grade.GOOD:
+    good = Grade.of(probability) is Grade.GOOD
+    if not named and not good:
         named.append(min((name for name in shares if name in own), key=shares.__getitem__))
-    return Trust(probability, _sentence([own[name] for name in named[:_REASONS]]))
+    why = _sentence([own[name] for name in named[:_REASONS]])
+    if not good and not any(check.failed for check in own.values()):
+        least = trust_text(LEAST_TRUST[Grade.GOOD])
+        why += f"; no check failed, but {trust_text(probability)} lies below {least}"
+    return Trust(probability, why)
 
 
 def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:

@@ -184,7 +184,11 @@ def detect_poses(
             kept.append(person)
     unposed = _add_hidden_people(landmarker, image, boxes, kept, box_score)
     unposed += [
-        unposed_person(person.box, person.score, f"more than {max_people} people")
+        unposed_person(
+            person.box,
+            person.score,
+            f"more than {max_people} people: raise it with --set segmenter.options.max_people=N",
+        )
         for person in kept[max_people:]
         if person.box is not None
     ]

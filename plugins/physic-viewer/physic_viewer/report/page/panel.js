@@ -4,7 +4,7 @@ const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
 // "good, 0.91"
 function gradeText({ grade, trust }) {
-  return (grade ?? "no grade") + (trust === null ? "" : `, ${trust.toFixed(2)}`);
+  return (grade ?? "no grade") + (trust === null ? "" : `, ${(Math.floor(100 * trust + 1e-9) / 100).toFixed(2)}`);
 }
 
 function gradeBadge(graded) {

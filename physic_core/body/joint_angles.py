@@ -1,0 +1,103 @@
+"""Joint angles by the recommendations of the International Society of Biomechanics (ISB).
+
+Each segment has the axes x forward, y up, z right, with the body upright, legs straight, arms at
+the sides and palms to the thighs. Its rotation against the segment above it is a turn about z, then
+about the turned x, then about y (Grood and Suntay 1983; Wu et al. 2002, 2005).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.geometry.rotations import rotmat_to_euler, rotvec_to_rotmat_numpy
+from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray
+
+# from x left, y up, z forward
+_ISB = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+
+_LIMBS = {
+    "hip": (("hip",), ("flexion", "abduction", "rotation"), ("upper_leg",)),
+    "knee": (("knee",), ("flexion", "abduction", "rotation"), ("upper_leg", "lower_leg")),
+    "ankle": (("ankle",), ("dorsiflexion", "eversion", "rotation"), ("lower_leg", "foot")),
+    "shoulder": (("collar", "shoulder"), ("flexion", "abduction", "rotation"), ("upper_arm",)),
+    "elbow": (("elbow",), ("flexion", "abduction", "pronation"), ("upper_arm", "lower_arm")),
+}
+"""Joints that turn each limb, names of its turns about z, x and y, and the parts that show them."""
+
+_TRUNK = {"trunk": ("spine1", "spine2", "spine3"), "neck": ("neck", "head")}
+
+
+def joint_angles(body_pose: FloatArray) -> dict[str, float]:
+    """Return the angles of a body in degrees, such as "left_knee_flexion"; NaN without a body.
+
+    Flexion is positive, extension negative. Abduction and eversion are positive away from the body,
+    rotation inwards. Trunk and neck bend forward (flexion), to the right (bending) and turn to the
+    left (rotation); the trunk is the thorax against the pelvis. The elevation of a shoulder is the
+    angle of the upper arm to the trunk. Flexion and rotation of a joint have no meaning near an
+    abduction of 90.
+
+    Args:
+        body_pose: (63,) rotation vectors of joints 1 to 21, radians.
+    """
+    pose = np.asarray(body_pose, np.float64).reshape(21, 3)
+    turns = _ISB @ rotvec_to_rotmat_numpy(np.nan_to_num(pose)) @ _ISB.T
+    turns[np.isnan(pose).any(1)] = np.nan
+
+    def turned(*joints: str) -> NDArray[np.float64]:
+        whole = np.eye(3)
+        for joint in joints:
+            whole = whole @ turns[JOINT_INDEX[joint] - 1]
+        return whole
+
+    angles: dict[str, float] = {}
+    for name, joints in _TRUNK.items():
+        z, x, y = _angles(turned(*joints))
+        angles |= {f"{name}_flexion": -z, f"{name}_bending": x, f"{name}_rotation": y}
+    for side, sign in zip(SIDES, (-1, 1), strict=True):
+        # the arm of the T-pose, lowered to the side
+        lowered = rotvec_to_rotmat_numpy(np.array([sign * np.pi / 2, 0.0, 0.0]))
+        for limb, (joints, words, _) in _LIMBS.items():
+            turn = turned(*(f"{side}_{joint}" for joint in joints))
+            if limb in ("shoulder", "elbow"):
+                turn = (lowered if limb == "elbow" else np.eye(3)) @ turn @ lowered.T
+            z, x, y = _angles(turn)
+            signed = (-z if limb == "knee" else z, -sign * x, sign * y)
+            names = (f"{side}_{limb}_{word}" for word in words)
+            angles |= dict(zip(names, signed, strict=True))
+            if limb == "shoulder":
+                elevation = np.degrees(np.arccos(np.clip(turn[1, 1], -1, 1)))
+                angles[f"{side}_shoulder_elevation"] = float(elevation)
+    return {name: angle + 0.0 for name, angle in angles.items()}  # no "-0"
+
+
+def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ISB's axes (3, 3), in columns, of a segment that is turned from the T-pose."""
+    axes: NDArray[np.float64] = turn @ _ISB.T
+    return axes
+
+
+def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the joints beside body parts, such as "left_knee" beside "left_lower_leg"."""
+    return tuple(
+        f"{side}_{limb}"
+        for side in SIDES
+        for limb, (_, _, beside) in _LIMBS.items()
+        if any(f"{side}_{part}" in parts for part in beside)
+    )
+
+
+def _angles(turn: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the angles about z, x and y of a rotation (3, 3) = Rz Rx Ry, degrees."""
+    if not np.isfinite(turn).all():
+        return math.nan, math.nan, math.nan
+    z, x, y = np.degrees(rotmat_to_euler("ZXY", turn)).tolist()
+    return z, x, y
