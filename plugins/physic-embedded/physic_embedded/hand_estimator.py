@@ -25,17 +25,12 @@ KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 _LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
 # between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04
 _LARGEST_GAP = 0.08
+_LEAST_SIZE_PX = 32  # fitted hand; below 30 px fingers are a guess
 
 
 class EmbeddedHandsOptions(Options):
     """Settings of :class:`EmbeddedHands`."""
 
-    least_size_px: float = Field(
-        default=32,
-        ge=0,
-        le=100_000,
-        description="Least size of a fitted hand, px; below 30 px fingers are a guess.",
-    )
     body: str = Field(
         default="embedded",
         description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz.",
@@ -99,7 +94,7 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
                 if place is None:
                     continue
                 around, angle = place
-                if around.side < self.options.least_size_px:
+                if around.side < _LEAST_SIZE_PX:
                     continue
                 look = find_hand(
                     detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side
@@ -112,13 +107,12 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
 
     def _is_reliable(self, look: HandLandmarks, side: str) -> bool:
         """Return whether the landmarks of a hand are good enough to use."""
-        options = self.options
         right_side = (look.right > 0.5) == (side == "right")
         steady = look.mirror_gap < _LARGEST_GAP
         return (
             right_side
             and steady
-            and look.size >= options.least_size_px
+            and look.size >= _LEAST_SIZE_PX
             and look.presence >= _LEAST_PRESENCE
         )
 

@@ -18,20 +18,12 @@ _NETWORK_SIZE = 512
 _MARGIN = 128  # px of the photo on each side of the hole that the network sees
 _EDGE = np.exp(-0.25 * np.arange(-2.0, 3.0) ** 2)
 _EDGE /= _EDGE.sum()  # the weights, along one axis, of the blur between photo and fill
+_RIM = 0.004  # of the long side: the fill takes on the colours of what is removed at its edge
 
 
 class MiGanOptions(Options):
     """Settings of :class:`MiGan`."""
 
-    rim: float = Field(
-        default=0.004,
-        ge=0,
-        le=0.1,
-        description="Share of the long side by which the hole that the network sees is wider than "
-        "the one it fills: "
-        "at the edge its fill takes on the colours of what is removed. 0 gives the network's own "
-        "soft edge.",
-    )
     threads: int = Field(
         default=2,
         ge=0,
@@ -64,7 +56,7 @@ class MiGan(PackagedBackend, Inpainter):
         Raises:
             BackendError: the mask has another size, or covers the whole image.
         """
-        return inpaint_masked(image, mask, self.options.rim, self._fill)
+        return inpaint_masked(image, mask, _RIM, self._fill)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
         """Fill the hole (H, W) in an image (H, W, 3), with soft edges: pixels near it change

@@ -33,11 +33,6 @@ MIN_MASK_FIT = 0.15
 class EmbeddedKeypointsOptions(Options):
     """Settings of :class:`EmbeddedKeypoints`."""
 
-    reuse: bool = Field(
-        default=True,
-        description="Take joints that the segmenter already found, where they are of this "
-        "skeleton.",
-    )
     threads: int = Field(
         default=2,
         ge=0,
@@ -73,8 +68,7 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         """
         seen = people.keypoints
         if (
-            self.options.reuse
-            and seen is not None
+            seen is not None
             and seen.skeleton == BLAZEPOSE_SKELETON
             and len(seen.points) == len(people)
         ):

@@ -53,6 +53,8 @@ _HORIZON_GAP = 0.03  # of the photo's height, between the labels of sky and grou
 _HORIZON_SHARE = 0.15  # of the photo's columns that show it
 _BLEEDS = 0.015  # of the long side: the depth of a person beyond the outline
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
+_PHOTO_SHORT_SIDE_PX = 406  # of the photo with its people, for whom coarse depth is enough
+_DEFAULT_FOCAL = 0.85  # long sides, where neither file, user nor edges give a focal length
 
 
 class EmbeddedPointmapOptions(Options):
@@ -70,23 +72,11 @@ class EmbeddedPointmapOptions(Options):
         le=4096,
         description="px of the short side that the network sees; 518 as trained",
     )
-    photo_short_side: int = Field(
-        406,
-        ge=70,
-        le=4096,
-        description="the same for the photo with its people, for whom coarse depth is enough",
-    )
     max_tokens: int = Field(
         3600,
         ge=64,
         le=100_000,
         description="cap on 14 px patches, which limits the time of long panoramas",
-    )
-    default_focal: float = Field(
-        0.85,
-        gt=0.2,
-        lt=5.0,
-        description="focal length in long sides where neither file, user nor edges give one",
     )
     focal_from_edges: bool = Field(
         True, description="look for a focal length in the straight edges of the photo"
@@ -138,7 +128,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         short_side = self.options.short_side
         of_photo = hints.scene is not None
         if of_photo:
-            short_side = min(short_side, self.options.photo_short_side)
+            short_side = min(short_side, _PHOTO_SHORT_SIDE_PX)
         raw = predict_disparity(
             self.network[_DEPTH], image, short_side, self.options.max_tokens, keep_tokens=of_photo
         )
@@ -216,7 +206,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         self, segments: NDArray[np.float64] | None, width: int, height: int
     ) -> tuple[Intrinsics, str]:
         """Return the camera by the default and the segments, and a note."""
-        default = self.options.default_focal
+        default = _DEFAULT_FOCAL
         focal = default * max(width, height)
         sigma = DEFAULT_FOCAL_SIGMA
         source = f"default ({default:g} x the long side)"

@@ -45,18 +45,13 @@ _PART = 0.75
 of others. Of 23 real people left out of its answer one has 1, and the others at most .67; of false
 persons in boxes within a couple, none has less than .77.
 """
+_BOX_SCORE = 0.4  # of a person by YOLOX; 0.1 less if a pose fits the box well
+_LEAST_HEIGHT_PX = 40.0  # of a mask; lower people are omitted
 
 
 class EmbeddedSegmenterOptions(Options):
     """Settings of :class:`EmbeddedSegmenter`."""
 
-    box_score: float = Field(
-        default=0.4,
-        ge=0,
-        le=1,
-        description="Lowest score of a person's box by YOLOX; 0.1 less if a pose fits the box "
-        "well.",
-    )
     tile_fractions: tuple[Annotated[float, Field(ge=0.05, le=1)], ...] = Field(
         default=(0.6, 0.4),
         max_length=8,
@@ -66,12 +61,6 @@ class EmbeddedSegmenterOptions(Options):
     )
     max_people: int = Field(
         default=20, ge=1, le=1000, description="Largest number of people, best first."
-    )
-    min_height_px: float = Field(
-        default=40,
-        ge=0,
-        le=100_000,
-        description="Least height of a mask, px; lower people are skipped.",
     )
     floor: bool = Field(
         default=True, description="Look for the floor beside the feet, and among the surfaces."
@@ -124,7 +113,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
             image,
-            box_score=options.box_score,
+            box_score=_BOX_SCORE,
             fractions=options.tile_fractions,
             max_people=options.max_people,
         )
@@ -200,17 +189,14 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     def _leave_out_low(
         self, found: list[DetectedPose], masks: BoolArray
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedPerson]]:
-        """Omit people whose mask is lower than ``min_height_px``, and return them as boxes without
-        a pose.
-        """
-        least = max(self.options.min_height_px, 1.0)
+        """Omit people whose mask is low, and return them as boxes without a pose."""
         edges = boxes_from_masks(masks)
-        tall = edges[:, 3] - edges[:, 1] >= least
+        tall = edges[:, 3] - edges[:, 1] >= _LEAST_HEIGHT_PX
         low = [
             unposed_person(
                 mask_box(person.pose) if person.box is None else person.box,
                 person.score,
-                f"lower than {least:g} px",
+                f"lower than {_LEAST_HEIGHT_PX:g} px",
             )
             for person, is_tall in zip(found, tall, strict=True)
             if not is_tall

@@ -5,7 +5,6 @@ tools read it.
 from __future__ import annotations
 
 import io
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
-from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.files.npz import write_arrays
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.types import Bodies, BodyParameters
 from physic_core.visual.rig import body_of_result, pose_rig
@@ -71,44 +70,6 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
         f"from the file"
     )
     return ExportedFiles(files, tuple(notes))
-
-
-def read_amass(path: str | os.PathLike[str]) -> BodyParameters:
-    """Read SMPL-X parameters from an AMASS npz of any number of frames, in the frame of the file.
-
-    Raises:
-        InputError: the file cannot be read, or holds no SMPL-X poses.
-    """
-    try:
-        with Path(path).open("rb") as stream:
-            arrays = read_arrays(stream)
-    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for damaged files
-        raise InputError(
-            f"cannot read {path}: it is not an npz file of arrays ({error})"
-        ) from error
-    missing = [name for name in ("poses", "betas", "trans") if name not in arrays]
-    if missing or arrays["poses"].ndim != 2 or arrays["poses"].shape[1] != 165:
-        raise InputError(
-            f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"
-        )
-    poses = np.asarray(arrays["poses"], np.float64)
-    rows = len(arrays["poses"])
-    parts = np.split(poses, [3, 66, 69, 72, 75, 120], axis=1)
-    names = (
-        "global_orient",
-        "body_pose",
-        "jaw_pose",
-        "leye_pose",
-        "reye_pose",
-        "left_hand_pose",
-        "right_hand_pose",
-    )
-    return BodyParameters(
-        **dict(zip(names, parts, strict=True)),
-        betas=np.tile(np.asarray(arrays["betas"], np.float64).reshape(-1), (rows, 1)),
-        expression=np.asarray(arrays.get("expression", np.zeros((rows, 0))), np.float64),
-        transl=np.asarray(arrays["trans"], np.float64),
-    )
 
 
 def _smplx_file(request: ExportRequest) -> Path:

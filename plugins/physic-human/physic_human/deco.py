@@ -15,7 +15,7 @@ from pydantic import Field
 from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior, Options, Share
+from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, load_rest_mesh
 
@@ -103,9 +103,6 @@ class DecoOptions(SmplCheckoutOptions):
         description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your "
         "body model",
     )
-    growth: Share = Field(
-        default=BOX_GROWTH, description="of a person's box on every side, in its own sizes"
-    )
     fit: Literal["letterbox", "squash"] = Field(
         default="letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or "
@@ -154,9 +151,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
     ) -> dict[str, FloatArray]:
         """Crop the people."""
         options = self.options
-        crops = [
-            contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes
-        ]
+        crops = [contact_crop(image, box, fit=options.fit) for box in people.boxes]
         return {"img": np.array(crops, np.float32)}
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:

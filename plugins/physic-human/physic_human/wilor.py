@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _FILES = ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
 _FOCAL = 5000
 _SIDE = 256  # of the network's square input, px
+_LEAST_SIZE_PX = 24.0  # longer side of a hand; fingers below are a guess
 
 
 class WilorOptions(CheckoutOptions):
@@ -43,12 +44,6 @@ class WilorOptions(CheckoutOptions):
     least_confidence: Share = Field(
         default=0.5,
         description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",
-    )
-    least_size_px: float = Field(
-        default=24.0,
-        ge=0,
-        le=100_000,
-        description="longer side of a hand; fingers below are a guess",
     )
     margin: float = Field(
         default=2.5,
@@ -103,7 +98,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         found = hand_boxes(
             keypoints,
             least_confidence=options.least_confidence,
-            least_size_px=options.least_size_px,
+            least_size_px=_LEAST_SIZE_PX,
         )
         shown = zip(found.boxes, found.right, strict=True)
         crops = [self._hand_input(image, box, mirrored=not right) for box, right in shown]

@@ -39,6 +39,9 @@ OUTPUTS = (PortSpec("output", ("result",), shape=(None, 3, None, None)),)
 
 MULTIPLE = 8
 """Height and width of LaMa's input are multiples of this, px."""
+_RIM = 0.004  # of the long side, by which the hole of the network is wider than the filled one
+_CONTEXT = 2.0  # sides of a hole: side of the crop around it, for files of a fixed size
+_LONGEST_PX = 1536  # long side of the photo, for files of any size
 
 
 class LamaOptions(OnnxBackendOptions):
@@ -48,26 +51,6 @@ class LamaOptions(OnnxBackendOptions):
         "lama-carve",
         description="a name of `physic weights list`, or the path of a .onnx or a TorchScript .pt "
         "file",
-    )
-    rim: float = Field(
-        0.004,
-        ge=0,
-        le=0.1,
-        description="share of the long side by which the network's hole is wider than the filled "
-        "one; 0.004-0.012",
-    )
-    context: float = Field(
-        2.0,
-        gt=1,
-        le=8,
-        description="side of the crop around a hole for files of a fixed size, in sides of the "
-        "hole; 1.5-3",
-    )
-    longest_px: int = Field(
-        1536,
-        ge=64,
-        le=100_000,
-        description="long side of the photo for files of any size; larger is sharper and slower",
     )
 
 
@@ -117,14 +100,12 @@ class Lama(OnnxBackend, Inpainter):
         shape = self.network.input_shape("image") if isinstance(self.network, LoadedGraph) else ()
         side = shape[2] if shape and isinstance(shape[2], int) else None
         if side is None:
-            return inpaint_masked(image, mask, self.options.rim, self._fill)
+            return inpaint_masked(image, mask, _RIM, self._fill)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return inpaint_in_crops(
-                image, hole, partial(self._fill, square=side), self.options.context, side
-            )
+            return inpaint_in_crops(image, hole, partial(self._fill, square=side), _CONTEXT, side)
 
-        return inpaint_masked(image, mask, self.options.rim, in_crops)
+        return inpaint_masked(image, mask, _RIM, in_crops)
 
     def _ask(self, image: FloatArray, mask: FloatArray) -> FloatArray:
         """Run the ONNX or TorchScript file."""
@@ -142,12 +123,12 @@ class Lama(OnnxBackend, Inpainter):
             image: the photo, or a crop of it.
             hole: of the same size.
             square: side of the network's square input; None for the photo's own size, or
-                ``longest_px``.
+                ``_LONGEST_PX``.
         """
         from physic_core.adapters.pictures import normalized_nchw, resize_image
 
         height, width = hole.shape
-        long = min(self.options.longest_px, max(height, width)) if square is None else square
+        long = min(_LONGEST_PX, max(height, width)) if square is None else square
         scale = long / max(height, width)
         inner = (max(1, round(height * scale)), max(1, round(width * scale)))
         padded = (

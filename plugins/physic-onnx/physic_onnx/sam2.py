@@ -27,6 +27,8 @@ EMBEDDED = "embedded"
 physic-embedded.
 """
 _SEGMENTER = "physic-embedded:embedded"
+_OVERLAP = 0.65  # IoU from which two boxes are one person
+_LEAST_HEIGHT_PX = 24.0  # of a box; lower people are omitted
 
 
 class Sam2Options(OnnxOptions):
@@ -48,16 +50,7 @@ class Sam2Options(OnnxOptions):
         "embedded, the segmenter of physic-embedded, which needs no further weights",
     )
     score: Share = Field(0.45, description="least score of a detected person; 0.3 finds more")
-    overlap: float = Field(
-        0.65,
-        gt=0,
-        le=1,
-        description="boxes with a larger overlap (IoU) are one person; 0.45 if one is found twice",
-    )
     most: int = Field(20, ge=1, le=1000, description="largest number of people, best first")
-    smallest_px: float = Field(
-        24, ge=0, le=100_000, description="least height of a box, px; lower ones are skipped"
-    )
     floor: Literal["feet", "feet-and-border", "none"] = Field(
         "feet",
         description="where to ask for the floor: beside the feet; at the photo's lower edge, too, "
@@ -139,8 +132,8 @@ class Sam2(NetworkBackend, Segmenter):
         if seen is not None:
             found = Detections(seen.boxes, seen.scores, seen.keypoints)
         else:
-            found = detector.infer(image, self.options.score, self.options.overlap)
-        found = found[found.boxes[:, 3] - found.boxes[:, 1] >= self.options.smallest_px][
+            found = detector.infer(image, self.options.score, _OVERLAP)
+        found = found[found.boxes[:, 3] - found.boxes[:, 1] >= _LEAST_HEIGHT_PX][
             : self.options.most
         ]
         border = self.options.floor == "feet-and-border"

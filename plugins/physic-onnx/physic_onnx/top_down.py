@@ -31,15 +31,13 @@ SKELETON_BY_JOINTS: dict[int, str] = {
     133: "coco_wholebody133",
 }
 """Number of joints -> skeleton name."""
+_PADDING = 1.25  # size of the crop relative to the box of the person
 
 
 class TopDownOptions(OnnxBackendOptions):
     """Base class of the settings of a keypoint detector that sees one person at a time."""
 
     batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
-    padding: float = Field(
-        1.25, ge=1, le=3, description="size of the crop relative to the person's box"
-    )
 
 
 class TopDownKeypoints(OnnxBackend, KeypointDetector):
@@ -106,20 +104,19 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
 
         file = self.network.network.name
         joints = self._joints
-        padding = self.options.padding
         grid = self.alignment()
         skeleton = SKELETON_BY_JOINTS[joints]
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
         height, width = self._crop_size()
         crops = [
-            crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes
+            crop_around_box(box, width, height, padding=_PADDING, grid=grid) for box in people.boxes
         ]
         cells, confidence, (rows, columns) = self.decode(crop_batch(image, crops, bgr=self.bgr()))
         if cells.shape[1] != joints:
             raise BackendError(f"{file} states {joints} joints and returned {cells.shape[1]}")
         grids = [
-            crop_around_box(box, columns, rows, padding=padding, grid=grid) for box in people.boxes
+            crop_around_box(box, columns, rows, padding=_PADDING, grid=grid) for box in people.boxes
         ]
         points = np.stack(
             [own.to_photo(peaks[:, :2]) for own, peaks in zip(grids, cells, strict=True)]

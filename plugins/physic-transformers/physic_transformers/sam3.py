@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _MEAN = _STD = (0.5, 0.5, 0.5)
 _TOKENS = 32  # of each text: shorter ones are padded
+_FLOOR_SCORE = 0.5  # chance from which a pixel is the floor
 
 
 class Sam3Options(ModelOptions):
@@ -37,11 +38,6 @@ class Sam3Options(ModelOptions):
     )
     person_score: Share = Field(
         default=0.5, description="Score from which something is a person; 0.3 finds more."
-    )
-    floor_score: Share = Field(
-        default=0.5,
-        description="Chance from which a pixel is the floor: that of the pixel times that of "
-        "there being such a thing.",
     )
     max_people: int = Field(
         default=20, ge=1, le=1000, description="Largest number of people, best first."
@@ -120,7 +116,7 @@ class Sam3(PretrainedBackend, Segmenter):
                 sigmoid(to_numpy(out.semantic_seg)[0, 0])
                 * sigmoid(to_numpy(out.presence_logits)[0]).item()
             )
-            floor |= resize_map(chance, *size) > self.options.floor_score
+            floor |= resize_map(chance, *size) > _FLOOR_SCORE
         return floor
 
     def _asked(self, seen: Any, words: str) -> Any:
