@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from physic_core.body.body_sizes import DENSITY_KG_M3
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.geometry.rotations import rotmat_to_euler
 
@@ -115,9 +116,6 @@ squats are beyond the 135 of AAOS and the 130 of Merck.
 
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""
-
-DENSITY_KG_M3 = 1010.0
-"""Density of a human body, whose volume has the lungs half filled."""
 
 FLAT_M = 0.02
 """Height over the lowest point up to which skin flattens on the floor, which is the distance of

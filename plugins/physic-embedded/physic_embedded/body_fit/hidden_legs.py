@@ -84,7 +84,7 @@ def with_hidden_legs(
     seen = _legs_seen(observations, skeleton)
     weight = observations.weight.copy()
     if observations.world is None:
-        weight[np.ix_(np.flatnonzero(seen <= _GUESSED), legs)] = 0
+        weight[:, legs] = np.where(seen[:, None] <= _GUESSED, 0.0, weight[:, legs])
         return replace(observations, weight=weight)
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
