@@ -132,7 +132,7 @@ MISTAKES = [
     (USAGE, "write --to glb", "export result --format glb"),
     (USAGE, "--no-report", f"{RUN} --no-report --open"),
     (USAGE, "in single quotes", "run a.png --config windows.toml"),
-    (INPUT, "separated by commas", "batch semicolons.csv -o many --preset mock"),
+    (INPUT, "CSV with commas", "batch semicolons.csv -o many --preset mock"),
     (USAGE, "not a finite number", f"{RUN} --focal-px nan"),
     (USAGE, "not a finite number", f"{BATCH} --timeout nan"),
     (USAGE, "not a finite number", "plugins doctor mock --timeout nan"),

@@ -256,7 +256,7 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
             "photo.distortion.4",
             "should be",
         ),
-        ("photo.person=[3, 4]", "photo.person.0", "tuple"),
+        ("photo.person=[3, 4]", "photo.person.0", "should be a list"),
         ("photo.box=[[1, 2, 3]]", "photo.box.0.3", "missing"),
         ("inpainter=telea", "inpainter", "'telea'"),
         ("inpainter.option.x=1", "inpainter.option", "Did you mean 'options'?"),
