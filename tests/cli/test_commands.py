@@ -345,7 +345,4 @@ def test_config_init_never_overwrites_a_file():
     Path("mine.toml").write_text("mine")
     assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
     assert Path("mine.toml").read_text() == "mine"
-    assert (
-        refusal("config", "init", "no/mine.toml")
-        == "no/mine.toml cannot be written: No such file or directory"
-    )
+    assert "no folder can be made there" in refusal("config", "init", "no/mine.toml")

@@ -158,6 +158,7 @@ class Doubling(backends.MockSegmenter):
             first,
             masks=masks,
             boxes=first.boxes[rows],
+            heads=None,
             scores=np.linspace(0.9, 0.5, len(rows), dtype=np.float32),
             keypoints=Keypoints(points, np.ones((len(rows), 17), np.float32), "coco17"),
         )

@@ -208,7 +208,7 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     step = max(1, max(estimates.hole.shape) // _CORRELATED_PX)
     scene = estimates.scene
     z, depth = (each[::step, ::step] for each in (scene.points[..., 2], estimates.depth.depth))
-    known = scene.valid[::step, ::step] & (depth > 0)
+    known = scene.valid[::step, ::step] & (depth > 0) & np.isfinite(depth)
     known &= known[:, ::-1]
     one, other = (_along_rows(array, known) for array in (z, depth))
     size = max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)

@@ -374,7 +374,7 @@ def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects
 
 
 def test_grade_warnings_checks_and_licences_are_on_the_page(page):
-    assert text(page, "#grade") == "grade: bad, 0.05"
+    assert text(page, "#grade") == "grade: bad, 0.04"
     assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")
     checks = text(page, "#checks")
     assert "Floor mask: no (must be yes)" in checks

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import Bodies, Keypoints, People, Plane, Pointmap, SceneScale
+from physic_core.types import (
+    Bodies,
+    Keypoints,
+    Observations,
+    People,
+    Plane,
+    Pointmap,
+    SceneScale,
+)
 from physic_testing.worlds import BLAZEPOSE, load_world
 
 if TYPE_CHECKING:
@@ -107,6 +115,11 @@ class Case:
     def size(self) -> str:
         """Width and height as text."""
         return f"{self.photo.shape[1]} x {self.photo.shape[0]} px"
+
+    @property
+    def observations(self) -> Observations:
+        """Of the N people: nothing is said of them."""
+        return Observations.unknown(len(self.people))
 
     @property
     def truth(self) -> World:

@@ -657,7 +657,7 @@ for right in (RightKeypoints, RightBodies, RightHands, RightContact):
 
 for mistake, check, change in (
     ("an unknown body", "bodies_can_be_posed", fields(body_model=lambda _: "mhr")),
-    ("degrees", "bodies_can_be_posed", fields(parameters=fields(body_pose=np.degrees))),
+    ("degrees", "returns_valid_output", fields(parameters=fields(body_pose=np.degrees))),
     ("an OpenGL camera", "bodies_are_in_front", pelvis_at(lambda pelvis: pelvis * [1, -1, -1])),
     ("centimetres", "bodies_are_as_far_away", pelvis_at(lambda pelvis: 100 * pelvis)),
     (
@@ -677,7 +677,13 @@ restless(
 altered(
     RightBodies, "observed inverted", "observed_is_true_in_sight", fields(observed=np.logical_not)
 )
-altered(RightHands, "degrees", "angles_are_radians", fields(rotvecs=np.degrees))
+altered(RightHands, "degrees", "returns_valid_output", fields(rotvecs=np.degrees))
+altered(
+    RightHands,
+    "longer than a turn",
+    "angles_are_radians",
+    fields(rotvecs=lambda rotvecs: np.full_like(rotvecs, 4.0)),
+)
 altered(RightObserver, "1 is no touch", "touch_is_that_of_the_parts", fields(touch=lambda p: 1 - p))
 altered(
     RightObserver,
