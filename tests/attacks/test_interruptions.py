@@ -4,7 +4,9 @@ whole, or what is written now, or both can be completed; and an error is never t
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 import sys
 from contextlib import suppress
@@ -120,6 +122,31 @@ def test_an_interruption_loses_nothing_and_is_no_success(operation, how, before,
         assert known >= set(found.values()) >= known & {b"mine"}
         operation(folder)
         assert files(folder) == new
+
+
+def test_renames_that_fail_for_good_leave_a_result_that_can_be_completed(before, tmp_path):
+    """As on a disk that is full: files can still be deleted."""
+    folder = tmp_path / "folder"
+    old = files(before)
+    real = os.replace
+    for number in range(8):
+        left = [number]
+
+        def replace(*paths, left=left):
+            left[0] -= 1
+            if left[0] < 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            real(*paths)
+
+        shutil.copytree(before, folder)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(os, "replace", replace)
+            with suppress(OutputError):
+                result(folder)
+        assert files(folder) == old or is_unfinished(folder) or is_whole(folder)
+        result(folder)
+        assert is_whole(folder)
+        shutil.rmtree(folder)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="folders have no locks")
