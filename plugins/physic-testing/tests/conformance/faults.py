@@ -548,9 +548,9 @@ FURTHER = {
 FOUND_BY = {
     "MockSegmenter": {
         "boxes with the last pixel": "boxes_are_tight",
-        "boxes in another order": "boxes_enclose_their_masks",
+        "boxes in another order": "accepts_photos_of_people",
         "floor one pixel to the right": "floor_is_in_place",
-        "everybody in one mask": "masks_lie_on_people",
+        "everybody in one mask": "accepts_photos_of_people",
     },
     "MockInpainter": {
         "blended": "fill_has_the_colours_around",

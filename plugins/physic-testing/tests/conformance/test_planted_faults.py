@@ -45,6 +45,7 @@ def failures(run):
     """The failures and warnings; a check runs when its result is asked for."""
     names = [
         "returns_valid_output",
+        "accepts_photos_of_people",
         *(check.name for check in accuracy_checks(run.subject.interface)),
     ]
     return (found for name in names if (found := run.result(name)).outcome in ("failed", "warned"))
