@@ -44,6 +44,7 @@ SECTIONS = {
         "docs/adapters",
         "docs/estimators",
         "docs/traps",
+        "docs/terms-and-checks",
         "docs/api",
         "docs/_reference/index",
     ],
