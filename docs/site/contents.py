@@ -50,6 +50,7 @@ SECTIONS = {
     ],
     "Project": [
         "docs/decisions/README",
+        "docs/withdrawn",
         "ARCHITECTURE",
         "CONTRIBUTING",
         "CHANGELOG",
