@@ -45,7 +45,7 @@ _SPOT_PX = 5
 # percentile of the triangles' areas that a square covers, and most triangles
 _LARGE = 95
 _MOST_SPOTS = 200_000
-_STEP = 0.05  # difference of colour between two people, or a person and nobody, of 1
+_STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
 """Views of a person that show contact."""
