@@ -181,25 +181,31 @@ def open_session(
         )
         return create_compared(options)
 
+    def open_kept(kept: KeptGraph) -> InferenceSession | None:
+        if (content := kept.read()) is None:
+            return None
+        options = _session_options(threads, chosen)
+        # For a graph that is opened by its path, it would refuse links to other folders.
+        options.add_session_config_entry(
+            "session.model_external_initializers_file_folder_path", str(kept.kept.path)
+        )
+        options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
+        try:
+            return create(content, options)
+        except Exception:  # onnxruntime's own exceptions share no public base class
+            kept.delete()
+            return None
+
     session = None
     kept = (
         KeptGraph.of(path.stem, " ".join(published.values()))
         if published and chosen.name == "CPU"
         else None
     )
-    if kept is not None:
-        if (content := kept.read()) is not None:
-            options = _session_options(threads, chosen)
-            # For a graph that is opened by its path, it would refuse links to other folders.
-            options.add_session_config_entry(
-                "session.model_external_initializers_file_folder_path", str(kept.kept.path)
-            )
-            options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
-            try:
-                session = create(content, options)
-            except Exception:  # onnxruntime's own exceptions share no public base class
-                kept.delete()
-        session = session or kept.write(optimise)
+    if kept is not None and (session := open_kept(kept)) is None:
+        session = kept.write(optimise)
+        # The kept weights are mapped into memory, those of the session that wrote them are copies.
+        session = (session and open_kept(kept)) or session
     if session is None:
         options = _session_options(threads, chosen)
         try:
@@ -328,15 +334,20 @@ def _register_shared_arena() -> None:
     ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
 
 
-def release_memory() -> None:
+def release_memory(*, all_of_it: bool = True) -> None:
     """Give CPU memory that was freed back to the system: that of the arena, and that of the C
     library of Linux.
 
-    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo. To take it
-    again costs a photo .2 CPU seconds.
+    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo.
+
+    Args:
+        all_of_it: False leaves that of the C library: to take it again costs a photo .2 CPU
+            seconds.
     """
     if _register_shared_arena.cache_info().currsize:
         _shrink_arena()
+    if not all_of_it:
+        return
     with suppress(OSError, AttributeError, TypeError):  # another C library has no such function
         ctypes.CDLL(None).malloc_trim(0)
 

@@ -160,9 +160,26 @@ class RelativePointmap(Backend):
                 f"people_farther must be a finite mean and a sigma > 0, or None, got "
                 f"{result.people_farther!r}"
             )
+        yield from _check_up(result)
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
         yield from check_notes(result.warnings, "warnings")
+
+
+def _check_up(result: Pointmap) -> Iterator[str]:
+    """Check that up is a unit vector with a sigma in degrees, or that both are None."""
+    import numpy as np
+
+    if result.up is None:
+        if result.up_sigma is not None:
+            yield f"up_sigma is of up, which is None: give both or neither, got {result.up_sigma!r}"
+        return
+    wrong = list(check_array("up", result.up, (3,), "float"))
+    yield from wrong
+    if not wrong and not abs(float(np.linalg.norm(result.up)) - 1) < _UNIT:
+        yield f"up must be a vector (3,) of length 1, got {result.up.tolist()}"
+    if result.up_sigma is None or not 0 < result.up_sigma < _MOST_UP_DEG:
+        yield f"up_sigma must be degrees, > 0 and < {_MOST_UP_DEG:g}, got {result.up_sigma!r}"
 
 
 def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
@@ -172,6 +189,9 @@ def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
     except (TypeError, ValueError):
         return False
 
+
+_UNIT = 1e-3  # of the length of a unit vector
+_MOST_UP_DEG = 90.0  # beyond, nothing is known of up
 
 # correlation of the directions of points with the columns or rows of their pixels
 _REVERSED = -0.5

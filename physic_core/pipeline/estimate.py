@@ -99,22 +99,6 @@ def run_backends(
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
-    from physic_core.engine.floor import best_candidate, chosen_floor
-    from physic_core.engine.floor_and_scale import (
-        PeopleInScene,
-        candidates_in,
-        find_floor_and_scale,
-        floor_evidence,
-        plane_of,
-    )
-    from physic_core.engine.scene.measured_shape import (
-        in_usual_unit,
-        shows_people,
-        with_measured_shape,
-    )
-    from physic_core.engine.sizes.evidence import is_inverse, is_measured
-    from physic_core.engine.state import Estimates
-
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
     ignored = None
@@ -148,6 +132,23 @@ def run_backends(
 
     hole = _removed(people, plan, image.shape)
     inpainted = run.inpainted(image, hole)
+    # They need torch, which is imported beside the networks above.
+    from physic_core.engine.floor import best_candidate, chosen_floor
+    from physic_core.engine.floor_and_scale import (
+        PeopleInScene,
+        candidates_in,
+        find_floor_and_scale,
+        floor_evidence,
+        plane_of,
+    )
+    from physic_core.engine.scene.measured_shape import (
+        in_usual_unit,
+        shows_people,
+        with_measured_shape,
+    )
+    from physic_core.engine.sizes.evidence import is_inverse, is_measured
+    from physic_core.engine.state import Estimates
+
     # The inpainted photo gives the scene, the original photo the people's depth.
     hints = Hints(given, people, keypoints, hole, photo=image)
     scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -365,8 +364,6 @@ def _reconstruct(
     stages.note(*photo.notes)
     stages.warn(*photo.warnings)
     with limited_threads(plan.config.run.threads):
-        # Beside the first networks: torch takes longer than a second to import.
-        threading.Thread(target=_import_torch, name="import torch").start()
         try:
             estimates = run_backends(
                 photo.image,
@@ -383,8 +380,9 @@ def _reconstruct(
                 stages.close()
             else:
                 stages.trim_cache()
-            # so that a worker's networks and engine do not hold theirs at one time
-            release_memory()
+            # So that a worker's networks and engine do not hold theirs at one time. A single run
+            # would take the memory of the C library again at once.
+            release_memory(all_of_it=plan.config.run.low_memory or not close)
     from physic_core.pipeline.checks import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (
@@ -412,14 +410,6 @@ def _reconstruct(
         diagnostics={**found.diagnostics, **repositories},
     )
     return found if prepared.border is None else prepared.border.added_to(found)
-
-
-def _import_torch() -> None:
-    # Packages of SciPy import each other: two threads that import some of them may wait for each
-    # other, and the import raises. torch imports none of them, nor do they import torch.
-    # As of a torch that is damaged: the import that needs it raises the error.
-    with suppress(ImportError, OSError):
-        import_module("torch")
 
 
 @contextmanager

@@ -50,6 +50,11 @@ class Pointmap(ShortRepr):
             they stand on) in maps of the backend, which are 0 and small for a perfect map. None if
             not known: then nothing is concluded from this ratio.
         warnings: reasons why the map may be wrong, as sentences for the user.
+        up: (3,) unit vector against gravity in the camera frame, by evidence of the photo; None if
+            the backend does not know it.
+        up_sigma: standard deviation of its angle to the truth in each direction, degrees; given
+            with ``up``.
+        up_source: what tells it, in words ("lines of a room").
     """
 
     points: FloatArray
@@ -60,6 +65,9 @@ class Pointmap(ShortRepr):
     shift_sigma: float | None = None
     people_farther: tuple[float, float] | None = None
     warnings: tuple[str, ...] = ()
+    up: FloatArray | None = field(default=None, metadata=shape(3))
+    up_sigma: float | None = None
+    up_source: str = ""
 
 
 @dataclass(frozen=True)

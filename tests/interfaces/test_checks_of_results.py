@@ -41,6 +41,7 @@ PEOPLE = People(
 )
 RAYS = np.dstack([*np.mgrid[-3.0:3, -4.0:4][::-1], np.full((H, W), 9.0)]).astype(np.float32)
 POINTMAP = Pointmap(np.ones((H, W, 3), np.float32), np.ones((H, W), bool), "scale", CAMERA)
+UP = np.array([0.0, -1.0, 0.0])
 DEPTH = DepthMap(np.ones((H, W), np.float32), CAMERA, 0.1)
 PARAMETERS = parameters_from_rotvecs(np.zeros((2, 55, 3)), np.zeros((2, 10)), np.zeros((2, 3)))
 MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
@@ -110,6 +111,7 @@ def parameters(**values):
         (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
         (POINTMAP, {}),
         (POINTMAP, {"points": RAYS}),
+        (POINTMAP, {"up": np.array([0.0, -0.8, 0.6]), "up_sigma": 2.0, "up_source": "lines"}),
         (PEOPLE, {"boxes": np.array([[0, 0, 8, 6], [3, 0, 7, 6]], np.float32)}),
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}),
         *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
@@ -226,6 +228,16 @@ def test_valid_results_have_no_violation(result, changes):
             {"shift_sigma": -0.1},
             ["shift_sigma must be finite and at least 0, or None, got -0.1"],
         ),
+        (POINTMAP, {"up": UP}, ["up_sigma must be degrees, > 0 and < 90, got None"]),
+        (POINTMAP, {"up_sigma": 2.0}, ["up_sigma is of up, which is None..."]),
+        (POINTMAP, {"up": UP, "up_sigma": -1.0}, ["up_sigma must be degrees..."]),
+        (POINTMAP, {"up": 2 * UP, "up_sigma": 1.0}, ["up must be a vector (3,) of length 1..."]),
+        (
+            POINTMAP,
+            {"up": nan_at(UP), "up_sigma": 1.0},
+            ["up must be a vector (3,) of length 1..."],
+        ),
+        (POINTMAP, {"up": UP[:2], "up_sigma": 1.0}, ["up must be (3), got (2)"]),
         (POINTMAP, {"intrinsics": np.eye(3)}, ["intrinsics must be Intrinsics, got ndarray"]),
         (
             POINTMAP,

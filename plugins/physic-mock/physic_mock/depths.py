@@ -56,6 +56,7 @@ _BUMP_WAVES = 16.0
 _WARP_SIGMA = 0.012
 _WARP_WAVES = 2.0
 # of its own in each of the two images
+_UP_SIGMA_DEG = 1.5  # of up, in each of two directions
 _DISAGREEMENT_SIGMA = 0.014
 _DISAGREEMENT_WAVES = 3.0
 # of the inverse depth of the farthest surfaces: mean and standard deviation
@@ -143,6 +144,13 @@ class RelativePointmapOptions(MockOptions):
         "inverse_scale_shift, and is 0 for "
         "scale_shift. Unused where there is none.",
     )
+    up_sigma: float | None = Field(
+        _UP_SIGMA_DEG,
+        gt=0,
+        lt=90,
+        description="Returned standard deviation of up, degrees, whatever the noise; None returns "
+        "no up.",
+    )
 
 
 class MockRelativePointmap(interfaces.RelativePointmap):
@@ -179,7 +187,19 @@ class MockRelativePointmap(interfaces.RelativePointmap):
             unknown=options.unknown,
             intrinsics=camera,
             notes=(f"mock: true points in an unknown unit{options.noted}",),
+            up=None if options.up_sigma is None else _drawn_up(found.world, options),
+            up_sigma=options.up_sigma,
+            up_source="" if options.up_sigma is None else "mock",
         )
+
+
+def _drawn_up(world: World, options: RelativePointmapOptions) -> FloatArray:
+    """Return the normal of the floor, turned by a drawn angle about each of two axes across it."""
+    normal = np.asarray(world.floor.normal, np.float64)
+    across = np.linalg.svd(normal[None])[2][1:]
+    drawn = seeded_rng(world, options.noise_seed, "up").normal(size=2)
+    up = normal + options.noise * np.radians(_UP_SIGMA_DEG) * drawn @ across
+    return np.asarray(up / np.linalg.norm(up))
 
 
 def _noisy_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -> FloatArray:

@@ -76,6 +76,7 @@ def test_the_answers_are_the_truth(world):
         points = known(world.points(people=people_in))
         np.testing.assert_allclose(answer.points[answer.valid], points[answer.valid], rtol=1e-6)
         np.testing.assert_array_equal(answer.valid, np.isfinite(points[..., 2]))
+        np.testing.assert_allclose(answer.up, world.floor.normal, atol=1e-7)
     bodies = pose(world)
     for name in ("global_orient", "body_pose", "betas", "transl"):
         np.testing.assert_allclose(

@@ -50,6 +50,9 @@ MIN_LEVELS = 300
 MAX_REPEATED = 0.2
 """Share of rows or columns that may repeat the one before, beyond those of the truth."""
 
+MAX_UP_SIGMAS = 3.0
+"""Stated standard deviations from which on a direction is wrong."""
+
 MIN_POINTS = 64
 """Pixels without which depths are not compared."""
 
@@ -57,6 +60,7 @@ _SAME = 0.98  # share of the pixels of a row that repeats another
 _COMPARED = 20000  # pixels of a photo
 _BLUR_PX = 1.2
 _BORDER_PX = 3
+_OF_PIXELS = ("people", "keypoints", "hole", "photo")  # hints of the photo that is not mirrored
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
 
 
@@ -437,6 +441,43 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
     )
 
 
+def check_up_is_against_gravity(subject: BackendUnderTest) -> None:
+    """``up`` is within 3 stated sigmas of the floor's normal in half of the photos, and is
+    mirrored in a mirrored photo.
+    """
+    stated = [(case, answer) for case, answer in subject.evidence() if answer.up is not None]
+    if not stated:
+        raise CheckSkipped("of no photo it tells which way is up")
+    apart = [
+        _angle_deg(answer.up, case.truth.floor.normal) / answer.up_sigma for case, answer in stated
+    ]
+    middle = float(np.median(apart))
+    expect(
+        middle < MAX_UP_SIGMAS,
+        f"up within {MAX_UP_SIGMAS:g} times up_sigma of the floor's normal, which has y < 0",
+        f"a median of {middle:.3g} times up_sigma",
+        "Is it down, or in a camera frame with y up? Is up_sigma in degrees?",
+    )
+    for case, answer in stated:
+        image, hints = infer_arguments(subject.interface, case)
+        given = replace(hints, **dict.fromkeys(_OF_PIXELS), intrinsics=None)
+        image = np.ascontiguousarray(image[:, ::-1])
+        wanted = "valid output for a mirrored photo, or a PhysicError"
+        again = subject.call(wanted, case, (image, given), may_refuse=True)
+        if again is not None and again.up is not None:
+            off = _angle_deg(again.up * [-1, 1, 1], answer.up)
+            expect(
+                off < MAX_UP_SIGMAS * answer.up_sigma,
+                "up with the other sign of x for a mirrored photo",
+                f"an angle of {off:.3g} degrees to it, up_sigma {answer.up_sigma:g}",
+            )
+
+
+def _angle_deg(first: FloatArray, second: FloatArray) -> float:
+    cosine = float(first @ second) / float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(np.degrees(np.arccos(min(1.0, max(-1.0, cosine)))))
+
+
 def _both_checks(read: str) -> tuple[Check, ...]:
     return (
         Check(check_depth_is_where_it_can_be_known, read, unless=BLIND),
@@ -459,5 +500,6 @@ POINTS_CHECKS: tuple[Check, ...] = (
         "physic_core.interfaces.RelativePointmap",
         after=("points_lie_on_the_rays_of_the_camera",),
     ),
+    Check(check_up_is_against_gravity, POINTS.read, unless=BLIND),
 )
 """Further checks of a RelativePointmap."""

@@ -98,11 +98,18 @@ class RightMetricDepth(Knowing, interfaces.MetricDepth):
 
 class RightPointmap(Knowing, interfaces.RelativePointmap):
     def infer(self, image, hints):
-        case, there, poor = self.look_up(image)
-        points = (case.original if there else case.scene).points
+        side = 1
+        try:
+            case, there, poor = self.look_up(image)
+        except BackendError:  # mirrored
+            case, there, poor = self.look_up(image[:, ::-1])
+            side = -1
+        points = (case.original if there else case.scene).points[:, ::side] * [side, 1, 1]
         points = (points * (bent(image.shape)[..., None] if poor else 1)).astype(np.float32)
         valid = np.isfinite(points).all(axis=2)
-        return Pointmap(points, valid, "scale", hints.intrinsics or case.intrinsics)
+        camera = hints.intrinsics or case.intrinsics
+        up = case.floor.normal * [side, 1, 1]
+        return Pointmap(points, valid, "scale", camera, up=up, up_sigma=1.0)
 
 
 class RightKeypoints(Knowing, interfaces.KeypointDetector):

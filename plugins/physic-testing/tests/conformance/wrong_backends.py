@@ -31,6 +31,7 @@ from right_backends import (
     RightPointmap,
     RightSegmenter,
 )
+from scipy.spatial.transform import Rotation
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
@@ -547,6 +548,26 @@ restless(
     "accepts_the_photo_with_people",
     lambda image, hints: hints.scene is not None,
     BackendError("one call is enough"),
+)
+
+
+def to_the_right(up):
+    sideways = np.array([0.2, *up[1:]])
+    return sideways / np.linalg.norm(sideways)
+
+
+altered(RightPointmap, "down", "up_is_against_gravity", fields(up=lambda up: -up))
+altered(
+    RightPointmap,
+    "a sigma that is too small",
+    "up_is_against_gravity",
+    fields(up=lambda up: Rotation.from_euler("x", 9, degrees=True).apply(up)),
+)
+altered(
+    RightPointmap,
+    "the same up in a mirrored photo",
+    "up_is_against_gravity",
+    fields(up=to_the_right, up_sigma=lambda _: 4.5),
 )
 
 
