@@ -45,31 +45,30 @@ UPRIGHT_SIGMA = 0.03
 # A detector may state its own errors of keypoints and of 3D landmarks.
 _KEYPOINT_SIGMA = 0.010  # sizes of the person
 _WORLD_SIGMA_M = (0.04, 0.04, 0.08)  # right, down, and away from the camera
-# between a joint of the body and the same joint as a detector or a data set defines it; added to
-# errors that a detector states
+# Between a joint of the body and the same joint as a detector or a data set defines it; added to
+# errors that a detector states.
 _JOINT_SIGMA_M = 0.02
-# on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
-# odd bodies
+# On the squared shape components about a mean adult's: with 1, landmark noise shows as odd bodies.
 _SHAPE_WEIGHT = 4.0
-# of the stature about the mean adult's, as far as the photo may show it; landmarks are no evidence:
-# their bones are as long for short people as for tall ones
+# Std. dev. of the stature about the mean adult's, if the photo may show it. Landmarks do not count:
+# their bones are as long for short people as for tall ones.
 _STATURE_SIGMA_M = 0.05
 _SIZE_SIGMA = 0.1  # logarithm of how much larger or smaller the network draws its landmarks
 _LEAN_SIGMA = 0.05  # radians of the landmarks' lean towards the camera, where it is free
-# radians between the trunk and the vertical, seen from the side, where a floor is known; people who
-# bend are far outside and are not pulled
+# Radians between trunk and vertical, seen from the side, where a floor is known. People who bend
+# are far outside, and are not pulled.
 _TRUNK_SIGMA = 0.1
-# radians by which the landmarks above the hips lean more than those of the legs, where a floor is
-# known
+# Radians by which the landmarks above the hips lean more than those of the legs, where a floor is
+# known.
 _TRUNK_LEAN_SIGMA = 0.3
-# radians by which knees of people who stand may bend more or less than where the fit starts;
-# otherwise a body that is set upright bends them until it is as short as the leaning one looked
+# Radians by which knees of people who stand may bend more or less than at the start. Without it a
+# body that is set upright bends them until it is as short as the leaning one looked.
 _KNEE_SIGMA = 0.12
-# between the lowest points of two feet that are both seen, as far as the picture says that both
-# stand; a foot in the air is far outside and is not pulled
+# Between the lowest points of two visible feet, if the picture says that both stand. A foot in the
+# air is far outside, and is not pulled.
 _LEVEL_SIGMA_M = 0.02
 _OUTLINE_SIGMA = 0.015  # of the distance between the outlines of body and mask, in sizes
-# standard deviations at which a pair of outline points pulls most; beyond, it is likely to be wrong
+# Sigmas at which a pair of outline points pulls most: beyond, it is likely to be wrong.
 _OUTLINE_LIMIT = 2.0
 
 
@@ -109,10 +108,9 @@ class FloorConstraint:
 NUM_TURNED = 22
 """Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
 
-# Steps of one unit of the whitened unknowns.
-_ROOT_STEP = 0.2
-_LOG_Z_STEP = 0.05
-_SIDE_STEP = 0.01
+_ROOT_STEP = 0.2  # radians of one unit of the whitened unknowns
+_LOG_Z_STEP = 0.05  # logarithm of the depth, of one unit
+_SIDE_STEP = 0.01  # share of the depth, across the line of sight, of one unit
 _HINGE_WEIGHT = 12.0
 _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
