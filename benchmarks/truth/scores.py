@@ -173,7 +173,7 @@ def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
 def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]:
     """The person and the four limbs of a picture of parkour.
 
-    The largest box is theirs. Where nobody is found, nothing touches.
+    The largest box is theirs. Without a person found, nothing touches.
     """
     truth = limb_joints(sample.truth["joints"], 3)
     found = people_of(answer)

@@ -46,7 +46,7 @@ class Sample:
         frame: of a film, or None.
         crop: (x0, y0, x1, y1) px that show something, or None.
         size: width and height that the picture is stretched to, or None.
-        K: (3, 3) px of the picture that the tool gets, or None where nobody knows it.
+        K: (3, 3) px of the picture that the tool gets, or None if unknown.
         distortion: OpenCV's five numbers; the picture is undistorted before the tool gets it.
         truth: what was measured, per set.
         settings: KEY=VALUE given to the tool for this photo.

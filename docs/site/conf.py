@@ -55,7 +55,7 @@ napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
 python_use_unqualified_type_names = True
 add_module_names = False
-# An annotation such as bytes is taken for an attribute of this name.
+# An annotation such as bytes counts as an attribute of this name.
 suppress_warnings = ["ref.python"]
 
 html_theme = "furo"

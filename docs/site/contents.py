@@ -44,11 +44,13 @@ SECTIONS = {
         "docs/adapters",
         "docs/estimators",
         "docs/traps",
+        "docs/terms-and-checks",
         "docs/api",
         "docs/_reference/index",
     ],
     "Project": [
         "docs/decisions/README",
+        "docs/withdrawn",
         "ARCHITECTURE",
         "CONTRIBUTING",
         "CHANGELOG",

@@ -38,7 +38,7 @@ _END = struct.Struct("<QQ")
 class KeptGraph:
     """The optimised form of one ONNX graph for this onnxruntime and this processor.
 
-    The name of a file is a digest of its inputs, so another version is never taken for it; its sum
+    The name of a file is a digest of its inputs, so another version never passes for it; its sum
     shows damage. Files are renamed when they are complete, so several processes may write at once.
 
     Attributes:

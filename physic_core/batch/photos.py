@@ -168,7 +168,7 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
 
     Raises:
         ConfigError: it is an address.
-        InputError: there is no such file, or it is a table that is not a regular file.
+        InputError: the file does not exist, or it is a table that is not a regular file.
     """
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):

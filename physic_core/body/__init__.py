@@ -26,7 +26,7 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
         device: where its tensors go.
 
     Raises:
-        BodyModelError: there is no such file, or it is not an SMPL-X model.
+        BodyModelError: the file does not exist, or is not an SMPL-X model.
     """
     from physic_core.body.files import load_embedded, load_smplx
 

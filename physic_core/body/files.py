@@ -406,7 +406,7 @@ def load_smplx(
         num_expression: expression components to use, at most 10 (v1.0) or 100 (v1.1).
 
     Raises:
-        BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer
+        BodyModelError: the file does not exist, is not an SMPL-X model, or it has fewer
             components.
     """
     from physic_core.body.model import build_body_model

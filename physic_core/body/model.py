@@ -317,8 +317,8 @@ class LandmarkModel:
         return self.named(joints, posed)
 
     def named(self, joints: Tensor, vertices: Tensor) -> dict[Skeleton | str, Tensor]:
-        """Return what :meth:`__call__` returns, (..., J, 3) and so on, of joints (..., 55, 3) and
-        vertices (..., n, 3) of the skin: a linear map, for points as for their derivatives.
+        """Return the landmarks (..., J, 3) of posed joints (..., 55, 3) and vertices (..., n, 3) of
+        the skin. Linear, so derivatives may be passed too.
         """
         own, *groups = torch.split(vertices, list(self.sizes), dim=-2)
         points = {

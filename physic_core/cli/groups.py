@@ -74,7 +74,7 @@ class ExtensibleGroup(click.Group):
         """Return the command that the arguments call.
 
         Raises:
-            UsageError: there is no such command; the message names a known distribution that adds
+            UsageError: the command does not exist; the message names a known distribution that adds
                 it.
         """
         name = args[0]

@@ -30,7 +30,7 @@ def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
 
     Raises:
         OutputError: the standard output cannot be written, such as to a full disk.
-        BrokenPipeError: nobody reads the standard output any more.
+        BrokenPipeError: the reader of the standard output is gone.
     """
     try:
         click.echo(printable(str(text)), nl=nl, err=err)

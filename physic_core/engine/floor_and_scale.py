@@ -91,17 +91,15 @@ _ON_FLOOR = 0.9  # of people who stand; 18 of 185 in photos stand on something e
 _ON_FLOOR_AMONG_RAISED = 0.4  # of those whose soles are beside what can carry them
 
 # Standard deviations of the logarithm of a scale, beside those of a stature and of people's depth
-# in the map. On ten photos with measured camera heights the camera's height over the floor is off
-# by .12 by soles, by .1 by torsos (rms). of one person's soles; of the floor, shared by all
-_SOLE_SIGMA = 0.05
-_FLOOR_SIGMA = 0.06
-# of one torso; of people in the map, shared by all
-_TORSO_SIGMA = 0.1
-_PEOPLE_SIGMA = 0.12
-_TORSO_SURE = 0.9
-_CAMERA_SURE = 0.9
-# share of photos in which the depth of all people is far from that of the scene
-_PEOPLE_WRONG = 0.15
+# in the map. On ten photos with measured camera heights, the camera's height over the floor is off
+# by .12 by soles, by .1 by torsos (rms).
+_SOLE_SIGMA = 0.05  # one person's soles
+_FLOOR_SIGMA = 0.06  # the floor, shared by all
+_TORSO_SIGMA = 0.1  # one torso
+_PEOPLE_SIGMA = 0.12  # people in the map, shared by all
+_TORSO_SURE = 0.9  # probability that a torso is right
+_CAMERA_SURE = 0.9  # probability that the camera's usual height is right
+_PEOPLE_WRONG = 0.15  # share of photos in which all people are far from the scene's depth
 _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
 # for each person whose soles are seen, if there is no floor that they may stand on
@@ -112,7 +110,7 @@ _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
 _RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
 _RIVAL_DEG = 5.0  # off the chosen floor
-_FEWEST_ON_FLOOR = 2  # people who tell each other's size
+_FEWEST_ON_FLOOR = 2  # people from whom each other's size follows
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
@@ -167,8 +165,8 @@ def floor_evidence(
         keypoints: of the people.
         camera: of the photo.
         observations: of the people.
-        photo: points of the photo with its people, aligned to the scene. They tell who lies beneath
-            the camera; None if it is not asked.
+        photo: points of the photo with its people, aligned to the scene. Used to find people
+            who lie beneath the camera; None if these are not looked for.
     """
     labels = people.surfaces
     uncovered = ~people.masks.any(0)
@@ -472,8 +470,8 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
 def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorSearch:
     """Move a floor that cuts people whose feet are not visible down to their low ends.
 
-    Such a plane is a table, a seat or a hedge. Where anybody's feet are visible, they tell where
-    the floor is. The scale is metres per unit of the scene.
+    Such a plane is a table, a seat or a hedge. Visible feet show where the floor is.
+    The scale is metres per unit of the scene.
     """
     plane = search.plane
     if plane is None or seen.feet.any() or not len(seen.feet):

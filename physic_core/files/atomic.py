@@ -107,7 +107,7 @@ class AtomicWrite:
             path = self._folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             # A call that was interrupted, or a request that a server got twice, may have renamed
-            # it: its inode tells.
+            # it: its inode shows it.
             with suppress(FileNotFoundError):
                 os.replace(part, path)
             self._check(name)

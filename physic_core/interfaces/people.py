@@ -334,7 +334,7 @@ class PersonObserverRequest(Request[Observations]):
 
 
 class PersonObserver(Backend):
-    """Tells what each person does, and which limbs touch something (the paper has none)."""
+    """Estimates what each person does, and which limbs touch something (the paper has none)."""
 
     interface = "person_observer"
     api = 1

@@ -72,7 +72,7 @@ def intrinsics_from_exif(
     sensor.
 
     A digital zoom lengthens the focal length of the lens. An equivalent may have it already, which
-    the resolution of the focal plane tells, or a sensor that would be smaller than any.
+    the resolution of the focal plane shows it, or a sensor that would be smaller than any.
 
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.

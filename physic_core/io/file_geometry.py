@@ -25,7 +25,7 @@ _PANORAMA_OF_APPLE = 6
 _OF_CAMERAS = {_MAKE, 0x0110, 0x920A}  # make, model, focal length
 
 _SQUARE = math.log(1.02)
-_LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that nobody reads
+_LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that no program reads
 _RECORDERS = {
     (960, 1080): "are not square: resize it to 1920 x 1080 px",
     (

@@ -72,7 +72,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
             of ``docs/tools.md``.
         width: of the upright photo file, px.
         height: of it, px.
-        photo: name of the photo's file, which tells one image of a dataset from the others.
+        photo: name of the photo's file, which selects one image of a dataset.
 
     Raises:
         InputError: the file cannot be read, its form is not known, it has no keypoints, has one

@@ -1,9 +1,9 @@
 """The files of a result folder: which of them a run may replace, and how they are replaced
 together.
 
-The document names the other files with their SHA-256, which tells files of a run from those that
-the user edited. It is moved away first and renamed last. Until the end, old and new document stay
-under temporary names, so that the next run completes the result of a killed run. Readers write
+The document names the other files with their SHA-256, so that files that the user edited are
+known. It is moved away first and renamed last. Until the end, old and new document stay under
+temporary names, so that the next run completes the result of a killed run. Readers write
 nothing. ``people.csv``, a row for each person, and ``report.html``, a page for a browser, are
 beside them.
 """
@@ -172,8 +172,8 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
 
 
 def list_exports(folder: Path, files: Iterable[Path]) -> None:
-    """List those of some files that lie in the folder of a result in its document: the next run
-    there removes them.
+    """Record exported files inside a result folder in its document, so that the next run removes
+    them.
 
     Raises:
         OutputError: the folder cannot be written.

@@ -134,7 +134,7 @@ def contacts_text(
     """Return some contacts of a person as one text, "left foot: floor, 0.97; ...".
 
     Args:
-        contacts: all of the person, by which surfaces of one class are told apart.
+        contacts: all of the person, by which surfaces of one class are distinguished.
         likely: whether the likely ones are wanted, or the others.
         assumed: whether those of parts that no pixel shows are wanted, or the others; None for
             both.

@@ -155,7 +155,7 @@ class Person(ShortRepr):
         as ``person.joint("left_knee")``.
 
         Raises:
-            InputError: there is no such joint.
+            InputError: the joint does not exist.
         """
         index: Mapping[str, int] = import_module("physic_core.body.joints").JOINT_INDEX
         if name not in index:

@@ -1,6 +1,6 @@
 """The colours of every picture, page and export: bodies, people, and contact by what is touched.
 
-Readers with any of the three kinds of colour blindness can tell the colours of contact apart, and
+Readers with any of the three kinds of colour blindness can distinguish the colours of contact, and
 from a body without contact: they differ by 0.13 at least in OKLab.
 """
 

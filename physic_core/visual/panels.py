@@ -43,7 +43,7 @@ _OUTLINE_PX = 2
 _SPOT_PX = 5  # side of the squares drawn for a body's triangles, at twice the size
 _LARGE = 95  # percentile of the triangles' areas that a square covers
 _MOST_SPOTS = 200_000  # triangles
-_STEP = 0.05  # difference of colour between two people, or a person and nobody, of 1
+_STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
 """Views of a person that show contact."""

@@ -3,13 +3,16 @@ from __future__ import annotations
 import re
 import shlex
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from physic_core import cli
+from physic_core import cli, find_exporters
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import resolve
+from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.presets import DefaultOptimisation
 from physic_core.pipeline.checks import CHECKS
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -143,6 +146,27 @@ def test_the_page_of_checks_has_each_check_with_its_label_and_limit():
         label, limit = listed[name]
         assert spec.label.startswith(label)
         assert f"{spec.threshold:g}" in limit or limit == "yes"
+
+
+def test_how_it_works_lists_each_term_of_the_default_energy():
+    text = (ROOT / "docs" / "how-it-works.md").read_text()
+    (table,) = re.findall(r"^\| term \|.*\n\|[-|]+\n((?:\|.*\n)+)", text, re.M)
+    listed = ", ".join(row.split("|")[1].strip() for row in table.splitlines()).split(", ")
+    terms = {f.name for f in fields(DefaultOptimisation)} - {f.name for f in fields(JointMethod)}
+    assert sorted(listed) == sorted(terms - {"optimiser"})
+
+
+def test_the_page_of_exports_has_each_format_as_it_is_registered():
+    text = (ROOT / "docs" / "exports.md").read_text()
+    rows = re.findall(r"^\| \[`(\w+)`\]\(#\S+\) \| (.+?) \| (.+?) \| (.*)\|$", text, re.M)
+    listed = {
+        name: (audience, *(tuple(re.findall(r"`(.+?)`", cell)) for cell in cells))
+        for name, audience, *cells in rows
+    }
+    assert listed == {
+        one.name: (one.audience, one.ups, tuple(f"--{o.replace('_', '-')}" for o in one.options))
+        for one in (found.record for found in find_exporters())
+    }
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

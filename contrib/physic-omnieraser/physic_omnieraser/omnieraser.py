@@ -212,7 +212,7 @@ class OmniEraser(TorchBackend, Inpainter):
             if isinstance(try_to_load_from_cache(self.options.base, "model_index.json"), str):
                 return ()
         except (ImportError, ValueError):
-            pass  # it is then sought by nobody, and missing all the same
+            pass  # no one looks for it then, and it is missing all the same
         return (
             f"{self.options.base} is not here (about 34 GB, non-commercial, an account with "
             f"access): "

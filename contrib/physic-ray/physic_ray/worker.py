@@ -36,7 +36,7 @@ class WorkerPlan:
         folder: current folder of the workers, where it exists.
         environment: variables of the workers.
         shared_file: a file that the driver sees in the output folder; "" for none. A node that does
-            not see it would write its results where nobody finds them.
+            not see it would write its results where no one finds them.
         open_worker: replaces the pipeline of the job.
     """
 

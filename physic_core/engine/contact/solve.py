@@ -212,7 +212,7 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
 
 
 def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
-    """Return the contacts with those of hidden supports.
+    """Add contacts of hidden supports.
 
     The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
     likely than not.

@@ -64,7 +64,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 # 10 degrees.
 @_check("Floor where the segmenter sees it", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return whether a floor was found, and is that of the segmenter."""
+    """Return whether a floor was found and lies in the segmenter's floor mask."""
     report = result.diagnostics["scene"]["floor"]
     reason = report["reason"]
     in_mask = report["in_mask"]

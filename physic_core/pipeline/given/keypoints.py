@@ -211,7 +211,7 @@ def _column(joint: str, names: Sequence[str]) -> int:
 
 
 def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], tuple[str, ...]]:
-    """Return number in the file -> person, and notes about annotations of nobody.
+    """Return number in the file -> person, and notes about annotations without a person.
 
     Annotations and people are matched one to one: most points of an annotation lie in the person's
     box, and of several people the mask decides.

@@ -48,8 +48,8 @@ class StaticContactOptions(Options):
 class StaticContact(ContactPrior):
     """Contact prior of fixed body parts: feet, thighs, buttocks, back and hands (PROX).
 
-    Body parts without observed joints get probability 0. Whether a part touches is not asked here:
-    the engine weighs each part by what the picture shows of it.
+    Body parts without observed joints get probability 0. The engine decides
+    whether a part touches: it weighs each part by what the picture shows of it.
     """
 
     written_for = 1

@@ -171,7 +171,7 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
 
 
 def regions(tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints) -> dict[str, FloatArray]:
-    """Return the mean tokens of the places that questions are asked of.
+    """Return the mean tokens of the places of all questions.
 
     Args:
         tokens: of the photo.

@@ -113,11 +113,11 @@ class ExportedPerson:
 def tiles_beside(
     request: ExportRequest, people: Sequence[ExportedPerson]
 ) -> tuple[list[Tile], tuple[str, ...]]:
-    """Return the tiles of the scene that do not push over people whom their feet alone carry, the
-    steps under feet that stand on the scene, and a note on the tiles that are left out.
+    """Return convex tiles of the scene, and notes on tiles that are left out.
 
-    The surface of a photo reaches centimetres into feet that stand on it, or ends below them: such
-    a foot stands on a flat step, as the floor is flat under others.
+    A tile is left out if it reaches into a person carried by feet alone: it would push the person
+    over. Feet on the scene get flat steps, which are tiles too: the surface of a photo reaches
+    centimetres into such feet, or ends below them.
     """
     tiles = convex_tiles(request.result)
     to_camera: Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)

@@ -293,7 +293,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
 
 def uses_principal_point(config: Any) -> bool:
-    """Return whether ``model_config.yaml`` tells the network to place bodies relative to the
+    """Return whether ``model_config.yaml`` makes the network place bodies relative to the
     principal point.
 
     Otherwise it places them relative to the centre of the photo, which is the default.

@@ -36,7 +36,7 @@ class MockContactPrior(interfaces.ContactPrior):
         The mesh is that of the world; ``rest`` is set for bodies of another model.
 
         Raises:
-            BackendError: the image shows no world, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is not in it.
         """
         from physic_core.body import load_body
         from physic_core.body.convert.bodies import rest_mesh_of_model

@@ -108,7 +108,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         """Return the bodies of people in a world's photo.
 
         Raises:
-            BackendError: the image shows no world, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is not in it.
         """
         options = self.options
         found = recognise_world(image)
@@ -293,7 +293,7 @@ class MockHandEstimator(interfaces.HandEstimator):
         """Return the hands of people in a world's photo.
 
         Raises:
-            BackendError: the image shows no world, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is not in it.
         """
         options = self.options
         found = recognise_world(image)

@@ -65,7 +65,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         """Return the keypoints of people in a world's photo.
 
         Raises:
-            BackendError: the image shows no world, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is not in it.
         """
         options = self.options
         found = recognise_world(image)

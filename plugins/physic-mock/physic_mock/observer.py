@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, UInt8Array
     from physic_testing.worlds import World
 
-# With a noise of 1, log odds are calibrated, and tell "yes" from "no" with an AUC of .96.
+# With a noise of 1, log odds are calibrated, with an AUC of .96.
 _LOG_ODDS = 3.0  # of what is true
 _LOG_ODDS_SIGMA = np.sqrt(2 * _LOG_ODDS)
 _FLEXION_DEG = (2.0, 18.0)  # standard deviation without noise; what a noise of 1 adds
@@ -39,7 +39,7 @@ class MockPersonObserver(interfaces.PersonObserver):
         """Return observations of people in a world's photo.
 
         Raises:
-            BackendError: the image shows no world, or a person is nobody of it.
+            BackendError: the image shows no world, or a person is not in it.
         """
         noise = self.options.noise
         found = recognise_world(image)

@@ -131,7 +131,7 @@ def match_masks_to_world(recognised: RecognisedWorld, people: People) -> list[in
     """Return the index of the world's person for each input mask.
 
     Raises:
-        BackendError: one of them is nobody of the world.
+        BackendError: one of them is not in the world.
     """
     rows: list[int] = []
     for i, mask in enumerate(people.masks):

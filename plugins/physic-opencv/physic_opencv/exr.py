@@ -1,4 +1,4 @@
-"""Read the depth of an EXR file: which of its channels is depth is told by their names."""
+"""Read the depth of an EXR file: the names of its channels say which one is depth."""
 
 from __future__ import annotations
 

@@ -234,8 +234,8 @@ def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
 
 
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
-    """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of
-    that of all photos.
+    """Return the floor of the reference photo at the solved scale, and the floor fitted to all
+    photos: (2, 4), normal and offset.
 
     The normal is the median of the photos' normals. The floor is at the median of the lowest points
     of the people who stand on it: those with the lowest point on it in the single photos.

@@ -85,7 +85,7 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
     async def upload(request: Request) -> Response:
         try:
             return await take(request)
-        except ClientDisconnect:  # the browser broke the upload off: nobody reads the answer
+        except ClientDisconnect:  # the browser broke the upload off, and reads no answer
             return Response(status_code=400)
         except OSError as error:
             why = (

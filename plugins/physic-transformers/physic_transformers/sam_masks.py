@@ -39,7 +39,7 @@ def people_from_sam(
 
     Args:
         logits: (N, h, w) over the whole photo, above 0 inside.
-        boxes: (N, 4) x0 y0 x1 y1 px of the photo, of what they were asked with.
+        boxes: (N, 4) x0 y0 x1 y1 px of the photo, the prompts of the masks.
         scores: (N,) in [0, 1].
         floor: (H, W) or None.
         size: H and W of the photo.

@@ -45,30 +45,30 @@ UPRIGHT_SIGMA = 0.03
 # A detector may state its own errors of keypoints and of 3D landmarks.
 _KEYPOINT_SIGMA = 0.010  # sizes of the person
 _WORLD_SIGMA_M = (0.04, 0.04, 0.08)  # right, down, and away from the camera
-# Between a joint of the body and the same joint as a detector or a data set defines it; added to
-# errors that a detector states.
+# Std. dev. between a joint of the body and the same joint of a detector or a data set, which
+# defines it in another way; added to errors that a detector states.
 _JOINT_SIGMA_M = 0.02
-# On the squared shape components about a mean adult's: with 1, landmark noise shows as odd bodies.
+# Weight of the squared shape components about a mean adult. With 1, landmark noise makes odd
+# bodies.
 _SHAPE_WEIGHT = 4.0
-# Std. dev. of the stature about the mean adult's, if the photo may show it. Landmarks do not count:
-# their bones are as long for short people as for tall ones.
+# Std. dev. of stature around the mean adult. Landmarks do not count: their bones are as long for
+# short people as for tall ones.
 _STATURE_SIGMA_M = 0.05
-_SIZE_SIGMA = 0.1  # logarithm of how much larger or smaller the network draws its landmarks
-_LEAN_SIGMA = 0.05  # radians of the landmarks' lean towards the camera, where it is free
-# Radians between trunk and vertical, seen from the side, where a floor is known. People who bend
-# are far outside, and are not pulled.
+_SIZE_SIGMA = 0.1  # logarithm of the size of the network's landmarks
+_LEAN_SIGMA = 0.05  # radians, lean of the landmarks towards the camera, where it is free
+# Radians between trunk and vertical, from the side, where a floor is known. The loss is robust:
+# people who bend are not pulled.
 _TRUNK_SIGMA = 0.1
-# Radians by which the landmarks above the hips lean more than those of the legs, where a floor is
-# known.
+# Radians between the leans of the landmarks above the hips and of the legs, where a floor is known.
 _TRUNK_LEAN_SIGMA = 0.3
-# Radians by which knees of people who stand may bend more or less than at the start. Without it a
-# body that is set upright bends them until it is as short as the leaning one looked.
+# Radians, bend of knees of people who stand from where the fit starts. Without it, a body that is
+# set upright bends them until it is as short as the leaning one looked.
 _KNEE_SIGMA = 0.12
-# Between the lowest points of two visible feet, if the picture says that both stand. A foot in the
-# air is far outside, and is not pulled.
+# Std. dev. between the lowest points of two visible feet that probably both stand. The loss is
+# robust: a foot in the air is not pulled.
 _LEVEL_SIGMA_M = 0.02
-_OUTLINE_SIGMA = 0.015  # of the distance between the outlines of body and mask, in sizes
-# Sigmas at which a pair of outline points pulls most: beyond, it is likely to be wrong.
+_OUTLINE_SIGMA = 0.015  # distance between the outlines of body and mask, in sizes
+# Standard deviations at which a pair of outline points pulls most. Beyond, it is probably wrong.
 _OUTLINE_LIMIT = 2.0
 
 

@@ -84,7 +84,7 @@ class PatchTokens:
 
 
 class TokensOfPasses:
-    """Tokens of passes of an encoder that nobody has taken yet; thread-safe.
+    """Tokens of passes of an encoder, kept until they are taken; thread-safe.
 
     Attributes:
         readers: backends that take tokens; for each of them those of one pass are kept.

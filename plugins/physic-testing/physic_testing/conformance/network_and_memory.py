@@ -41,7 +41,7 @@ def resident_megabytes() -> float:
 
     Two things would hide memory that a backend takes. The system drops pages of files at any time,
     such as of libraries. The C library keeps freed memory resident and hands it out again; glibc
-    can be told to return it.
+    can return it.
     """
     status = Path("/proc/self/status")
     if not status.exists():

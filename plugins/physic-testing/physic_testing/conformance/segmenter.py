@@ -34,8 +34,8 @@ MIN_HELD = 0.8
 
 
 def _values(answer: People, case: Case, truth: Values) -> Values:
-    """Return the masks of the true people, NaN of whom is not found, the floor, and the boxes
-    beyond the masks.
+    """Return masks matched to the true people (NaN if undetected), the floor, and how far boxes
+    reach beyond their masks.
     """
     masks = np.full(truth["masks"].shape, np.nan)
     boxes = np.full((len(truth["masks"]), 4), np.nan)

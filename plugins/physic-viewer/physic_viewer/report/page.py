@@ -101,7 +101,7 @@ def _part(name: str) -> str:
 
 
 def _fill(template: str, fields: dict[str, str]) -> str:
-    """Replace each @NAME@ of a template in one pass, so that text of a field is never taken for a
+    """Replace each @NAME@ of a template in one pass, so that text of a field never passes for a
     token.
     """
     return _TOKEN.sub(lambda match: fields[match[1]], template)
