@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.backends import find_backend, list_backends
     from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
     from physic_core.discovery.plugins import find_exporter, find_exporters
+    from physic_core.io.photo import Photo, read_photo
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import Pipeline, reconstruct
@@ -71,6 +72,7 @@ __all__ = [
     "OutputError",
     "PeoplePrompt",
     "Person",
+    "Photo",
     "PhysicError",
     "Pipeline",
     "PluginItem",
@@ -90,6 +92,7 @@ __all__ = [
     "load_people",
     "load_reconstruction",
     "preview_png",
+    "read_photo",
     "reconstruct",
     "report_html",
     "save_reconstruction",
@@ -101,6 +104,7 @@ _NAMES = {
     "physic_core.discovery.backends": "find_backend list_backends",
     "physic_core.discovery.plugins": "find_exporter find_exporters",
     "physic_core.discovery.hooks": "ExporterRecord PluginItem hookimpl",
+    "physic_core.io.photo": "Photo read_photo",
     "physic_core.io.report_file": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
     "physic_core.pipeline.stage_runner": "load_backend",

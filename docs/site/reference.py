@@ -16,7 +16,6 @@ MODULES = {
     "physic_core.types": "Data types",
     "physic_core.interfaces": "Interfaces of backends",
     "physic_core.errors": "Errors",
-    "physic_core.io.photo": "Reading photos",
     "physic_core.batch.process": "Many photos",
     "physic_core.weights": "Weights",
     "physic_core.metrics": "Metrics",

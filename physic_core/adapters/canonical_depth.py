@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-# 1 / m in depth_from_canonical_inverse; larger depths become 10 km
-_LEAST_INVERSE = 1e-4
-_MOST_INVERSE = 1e4
+_LEAST_INVERSE = 1e-4  # 1/m of canonical inverse depth; less becomes a depth of 10 km
+_MOST_INVERSE = 1e4  # 1/m
 
 
 def focal_from_fov(fov_deg: float, width: float) -> float:

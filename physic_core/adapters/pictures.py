@@ -42,7 +42,7 @@ OpenCV's INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bic
 as in OpenCV and torch; with "antialias", as in Pillow.
 """
 
-# types that OpenCV 5 interpolates
+# Types that OpenCV 5 interpolates.
 _OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})
 _CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
 _INTEGERS = {"float32": 2**24, "float64": 2**53}  # up to which these types hold every integer

@@ -158,9 +158,8 @@ def resample_crop(
     return found
 
 
-# of a heat map before its logarithm
-_FLOOR = 1e-3
-_CEILING = 50.0
+_FLOOR = 1e-3  # least value of a heat map before its logarithm
+_CEILING = 50.0  # its largest value
 _FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 

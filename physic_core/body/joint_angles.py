@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray
 
-# from x left, y up, z forward
+# From x left, y up, z forward to x forward, y up, z right.
 _ISB = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 _LIMBS = {

@@ -67,31 +67,37 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 _COMMANDS = {
     "batch": (
-        "physic_core.cli.batch:batch",
+        "physic_core.cli.commands.batch:batch",
         "Reconstruct many photos in several processes; can resume.",
     ),
-    "cache": ("physic_core.cli.weights:cache", "Show or clear the cache."),
+    "cache": ("physic_core.cli.commands.weights:cache", "Show or clear the cache."),
     "compare": (
-        "physic_core.cli.results:compare",
+        "physic_core.cli.commands.results:compare",
         "Compare two results, or two folders of results, person by person.",
     ),
-    "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
+    "config": ("physic_core.cli.commands.config:config", "Check, show or create a configuration."),
     "export": (
-        "physic_core.cli.results:export",
+        "physic_core.cli.commands.results:export",
         "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ...",
     ),
     "plugins": (
-        "physic_core.cli.plugins:plugins",
+        "physic_core.cli.commands.plugins:plugins",
         "List installed backends; show or test them; create a plugin.",
     ),
-    "report": ("physic_core.cli.results:report", "Write a result as a page for a browser."),
-    "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
+    "report": (
+        "physic_core.cli.commands.results:report",
+        "Write a result as a page for a browser.",
+    ),
+    "run": (
+        "physic_core.cli.commands.run:run",
+        "Reconstruct people, scene and contact from PHOTO.",
+    ),
     "show": (
-        "physic_core.cli.result_summary:show_result",
+        "physic_core.cli.commands.results:show",
         "Print the people, grade and warnings of a saved result.",
     ),
     "weights": (
-        "physic_core.cli.weights:weights",
+        "physic_core.cli.commands.weights:weights",
         "List, download and verify the weights that plugins need.",
     ),
 }

@@ -1,15 +1,18 @@
-"""Output of commands: text with control characters escaped, tables, messages, progress, and the
-result folder.
+"""Output of commands: text with control characters escaped, tables, TOML, messages, progress, and
+the result folder.
 """
 
 from __future__ import annotations
 
+import json
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -78,6 +81,22 @@ def format_table(rows: Sequence[tuple[str, ...]]) -> str:
         "  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]])
         for row in rows
     )
+
+
+def toml_value(value: Any) -> str:
+    """Format a bool, number, text, list or dictionary as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
+    text = json.dumps(value, ensure_ascii=False)
+    # A path that is not UTF-8 has surrogates, which TOML cannot express and a terminal cannot
+    # print.
+    return text.encode(errors="backslashreplace").decode()
 
 
 @contextmanager

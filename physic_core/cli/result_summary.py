@@ -1,6 +1,4 @@
-"""The command ``physic show``: print the summary of a saved result, as ``physic run`` does at its
-end.
-"""
+"""Print the summary of a result, at the end of ``physic run`` and by ``physic show``."""
 
 from __future__ import annotations
 
@@ -11,9 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
-from physic_core.cli.arguments import ResultPath
 from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import ResultRecord, read_record
@@ -22,21 +17,6 @@ from physic_core.types.results import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
-
-
-@click.command("show")
-@click.argument("out", type=ResultPath())
-@click.option(
-    "-v",
-    "--verbose",
-    is_flag=True,
-    help="Also print the time of each stage, and each check that is not ok.",
-)
-def show_result(out: Path, verbose: bool) -> None:
-    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its
-    end.
-    """
-    print_summary(out, verbose=verbose)
 
 
 def print_summary(

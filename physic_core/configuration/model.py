@@ -106,7 +106,7 @@ _DepthUnit = Annotated[str, AfterValidator(_depth_unit)]
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
 _Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
-# strong lenses of telephones have coefficients of tens
+# Strong lenses of telephones have coefficients of tens.
 _Distortion = Annotated[float, Field(ge=-1000, le=1000)]
 
 

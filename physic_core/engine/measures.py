@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 
 _FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
-# of the square root of the mask's area: the body may leave the mask by this much
-_RIM = 0.03
+_RIM = 0.03  # roots of the mask's area by which a body may leave the mask
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
 _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat or knees of another
 _FEWEST_PIXELS = 10  # with a depth, for a median

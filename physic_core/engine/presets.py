@@ -56,8 +56,7 @@ from physic_core.engine.settings import EngineSettings
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 from physic_core.engine.state import State
 
-# of the steps with the people term, a small share of an energy that has converged
-_LATE_TOLERANCE = 1e-3
+_LATE_TOLERANCE = 1e-3  # share of the energy, which has converged, in steps with the people term
 
 
 @dataclass(frozen=True)

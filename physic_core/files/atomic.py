@@ -38,7 +38,7 @@ LOCK_WAIT_S = 600.0
 _SILENT_S = 5.0  # of that wait
 _POLL_S = 0.05
 _START_BYTES = 1 << 16  # that have the mark
-# As no other program names its files.
+# No other program names its files so.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
 _LOG = logging.getLogger(__name__)
 

@@ -54,7 +54,7 @@ _MAX_PADDING = 64
 _LOST_BLOCK = 256
 """Zeros that no picture has, bytes; a lost block of a disk or a download has 512 or more."""
 
-# of a segment: not of an 0xff in the picture, nor of a restart
+# The first bytes of a segment: 0xff in a picture and restarts do not match.
 _MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")
 _SOI = 0xD8
 _EOI = 0xD9

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-# of points near people, and how far from a person that is
-_SPACING_M = 0.025
-_NEAR_M = 1.5
+_SPACING_M = 0.025  # between points near people
+_NEAR_M = 1.5  # distance from a person up to which points are near
 _MAX_POINTS = 40_000
 
 
@@ -112,8 +111,7 @@ def _percentile(x: Tensor, share: float) -> Tensor:
     return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values
 
 
-# largest deviation in degrees, and number of iterations
-_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))
+_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, number of iterations
 _SAMPLES = 20_000
 _FEWEST = 200
 

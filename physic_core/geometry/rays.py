@@ -23,8 +23,7 @@ _Indices = NDArray[np.int64]
 _FAN = 4  # children of a box
 _BITS = 16  # per axis, of the cells by which triangles are sorted
 _BLOCK = 1 << 14  # rays walked together, which bounds the memory
-# of the extent of all triangles and of a triangle's sides: no ray passes between neighbours
-_MARGIN = 1e-9
+_MARGIN = 1e-9  # of all triangles' extent and of a triangle's sides: no ray passes between two
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 _Array = NDArray[np.float64]
 
 _TINY = 1e-12
-# squared sum of opposite unit vectors; below, rounding errs by more than the half turn does
+# Squared sum of opposite unit vectors: below, rounding errs by more than the half turn does.
 _OPPOSITE = 1e-16
 
 

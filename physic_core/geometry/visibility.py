@@ -27,7 +27,7 @@ from physic_core.geometry.rays import RayCaster
 if TYPE_CHECKING:
     from physic_core.geometry.mesh import CoarseMesh
 
-# least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
+# Least distance of a surface in front of a vertex that hides it: a smaller gap is rounding error.
 _BEHIND_M = 2e-3
 
 

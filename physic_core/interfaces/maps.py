@@ -193,8 +193,7 @@ def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
 _UNIT = 1e-3  # of the length of a unit vector
 _MOST_UP_DEG = 90.0  # beyond, nothing is known of up
 
-# correlation of the directions of points with the columns or rows of their pixels
-_REVERSED = -0.5
+_REVERSED = -0.5  # correlation of the points' directions with the columns or rows of their pixels
 
 
 def _check_points(whole: FloatArray, valid: BoolArray) -> Iterator[str]:

@@ -166,11 +166,9 @@ def _check_values(people: People, height: int, width: int) -> Iterator[str]:
         yield from _check_boxes_of_masks(people.boxes, people.masks)
 
 
-# Of most masks a box holds at least this share. Boxes in another notation agree with their masks
-# (IoU), and agree less as x0 y0 x1 y1.
-_HELD = 0.3
-_AGREES = 0.8
-_LESS = 0.15
+_HELD = 0.3  # least share of most masks that their boxes hold
+_AGREES = 0.8  # least IoU with the masks of boxes that are in another notation
+_LESS = 0.15  # least loss of IoU of such boxes, read as x0 y0 x1 y1
 
 
 def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:

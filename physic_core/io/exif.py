@@ -30,16 +30,15 @@ _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
-# of the long side; a longer one needs a 35 mm equivalent and a plausible sensor
+# In long sides: a longer focal length needs a 35 mm equivalent and a plausible sensor.
 _MAX_FOCAL_BY_ONE = 6.0
 _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
 # Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their
 # nominal size.
 _AGREEMENT = 0.1
-_SAME_SIZE = 0.01
+_SAME_SIZE = 0.01  # relative difference of two sides that are one
 _CAMERA_PIXELS = 1_900_000  # cameras that state a focal length write larger photos
-# of the logarithm of a focal length that two tags state in a file of an editor: _AGREEMENT / 2
-_EDITED_SIGMA = 0.05
+_EDITED_SIGMA = 0.05  # log focal length that two tags of an edited file state: half of _AGREEMENT
 _SENSOR_ASPECTS = (4 / 3, 3 / 2)
 _ASPECT_ERROR = 0.02  # 4608 x 3456, 6048 x 4024: cameras leave a few rows out
 _EDITORS = re.compile(

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
 
-# of the long side; wider than any lens, narrower than a slip of the unit
+# In long sides: wider than any lens, narrower than a slip of the unit.
 _FOCAL_RANGE = (0.1, 100.0)
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
 _ARRAY = ImageSource("given as an array")
@@ -214,9 +214,8 @@ def check_image(image: Any) -> UInt8Array:
     return np.ascontiguousarray(image)
 
 
-# tags of TIFF and of DNG
-_NEW_SUBFILE_TYPE = 254
-_DNG_VERSION = 50706
+_NEW_SUBFILE_TYPE = 254  # tag of TIFF
+_DNG_VERSION = 50706  # tag of DNG
 
 
 def _is_raw(image: Image.Image) -> bool:

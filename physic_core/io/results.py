@@ -72,7 +72,7 @@ _FRAME = {
 }
 _OF_SCENE = ("image", "scene.")
 _RUN = "run"
-# of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes
+# Of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes.
 _STEPS_PER_METRE = 1 << 19
 _DEPTH_BITS = 15  # of the mantissa: 0.0015 %
 _NORMAL_STEPS = 127

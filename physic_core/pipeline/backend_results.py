@@ -32,19 +32,16 @@ if TYPE_CHECKING:
     )
 
 _JOINTS = ("nose", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-# Shares of the joints on the own mask and on that of another person. A false person had .27 and
-# .73; of 201 people in 37 photos of crowds one had .13 and .53, one .30 and .30, and the others at
-# least .35 and at most .40.
-_FEW_OWN_JOINTS = 0.3
-_MOST_JOINTS = 0.6
-# Least area of a mask over that of the hull of its joints, of a person most of whose joints lie on
-# another mask; mean distance of the corners of two trunks, over the smaller trunk, below which they
-# are of one person. Of 296 people in 67 photos none has less than .31, or is nearer than .70.
-_VISIBLE = 0.25
-_SAME_TRUNK = 0.5
-# Share of the vertices of a body; of synthetic worlds with contact none has more than .25.
-_MOST_CONTACT = 0.6
-_IN_CONTACT = 0.5
+# A false person had .27 of the joints on the own mask and .73 on that of another person. Of 201
+# people in 37 photos of crowds one had .13 and .53, one .30 and .30, and the others at least .35
+# and at most .40.
+_FEW_OWN_JOINTS = 0.3  # share on the own mask
+_MOST_JOINTS = 0.6  # share on that of another person
+# Of 296 people in 67 photos none has less than .31, or is nearer than .70.
+_VISIBLE = 0.25  # least area of a mask over its joints' hull, with most joints on another mask
+_SAME_TRUNK = 0.5  # distance of the corners of two trunks of one person, over the smaller trunk
+_MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .25
+_IN_CONTACT = 0.5  # least probability
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 

@@ -29,14 +29,13 @@ _PLAIN_THIN = 48  # the same of a thin frame, which JPEG mixes with the photo
 _THIN_PX = 3
 _ONE_ROW = 1e-9  # share of the rows: a bar of any width
 _STRAY = 0.002  # share of other pixels in a border
-# share of columns with other pixels in the first rows of the photo: a head on a plain ground spans
-# less
+# Share of columns with other pixels in the photo's first rows: a head on a plain ground spans less.
 _EDGE = 0.8
-# parts of one row may have the colour of the border, as bright sand has that of a white one
+# Parts of one row may have the colour of the border, as bright sand has that of a white one.
 _FIRST_PX = 16
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
 _LEAST_BAR = 0.01  # of the side; a narrower bar on one side does not disturb networks
-# of the area: the whole result has at most ten times the pixels of the picture inside
+# Of the area: the whole result has at most ten times the pixels of the picture inside.
 _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
 _LEAST_PART = 0.15  # of the side, on either side of a strip between two photos

@@ -1,20 +1,21 @@
 """Run the backends on one photo, in the order of the paper.
 
-Each backend gets earlier results as hints. Bodies come before metric depth, so that a classical
-depth backend can estimate its scale from the size of people. OpenCV camera frame.
+Each step calls one backend or the engine, and gets what earlier steps have found. Bodies come
+before metric depth, so that a classical depth backend can estimate its scale from the size of
+people. OpenCV camera frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.adapters.pictures import dilate
-from physic_core.errors import ConfigError, NoPersonError
+from physic_core.errors import NoPersonError
 from physic_core.interfaces import (
     BodyEstimatorRequest,
     ContactPriorRequest,
@@ -26,6 +27,7 @@ from physic_core.interfaces import (
     RelativePointmapRequest,
     SegmenterRequest,
 )
+from physic_core.interfaces.backend import Result
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.pipeline.backend_results import (
     bodies_for_backends,
@@ -39,6 +41,12 @@ from physic_core.pipeline.backend_results import (
     replace_hands,
     transfer_contact,
 )
+from physic_core.pipeline.given.people import (
+    ignored_people,
+    known_people,
+    select_chosen,
+    who_got_which,
+)
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -46,49 +54,69 @@ from physic_core.types import (
     Hints,
     Intrinsics,
     Keypoints,
-    KnownSizes,
     Observations,
     People,
     Pointmap,
 )
 from physic_core.types.arrays import select_people
-from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
+    from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.engine.floor import FloorCandidate, FloorEvidence
+    from physic_core.engine.floor_and_scale import FloorAndScale
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
-    from physic_core.io.keypoint_file import GivenKeypoints
+    from physic_core.interfaces import Request
+    from physic_core.pipeline.given.photo import PreparedPhoto
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BoolArray, PeoplePrompt, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
+    from physic_core.types.known_sizes import KnownPeople
 
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
 
 
+@dataclass(frozen=True)
+class Step:
+    """One step on the way from a photo to its estimates.
+
+    Attributes:
+        name: of its stage.
+        interface: whose backend it calls; "" for a step of the engine.
+        fill: finds values for the attributes of :class:`Findings` that its docstring names.
+    """
+
+    name: str
+    interface: str
+    fill: Callable[[Findings, Step], None]
+
+
+STEPS: list[Step] = []
+"""The steps in the order in which they run. An interface with two steps of one name is called by
+one of them.
+"""
+
+
+def stages_before_the_engine(interfaces: Iterable[str]) -> int:
+    """Return the number of stages of the steps, with backends for these interfaces."""
+    return len({step.name for step in STEPS if step.interface in ("", *interfaces)})
+
+
 def run_backends(
-    image: UInt8Array,
-    given: Intrinsics | None,
+    given: PreparedPhoto,
     plan: ResolvedPipeline,
     load_model: Callable[[], BodyModel],
     stages: StageRunner,
-    prompt: PeoplePrompt | None = None,
-    sizes: KnownSizes | None = None,
-    given_keypoints: GivenKeypoints | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
     Args:
-        image: (H, W, 3) uint8 RGB.
-        given: camera of the photo, or None.
+        given: the photo, and what the user knows of it.
         plan: the backends and settings of the run.
         load_model: returns the body model that all bodies are converted to; not called before the
             bodies are estimated.
         stages: calls the backends and records the run.
-        prompt: whom to reconstruct or to leave out, px of the image; None for all people.
-        sizes: that the user knows, px of the image.
-        given_keypoints: that replace detected ones, px of the image.
 
     Raises:
         ConfigError: a measured depth is a disparity.
@@ -99,169 +127,147 @@ def run_backends(
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
-    run = _BackendCalls(plan.backends, load_model, stages)
-    sizes = sizes or KnownSizes()
-    ignored = None
-    if prompt is not None and prompt.ignored:
-        ignored = prompt
-        prompt = None
-    found_people = run.people(image, prompt, required=plan.photo.require_people)
-    if ignored is not None:
-        found_people = run.without(found_people, ignored)
-    real = real_people(found_people, prompt)
-    people = run.select(found_people, real, "its joints lie on another person")
-    if prompt is None:
-        known, notes = _known_people(sizes, people, chosen=False)
-    else:
-        known, notes = _known_people(sizes, found_people, chosen=True)
-        known = known.select(real)
-        if not real.all():
-            # The others have their pixels back only in a segmentation without the false persons.
-            people = run.people(image, prompt.select(real), required=True)
-    stages.note(*notes)
-    keypoints = run.keypoints(image, people)
-    changed = None
-    contradicted = None
-    if given_keypoints is not None:
-        from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
+    found = Findings(given, plan, load_model, stages)
+    for step in STEPS:
+        with nullcontext() if step.interface else stages.time_engine(step.name):
+            step.fill(found, step)
+    return found.estimates()
 
-        detected = keypoints
-        keypoints, changed, notes = corrected_keypoints(detected, given_keypoints, people)
-        contradicted = contradicted_keypoints(detected, keypoints, changed, people)
-        stages.note(*notes)
 
-    hole = _removed(people, plan, image.shape)
-    inpainted = run.inpainted(image, hole)
-    # They need torch, which is imported beside the networks above.
-    from physic_core.engine.floor import best_candidate, chosen_floor
-    from physic_core.engine.floor_and_scale import (
-        PeopleInScene,
-        candidates_in,
-        find_floor_and_scale,
-        floor_evidence,
-        plane_of,
-    )
-    from physic_core.engine.scene.measured_shape import (
-        in_usual_unit,
-        shows_people,
-        with_measured_shape,
-    )
-    from physic_core.engine.sizes.evidence import is_inverse, is_measured
-    from physic_core.engine.state import Estimates
+class Findings:
+    """What is known of one photo so far.
 
-    # The inpainted photo gives the scene, the original photo the people's depth.
-    hints = Hints(given, people, keypoints, hole, photo=image)
-    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
-    camera = given or scene.intrinsics or _camera_of(scene)
-    whole = run.depth_of_photo(image)
-    own = None if whole is None else _without(whole, hole)
-    shape = whole if own is not None and is_measured(own) else None
-    if own is not None and shape is not None:
-        if is_inverse(own, scene):
-            raise ConfigError(
-                "the given depth is larger where the scene is nearer: it is a disparity, or "
-                "inverse depth; give metres "
-                "along the optical axis: focal length in px x distance of the two cameras in m / "
-                "disparity in px"
-            )
-        scene = with_measured_shape(scene, own, scene.intrinsics or camera)
-        share = (np.isfinite(own.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())
-        stages.note(
-            f"the given depth is the shape of {share:.0%} of the scene, and the point map that of "
-            f"the rest"
+    Attributes:
+        given: the photo, and what the user knows of it.
+        plan: the backends and settings of the run.
+        stages: calls the backends and records the run.
+        image: (H, W, 3) uint8 RGB, the photo.
+        missing: interface -> (N,) bool, people without valid values from its backend.
+        hints: for the next backend.
+        known: what the user knows of the N people.
+        changed: (N, J) keypoints that the user changed, or None.
+        contradicted: (N, J) how far mask and detector contradict them, px, or None.
+        camera: of scene and people.
+        own: metric depth that comes with a scale of its own, without the hole; None without one.
+        measured: the depth of the whole photo if it was measured, or None.
+        aligned: point map of the photo, aligned to the scene.
+        embodied: (N,) bool, people with finite bodies. Backends that need bodies get only these.
+        others: as of :class:`Estimates`.
+    """
+
+    people: People
+    known: KnownPeople
+    keypoints: Keypoints
+    changed: BoolArray | None = None
+    contradicted: FloatArray | None = None
+    hole: BoolArray
+    inpainted: UInt8Array
+    hints: Hints
+    scene: Pointmap
+    camera: Intrinsics
+    own: DepthMap | None = None
+    measured: DepthMap | None = None
+    original: Pointmap
+    observations: Observations
+    aligned: Pointmap
+    evidence: FloorEvidence
+    floors: tuple[FloorCandidate, ...]
+    bodies: Bodies
+    embodied: BoolArray
+    contact: ContactProbability
+    floor_and_scale: FloorAndScale
+    depth: DepthMap
+
+    def __init__(
+        self,
+        given: PreparedPhoto,
+        plan: ResolvedPipeline,
+        load_model: Callable[[], BodyModel],
+        stages: StageRunner,
+    ) -> None:
+        self.given = given
+        self.plan = plan
+        self.stages = stages
+        self.image = given.photo.image
+        self.missing: dict[str, BoolArray] = {}
+        self._load_model = load_model
+
+    @property
+    def model(self) -> BodyModel:
+        """The body model of the results."""
+        return self._load_model()
+
+    def call(self, step: Step, request: Request[Result], *, last: bool = True) -> Result:
+        """Call the backend of a step; ``last`` if it is not called again."""
+        return self.stages.call_backend(
+            step.name, self.plan.backends[step.interface], request, last=last
         )
-    hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
-    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
-    if own is not None and shape is not None and hole.any():
-        original = with_measured_shape(original, own, original.intrinsics or camera)
-        if shows_people(shape, original, scene, people.masks):
-            original = with_measured_shape(original, shape, original.intrinsics or camera)
-            original = replace(original, people_farther=None)
-    if shape is not None:
-        scene = in_usual_unit(scene)
 
-    observations = run.observations(PersonObserverRequest(image, people, keypoints))
-    with stages.time_engine("floor candidates"):
-        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
-        evidence = floor_evidence(people, hole, keypoints, camera, observations, aligned)
-        evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
-        floors = candidates_in(scene, evidence, plan.engine.scene)
-        floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
-
-    hints = replace(hints, floor=floor_by_pixels, original=aligned, observations=observations)
-    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known)
-    # Backends that need bodies get only people with finite bodies.
-    embodied = ~run.missing["body_estimator"]
-    seen = select_people(people, embodied)
-    seen_bodies = bodies_for_backends(select_people(bodies, embodied), run.model)
-    contact = run.contact(image, seen, seen_bodies, embodied)
-
-    seen_keypoints = select_people(keypoints, embodied)
-    seen_observations = select_people(observations, embodied)
-    hints = replace(
-        hints,
-        people=seen,
-        keypoints=seen_keypoints,
-        observations=seen_observations,
-        hole=hole,
-        bodies=seen_bodies,
-    )
-    if own is None:
-        own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
-    with stages.time_engine("floor and scale"):
-        given_people = PeopleInScene(
-            scene,
-            aligned,
-            camera,
-            seen,
-            seen_keypoints,
-            select_people(bodies, embodied),
-            known.select(embodied),
-            seen_observations,
+    def call_optional(
+        self, step: Step, request: Request[Result], *, otherwise: str
+    ) -> Result | None:
+        """Call the backend of a step; None and a warning, what the run does ``otherwise``, if it
+        fails.
+        """
+        return self.stages.call_optional_backend(
+            step.name, self.plan.backends[step.interface], request, otherwise=otherwise
         )
-        witness = own if plan.engine.scene.rescales_depth else None
-        found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
-    depth = (
-        found.depth
-        or own
-        or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
-    )
-    stages.note(*depth.notes)
 
-    return Estimates(
-        image=image,
-        intrinsics=camera,
-        camera_given=given is not None,
-        people=people,
-        keypoints=keypoints,
-        hole=hole,
-        inpainted=inpainted,
-        scene=scene,
-        original=original,
-        floor=found.search,
-        stance=found.stance.expanded(embodied),
-        bodies=bodies,
-        contact=contact,
-        depth=depth,
-        observations=observations,
-        depth_by=plan.backends["metric_depth"].title,
-        missing_results=tuple(
-            tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))
-        ),
-        ages=known.years,
-        scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
-        scale_by_people=not found.warning
-        and found.measured is None
-        and (own is None or found.depth is not None),
-        small={int(np.flatnonzero(embodied)[i]): tall for i, tall in found.small.items()},
-        witnesses=_numbered(found.witnesses, embodied),
-        known=sizes,
-        measured_scale=found.measured,
-        statures=known.stature,
-        given_keypoints=changed,
-        contradicted_px=contradicted,
-        file_px=1.0 if given_keypoints is None else given_keypoints.file_px,
-    )
+    def wants(self, step: Step) -> bool:
+        """Return whether there are people, and a backend for a step on them."""
+        return step.interface in self.plan.backends and len(self.people) > 0
+
+    def select(self, people: People, real: BoolArray, reason: str) -> People:
+        """Return some (N,) bool of the people, with a note why each other one is left out."""
+        for i in np.flatnonzero(~real):
+            x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
+            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): {reason}")
+        self.missing.update({name: missing[real] for name, missing in self.missing.items()})
+        return select_people(people, real)
+
+    def estimates(self) -> Estimates:
+        """Return what all steps have found."""
+        from physic_core.engine.state import Estimates
+
+        found = self.floor_and_scale
+        embodied = self.embodied
+        keypoints = self.given.keypoints
+        by_people = not found.warning and found.measured is None
+        return Estimates(
+            image=self.image,
+            intrinsics=self.camera,
+            camera_given=self.given.photo.intrinsics is not None,
+            people=self.people,
+            keypoints=self.keypoints,
+            hole=self.hole,
+            inpainted=self.inpainted,
+            scene=self.scene,
+            original=self.original,
+            floor=found.search,
+            stance=found.stance.expanded(embodied),
+            bodies=self.bodies,
+            contact=self.contact,
+            depth=self.depth,
+            observations=self.observations,
+            depth_by=self.plan.backends["metric_depth"].title,
+            missing_results=tuple(
+                tuple(name for name, who in self.missing.items() if who[i])
+                for i in range(len(self.people))
+            ),
+            ages=self.known.years,
+            scale_guess=found.warning
+            if self.own is None and self.depth.scale_sigma is None
+            else "",
+            scale_by_people=by_people and (self.own is None or found.depth is not None),
+            small={int(np.flatnonzero(embodied)[i]): tall for i, tall in found.small.items()},
+            witnesses=_numbered(found.witnesses, embodied),
+            known=self.given.known,
+            measured_scale=found.measured,
+            statures=self.known.stature,
+            given_keypoints=self.changed,
+            contradicted_px=self.contradicted,
+            file_px=1.0 if keypoints is None else keypoints.file_px,
+        )
 
 
 def _numbered(
@@ -275,257 +281,341 @@ def _numbered(
     }
 
 
-def _without(depth: DepthMap, hole: BoolArray) -> DepthMap | None:
-    """Return a depth without the pixels of a hole; None if none is left."""
-    rest = np.where(hole, np.nan, depth.depth)
-    return replace(depth, depth=np.asarray(rest, np.float32)) if np.isfinite(rest).any() else None
+_Fill = Callable[[Findings, Step], None]
 
 
-def _known_people(
-    sizes: KnownSizes, people: People, *, chosen: bool
-) -> tuple[KnownPeople, tuple[str, ...]]:
-    """Return what the user knows about the people, in their order if ``chosen``, else from left to
-    right; and notes.
-    """
-    if not any(sizes.age) and not any(sizes.stature):
-        return KnownPeople(), ()
-    from physic_core.pipeline.known_people import known_people, who_got_which
+def _step(name: str, interface: str = "") -> Callable[[_Fill], _Fill]:
+    """Add a function to the steps."""
 
-    known = known_people(sizes, people, chosen=chosen)
-    return known, () if chosen else who_got_which(sizes, known, people)
+    def add(fill: _Fill) -> _Fill:
+        STEPS.append(Step(name, interface, fill))
+        return fill
+
+    return add
 
 
-def _removed(people: People, plan: ResolvedPipeline, shape: tuple[int, ...]) -> BoolArray:
-    """Return the inpainted pixels (H, W)."""
+@_step("people", "segmenter")
+def _people(found: Findings, step: Step) -> None:
+    """Fill people and known."""
+    prompt = found.given.people
+    ignored = None
+    if prompt is not None and prompt.ignored:
+        ignored = prompt
+        prompt = None
+    people = _segmented(found, step, prompt, required=found.plan.photo.require_people)
+    if ignored is not None:
+        people = _without(found, people, ignored)
+    real = real_people(people, prompt)
+    found.people = found.select(people, real, "its joints lie on another person")
+    sizes = found.given.known
+    if prompt is None:
+        found.known = known_people(sizes, found.people)
+        found.stages.note(*who_got_which(sizes, found.known, found.people))
+        return
+    found.known = known_people(sizes, people, chosen=True).select(real)
+    if not real.all():
+        # The others have their pixels back only in a segmentation without the false persons.
+        found.people = _segmented(found, step, prompt.select(real), required=True)
+
+
+def _segmented(
+    found: Findings, step: Step, prompt: PeoplePrompt | None, *, required: bool
+) -> People:
+    """Segment the people in the photo, or those whom the user chose."""
+    segmenter = found.plan.backends[step.interface]
+    takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
+    request = SegmenterRequest(found.image, prompt=prompt if takes_prompt else None)
+    people = found.call(step, request)
+    found.stages.note(*people.notes)
+    if prompt is not None and not takes_prompt:
+        people = select_chosen(people, prompt)
+    if people.keypoints is not None:
+        own, found.missing[step.interface] = discard_invalid_keypoints(people.keypoints)
+        people = replace(people, keypoints=own)
+    if not len(people):
+        cure = (
+            _POINT_AT_PEOPLE
+            if takes_prompt
+            else "if the photo shows a person, use another segmenter"
+        )
+        if required:
+            raise _nobody(found.image, segmenter.title, cure)
+        found.stages.note(
+            f"no person was found: the result is only the scene, and its scale is not "
+            f"confirmed; {cure}"
+        )
+    return people
+
+
+def _without(found: Findings, people: People, ignored: PeoplePrompt) -> People:
+    """Return the people whom the user does not ignore; others' pixels show no scene."""
+    out = ignored_people(people, ignored)
+    masks: BoolArray = np.logical_or.reduce(people.masks[out])
+    if people.unposed_mask is not None:
+        masks |= people.unposed_mask
+    return replace(found.select(people, ~out, "it is ignored"), unposed_mask=masks)
+
+
+@_step("keypoints", "keypoint_detector")
+def _keypoints(found: Findings, step: Step) -> None:
+    """Fill keypoints, changed and contradicted."""
+    detected = Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
+    if found.wants(step):
+        detected, found.missing[step.interface] = discard_invalid_keypoints(
+            found.call(step, KeypointDetectorRequest(found.image, found.people))
+        )
+    found.keypoints = detected
+    if found.given.keypoints is not None:
+        from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
+
+        keypoints, changed, notes = corrected_keypoints(
+            detected, found.given.keypoints, found.people
+        )
+        found.contradicted = contradicted_keypoints(detected, keypoints, changed, found.people)
+        found.keypoints = keypoints
+        found.changed = changed
+        found.stages.note(*notes)
+
+
+@_step("inpainting", "inpainter")
+def _inpainted(found: Findings, step: Step) -> None:
+    """Fill hole and inpainted."""
+    people = found.people
     hole = np.logical_or.reduce(people.masks)
     if people.unposed_mask is not None:
         hole |= people.unposed_mask
-    return dilate(hole, max(4.0, plan.photo.mask_growth * max(shape[:2])))
+    longest = max(found.image.shape[:2])
+    found.hole = hole = dilate(hole, max(4.0, found.plan.photo.mask_growth * longest))
+    found.inpainted = (
+        found.call(step, InpainterRequest(found.image, hole)) if hole.any() else found.image
+    )
 
 
-@dataclass(frozen=True)
-class _BackendCalls:
-    """Calls the backends, and records people with non-finite results.
+@_step("scene point map", "relative_pointmap")
+def _scene(found: Findings, step: Step) -> None:
+    """Fill scene, of the inpainted photo, and camera."""
+    camera = found.given.photo.intrinsics
+    hints = Hints(camera, found.people, found.keypoints, found.hole, photo=found.image)
+    found.scene = _pointmap(found, step, found.inpainted, hints)
+    found.camera = camera or found.scene.intrinsics or _camera_of(found.scene)
+    found.hints = replace(hints, intrinsics=found.camera, hole=None, photo=None)
 
-    Attributes:
-        missing: interface -> (N,) bool, people without valid values from its backend.
+
+def _pointmap(found: Findings, step: Step, image: UInt8Array, hints: Hints) -> Pointmap:
+    """Estimate a relative point map of the inpainted or the original photo."""
+    last = image is found.image
+    pointmap = found.call(step, RelativePointmapRequest(image, hints), last=last)
+    found.stages.note(*pointmap.notes)
+    found.stages.warn(*pointmap.warnings)
+    return pointmap
+
+
+@_step("metric depth", "metric_depth")
+def _depth_of_photo(found: Findings, step: Step) -> None:
+    """Fill own by a backend that sees the photo; with a measured depth also measured, and its shape
+    into the scene.
     """
+    if found.plan.backends[step.interface].backend.sees == "photo":
+        from physic_core.engine.sizes.evidence import is_measured
+        from physic_core.pipeline.given.depth import scene_of_depth, without_hole
 
-    backends: Mapping[str, ResolvedBackend]
-    load_model: Callable[[], BodyModel]
-    stages: StageRunner
-    missing: dict[str, BoolArray] = field(default_factory=dict)
+        whole = found.call(step, MetricDepthRequest(found.image))
+        found.own = without_hole(whole, found.hole)
+        if found.own is not None and is_measured(found.own):
+            found.measured = whole
+            found.scene, note = scene_of_depth(found.scene, found.own, found.hole, found.camera)
+            found.stages.note(note)
 
-    @property
-    def model(self) -> BodyModel:
-        """The body model of the results."""
-        return self.load_model()
 
-    def people(self, image: UInt8Array, prompt: PeoplePrompt | None, *, required: bool) -> People:
-        """Segment the people in an image, or those whom the user chose."""
-        segmenter = self.backends["segmenter"]
-        takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
-        request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
-        people = self.stages.call_backend("people", segmenter, request)
-        self.stages.note(*people.notes)
-        if prompt is not None and not takes_prompt:
-            from physic_core.pipeline.known_people import select_chosen
+@_step("photo point map", "relative_pointmap")
+def _original(found: Findings, step: Step) -> None:
+    """Fill original, of the photo, whose shape is the people's; the scene gets a usual unit."""
+    found.hints = replace(found.hints, scene=found.scene)
+    found.original = found.scene
+    if found.hole.any():
+        found.original = _pointmap(found, step, found.image, found.hints)
+    if found.own is not None and found.measured is not None:
+        from physic_core.engine.scene.measured_shape import in_usual_unit
+        from physic_core.pipeline.given.depth import photo_of_depth
 
-            people = select_chosen(people, prompt)
-        if people.keypoints is not None:
-            own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
-            people = replace(people, keypoints=own)
-        if not len(people):
-            cure = (
-                _POINT_AT_PEOPLE
-                if takes_prompt
-                else "if the photo shows a person, use another segmenter"
+        if found.hole.any():
+            found.original = photo_of_depth(
+                found.original,
+                found.scene,
+                found.measured,
+                found.own,
+                found.people.masks,
+                found.camera,
             )
-            if required:
-                raise _nobody(image, segmenter.title, cure)
-            self.stages.note(
-                f"no person was found: the result is only the scene, and its scale is not "
-                f"confirmed; {cure}"
-            )
-        return people
+        found.scene = in_usual_unit(found.scene)
 
-    def without(self, people: People, ignored: PeoplePrompt) -> People:
-        """Return the people whom the user does not ignore; others' pixels show no scene."""
-        from physic_core.pipeline.known_people import ignored_people
 
-        out = ignored_people(people, ignored)
-        masks: BoolArray = np.logical_or.reduce(people.masks[out])
-        if people.unposed_mask is not None:
-            masks |= people.unposed_mask
-        return replace(self.select(people, ~out, "it is ignored"), unposed_mask=masks)
+@_step("observations", "person_observer")
+def _observations(found: Findings, step: Step) -> None:
+    """Fill observations; unknown without a backend, and if it fails."""
+    unknown = Observations.unknown(len(found.people))
+    request = PersonObserverRequest(found.image, found.people, found.keypoints)
+    otherwise = "what people do is told by their joints alone"
+    seen = found.call_optional(step, request, otherwise=otherwise) if found.wants(step) else None
+    found.observations = unknown if seen is None else seen
 
-    def select(self, people: People, real: BoolArray, reason: str) -> People:
-        """Return some (N,) bool of the people, with a note why each other one is left out."""
-        for i in np.flatnonzero(~real):
-            x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
-            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): {reason}")
-        self.missing.update({name: missing[real] for name, missing in self.missing.items()})
-        return select_people(people, real)
 
-    def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
-        """Detect the keypoints of all people in an image."""
-        if not len(people):
-            return Keypoints(
-                np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17"
-            )
-        detector = self.backends["keypoint_detector"]
-        request = KeypointDetectorRequest(image, people)
-        found = self.stages.call_backend("keypoints", detector, request)
-        keypoints, self.missing["keypoint_detector"] = discard_invalid_keypoints(found)
-        return keypoints
+@_step("floor candidates")
+def _floors(found: Findings, _: Step) -> None:
+    """Fill aligned, evidence and floors."""
+    from physic_core.engine.floor import best_candidate, chosen_floor
+    from physic_core.engine.floor_and_scale import candidates_in, floor_evidence, plane_of
 
-    def inpainted(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Return an image without the pixels (H, W) of a hole."""
-        if not hole.any():
-            return image
-        return self.stages.call_backend(
-            "inpainting", self.backends["inpainter"], InpainterRequest(image, hole)
-        )
+    scene = found.scene
+    hole = found.hole
+    engine = found.plan.engine
+    found.aligned = _aligned(found.original, scene, hole, engine) if hole.any() else scene
+    evidence = floor_evidence(
+        found.people, hole, found.keypoints, found.camera, found.observations, found.aligned
+    )
+    found.evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
+    found.floors = candidates_in(scene, found.evidence, engine.scene)
+    chosen = chosen_floor(found.floors, best_candidate(found.floors), found.evidence)
+    found.hints = replace(
+        found.hints,
+        floor=plane_of(chosen),
+        original=found.aligned,
+        observations=found.observations,
+    )
 
-    def pointmap(
-        self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True
-    ) -> Pointmap:
-        """Estimate a relative point map of the inpainted or the original photo."""
-        estimator = self.backends["relative_pointmap"]
-        request = RelativePointmapRequest(image, hints)
-        pointmap = self.stages.call_backend(stage, estimator, request, last=last)
-        self.stages.note(*pointmap.notes)
-        self.stages.warn(*pointmap.warnings)
-        return pointmap
 
-    def observations(self, request: PersonObserverRequest) -> Observations:
-        """Ask what the people do; unknown without a backend, and if it fails."""
-        unknown = Observations.unknown(len(request.people))
-        if "person_observer" not in self.backends or not len(request.people):
-            return unknown
-        found = self.stages.call_optional_backend(
-            "observations",
-            self.backends["person_observer"],
-            request,
-            otherwise="what people do is told by their joints alone",
-        )
-        return unknown if found is None else found
+@_step("bodies", "body_estimator")
+def _bodies(found: Findings, step: Step) -> None:
+    """Fill bodies, of the configured body model and with the hands of the estimator, and embodied;
+    bodies of people without finite results are NaN.
+    """
+    if not found.wants(step):
+        found.embodied = np.zeros(0, bool)
+        found.bodies = _no_bodies(found.model)
+        return
+    request = BodyEstimatorRequest(
+        found.image, found.people, found.camera, found.keypoints, found.hints
+    )
+    bodies, missing = discard_invalid_bodies(found.call(step, request))
+    if bodies.body_model != found.model.name:
+        who = found.plan.backends[step.interface].title
+        bodies = convert_to_configured(bodies, found.model, who, found.stages)
+        missing |= ~valid_body_rows(bodies)
+    found.missing[step.interface] = missing
+    found.bodies = bodies
+    found.embodied = ~missing
 
-    def bodies(self, request: BodyEstimatorRequest, known: KnownPeople) -> Bodies:
-        """Estimate bodies with hands, of known stature or of a child's size; NaN for people without
-        finite results.
-        """
-        bodies = self._bodies_without_hands(request)
-        bodies = self._with_hands(
-            HandEstimatorRequest(request.image, request.people, request.keypoints), bodies
-        )
-        from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
 
-        if known.stature is not None:
-            bodies = bodies_of_stature(bodies, self.model, known.stature)
-        observed = request.hints.observations
-        assert observed is not None
-        bodies, notes = resize_children(bodies, self.model, known, observed.child)
-        self.stages.note(*notes)
-        return bodies
+@_step("hands", "hand_estimator")
+def _hands(found: Findings, step: Step) -> None:
+    """Give the bodies estimated finger rotations, known statures and children's sizes."""
+    from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
 
-    def _bodies_without_hands(self, request: BodyEstimatorRequest) -> Bodies:
-        """Estimate bodies of the configured body model; NaN for people without finite results."""
-        estimator = self.backends["body_estimator"]
-        if not len(request.people):
-            self.missing["body_estimator"] = np.zeros(0, bool)
-            return _no_bodies(self.model)
-        found = self.stages.call_backend("bodies", estimator, request)
-        bodies, missing = discard_invalid_bodies(found)
-        if bodies.body_model != self.model.name:
-            bodies = convert_to_configured(bodies, self.model, estimator.title, self.stages)
-            missing |= ~valid_body_rows(bodies)
-        self.missing["body_estimator"] = missing
-        return bodies
-
-    def _with_hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
-        """Add estimated finger rotations to bodies, if a hand estimator is configured and
-        succeeds.
-        """
-        if "hand_estimator" not in self.backends or not len(request.people):
-            return bodies
+    bodies = found.bodies
+    if found.wants(step):
+        request = HandEstimatorRequest(found.image, found.people, found.keypoints)
         otherwise = "fingers keep the pose from the body_estimator"
-        found = self.stages.call_optional_backend(
-            "hands", self.backends["hand_estimator"], request, otherwise=otherwise
-        )
-        if found is None:
-            self.missing["hand_estimator"] = np.ones(len(request.people), bool)
-            return bodies
-        hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
-        return replace_hands(bodies, hands, self.model)
+        hands = found.call_optional(step, request, otherwise=otherwise)
+        found.missing[step.interface] = np.ones(len(found.people), bool)
+        if hands is not None:
+            hands, found.missing[step.interface] = discard_invalid_hands(hands)
+            bodies = replace_hands(bodies, hands, found.model)
+    if found.known.stature is not None:
+        bodies = bodies_of_stature(bodies, found.model, found.known.stature)
+    found.bodies, notes = resize_children(
+        bodies, found.model, found.known, found.observations.child
+    )
+    found.stages.note(*notes)
 
-    def contact(
-        self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray
-    ) -> ContactProbability:
-        """Predict contact probabilities of all N people; 0 without a backend or a body.
 
-        ``people`` and ``bodies`` are those with a finite body, selected by ``embodied``, (N,) bool.
-        """
-        model = self.model
-        n = len(embodied)
-        none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
-        if "contact_prior" not in self.backends or not n:
-            return none
-        prior = self.backends["contact_prior"]
-        otherwise = "contact is computed from distances only"
-        request = ContactPriorRequest(
-            image, people, bodies, topology=model.topology, vertices=model.num_vertices
-        )
-        found = self.stages.call_optional_backend(
-            "contact prior", prior, request, otherwise=otherwise
-        )
-        if found is not None and found.topology != model.topology:
-            found = transfer_contact(found, model, prior.title, self.stages)
-        if found is None:
-            self.missing["contact_prior"] = np.ones(n, bool)
-            return none
-        if doubt := doubt_of_contact(found, bodies):
-            self.stages.warn(f"{prior.title}: {doubt}")
-        contact, self.missing["contact_prior"] = expand_contact(found, embodied)
-        return contact
+@_step("contact prior", "contact_prior")
+def _contact(found: Findings, step: Step) -> None:
+    """Fill contact, of all N people; 0 without a backend or a body."""
+    model = found.model
+    embodied = found.embodied
+    people = select_people(found.people, embodied)
+    bodies = bodies_for_backends(select_people(found.bodies, embodied), model)
+    found.hints = replace(
+        found.hints,
+        people=people,
+        keypoints=select_people(found.keypoints, embodied),
+        observations=select_people(found.observations, embodied),
+        hole=found.hole,
+        bodies=bodies,
+    )
+    shape = len(embodied), model.num_vertices
+    found.contact = ContactProbability(np.zeros(shape, np.float32), model.topology)
+    if not found.wants(step):
+        return
+    prior = found.plan.backends[step.interface].title
+    request = ContactPriorRequest(
+        found.image, people, bodies, topology=model.topology, vertices=model.num_vertices
+    )
+    otherwise = "contact is computed from distances only"
+    contact = found.call_optional(step, request, otherwise=otherwise)
+    if contact is not None and contact.topology != model.topology:
+        contact = transfer_contact(contact, model, prior, found.stages)
+    if contact is None:
+        found.missing[step.interface] = np.ones(len(embodied), bool)
+        return
+    if doubt := doubt_of_contact(contact, bodies):
+        found.stages.warn(f"{prior}: {doubt}")
+    found.contact, found.missing[step.interface] = expand_contact(contact, embodied)
 
-    def depth_of_photo(self, image: UInt8Array) -> DepthMap | None:
-        """Return the depth (H, W) of the photo with its people; None if the backend sees the
-        inpainted one.
-        """
-        chosen = self.backends["metric_depth"]
-        if chosen.backend.sees != "photo":
-            return None
-        return self.stages.call_backend("metric depth", chosen, MetricDepthRequest(image))
 
-    def depth_of_own_scale(self, request: MetricDepthRequest) -> DepthMap | None:
-        """Estimate metric depth; None if the backend scales its depth by the hints, or needs people
-        and gets none.
-        """
-        chosen = self.backends["metric_depth"]
-        if "scale" in (chosen.backend.reads or ()):
-            return None
-        try:
-            return self.stages.call_backend("metric depth", chosen, request)
-        except NoPersonError:
-            return None
+@_step("metric depth", "metric_depth")
+def _depth_of_own_scale(found: Findings, step: Step) -> None:
+    """Fill own by a backend that does not scale its depth by the hints, unless it needs people and
+    gets none.
+    """
+    reads = found.plan.backends[step.interface].backend.reads or ()
+    if found.own is None and "scale" not in reads:
+        with suppress(NoPersonError):
+            found.own = found.call(step, MetricDepthRequest(found.inpainted, found.hints))
 
-    def depth_of_scale(self, inpainted: UInt8Array, hints: Hints) -> DepthMap:
-        """Return the metric depth of the inpainted photo at the scale of the hints.
 
-        If the backend needs people and gets none, it is the depth of the scene.
-        """
-        from physic_core.engine.sizes.scale_vote import scaled_depth
+@_step("floor and scale")
+def _floor_and_scale(found: Findings, _: Step) -> None:
+    """Fill floor_and_scale."""
+    from physic_core.engine.floor_and_scale import PeopleInScene, find_floor_and_scale
 
-        chosen = self.backends["metric_depth"]
-        if "scale" in (chosen.backend.reads or ()):
-            with suppress(NoPersonError):
-                return self.stages.call_backend(
-                    "metric depth", chosen, MetricDepthRequest(inpainted, hints)
-                )
-        assert hints.scene is not None
-        assert hints.scale is not None
-        return scaled_depth(hints.scene, hints.scale, hints.intrinsics)
+    embodied = found.embodied
+    people = PeopleInScene(
+        found.scene,
+        found.aligned,
+        found.camera,
+        select_people(found.people, embodied),
+        select_people(found.keypoints, embodied),
+        select_people(found.bodies, embodied),
+        found.known.select(embodied),
+        select_people(found.observations, embodied),
+    )
+    witness = found.own if found.plan.engine.scene.rescales_depth else None
+    found.floor_and_scale = find_floor_and_scale(
+        found.floors, found.evidence, people, found.model, witness
+    )
+
+
+@_step("metric depth", "metric_depth")
+def _depth_of_scale(found: Findings, step: Step) -> None:
+    """Fill depth, of the inpainted photo: own, or at the scale that was found.
+
+    If the backend needs people and gets none, it is the depth of the scene.
+    """
+    from physic_core.engine.sizes.scale_vote import scaled_depth
+
+    scale = found.floor_and_scale.scale
+    depth = found.floor_and_scale.depth or found.own
+    reads = found.plan.backends[step.interface].backend.reads or ()
+    if depth is None and "scale" in reads:
+        hints = replace(found.hints, floor=found.floor_and_scale.plane, scale=scale)
+        with suppress(NoPersonError):
+            depth = found.call(step, MetricDepthRequest(found.inpainted, hints))
+    if depth is None:
+        assert found.hints.scene is not None
+        depth = scaled_depth(found.hints.scene, scale, found.camera)
+    found.depth = depth
+    found.stages.note(*depth.notes)
 
 
 def _nobody(image: UInt8Array, segmenter: str, cure: str) -> NoPersonError:

@@ -27,7 +27,7 @@ from physic_core.configuration.resolve import (
 )
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
-from physic_core.pipeline.prepared_photo import prepare_photo
+from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
 from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
@@ -46,10 +46,7 @@ if TYPE_CHECKING:
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
-_EXTRA_STAGES = 7
-"""Number of stages without a backend of their own: second point map, two for the floor, four of the
-engine.
-"""
+_ENGINE_STAGES = 4  # of :mod:`.optimise`
 _MAX_READING_BYTES = 2_000_000_000
 """More than any photo needs: files just below the limits of their formats took up to 1.27 GB."""
 
@@ -261,6 +258,8 @@ class Pipeline:
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
+        from physic_core.pipeline.estimate import stages_before_the_engine
+
         run = self.config.run
         cache = None
         if run.cache:
@@ -269,7 +268,7 @@ class Pipeline:
             cache = ResultCache.in_users_folder(run.cache_mb, self._code)
         return StageRunner(
             self._plan.device,
-            len(self._plan.backends) + _EXTRA_STAGES,
+            stages_before_the_engine(self._plan.backends) + _ENGINE_STAGES,
             progress,
             cache=cache,
             low_memory=run.low_memory,
@@ -365,16 +364,7 @@ def _reconstruct(
     stages.warn(*photo.warnings)
     with limited_threads(plan.config.run.threads):
         try:
-            estimates = run_backends(
-                photo.image,
-                photo.intrinsics,
-                plan,
-                load_model,
-                stages,
-                prepared.people,
-                prepared.known,
-                prepared.keypoints,
-            )
+            estimates = run_backends(prepared, plan, load_model, stages)
         finally:
             if close:
                 stages.close()

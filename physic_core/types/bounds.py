@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval, MaxLen
 
-# Bounds are part of the field's type: config readers check values without a separate list of names.
 # At both ends, squares, quotients of two settings and their sums stay within float32.
 _LEAST = 1e-6
 Positive = Annotated[float, Interval(ge=_LEAST, le=1 / _LEAST)]

@@ -13,11 +13,10 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
 
-# least, usual and most, metres
-_STATURES_M = (0.4, 1.7, 2.6)
-_HEIGHTS_M = (0.01, 1.6, 100)
-_LENGTHS_M = (0.01, 1.0, 1000)
-_OLDEST = 120.0
+_STATURES_M = (0.4, 1.7, 2.6)  # least, usual and most
+_HEIGHTS_M = (0.01, 1.6, 100)  # the same of a camera over the floor
+_LENGTHS_M = (0.01, 1.0, 1000)  # the same of a known length
+_OLDEST = 120.0  # years
 _UNITS_M = {"cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 
 

@@ -22,7 +22,7 @@ _Box = tuple[float, float, float, float]
 _HEAD = JOINT_INDEX["head"]
 _NECK = JOINT_INDEX["neck"]
 _DISC_PX = 12.0
-# where a number goes whose place is taken, in radii of its disc, the nearest first
+# Where a number goes whose place is taken, in radii of its disc, the nearest first.
 _STEPS = sorted(
     ((column, row) for column in range(-8, 9) for row in range(-4, 9)),
     key=lambda step: math.hypot(*step),

@@ -56,7 +56,7 @@ _PERSON_RGB: tuple[_Rgb, ...] = (
     (198, 128, 96),
 )
 _TINT = 0.2  # share of a person's colour in their body where contact is shown on it
-# the others are labels themselves
+# The others are labels themselves.
 _LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}
 
 

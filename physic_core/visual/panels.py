@@ -40,11 +40,9 @@ if TYPE_CHECKING:
     Line = tuple[str, tuple[int, int, int]]
 
 _OUTLINE_PX = 2
-# side of the squares that a body's triangles are drawn as, in pictures of twice the size
-_SPOT_PX = 5
-# percentile of the triangles' areas that a square covers, and most triangles
-_LARGE = 95
-_MOST_SPOTS = 200_000
+_SPOT_PX = 5  # side of the squares drawn for a body's triangles, at twice the size
+_LARGE = 95  # percentile of the triangles' areas that a square covers
+_MOST_SPOTS = 200_000  # triangles
 _STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
@@ -276,15 +274,13 @@ def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
     return lines
 
 
-# px: size of the text, height of a line, of the head, space in a row
-_TEXT = 15
-_LINE = 21
-_HEAD = 26
-_PAD = 10
-# widths of columns, px
-_NUMBER = 40
-_GRADE = 124
-_DISTANCE = 128
+_TEXT = 15  # px, size
+_LINE = 21  # px, height of a line
+_HEAD = 26  # px, height of the head
+_PAD = 10  # px, space in a row
+_NUMBER = 40  # px, width of a column
+_GRADE = 124  # px
+_DISTANCE = 128  # px
 
 
 def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:

@@ -113,9 +113,8 @@ _WIDTH = 1280
 _MARGIN = 24
 _GAP = 18
 _TITLE = 30
-# most px of a picture in height, and px of the views below
-_TALLEST = 540
-_ROW = 320
+_TALLEST = 540  # px, most height of a picture
+_ROW = 320  # px, height of the views below
 _CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _SHOWN_MESSAGES = 6
 _NAME = 17  # height of a name in a view, px

@@ -25,12 +25,10 @@ SLAB_FACES: NDArray[np.int64] = np.array(
 )
 """Triangles (12, 3) of a slab, counter-clockwise from outside."""
 
-# of a slab, and how far it reaches beyond the skin on it
-_THICK_M = 0.03
-_MARGIN_M = 0.04
+_THICK_M = 0.03  # thickness of a slab
+_MARGIN_M = 0.04  # reach of a slab beyond the skin on it
 _LEAST = 3  # vertices
-# cosine between the skin's mean normal and the vertical from which the slab lies level
-_LEVEL = 0.5
+_LEVEL = 0.5  # least cosine between the skin's mean normal and the vertical of a level slab
 
 
 @dataclass(frozen=True)

@@ -155,12 +155,10 @@ def _bounds(
 
 
 _WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
-# degrees of the view from aside, from the camera's direction and from the horizon
-_ASIDE = 35.0
-_ABOVE = 12.0
-# of this view, upright, and the share of it that people fill
-_FIELD = math.radians(40)
-_FILLED = 0.8
+_ASIDE = 35.0  # degrees between the view from aside and the camera's direction
+_ABOVE = 12.0  # degrees over the horizon
+_FIELD = math.radians(40)  # of the upright view from aside
+_FILLED = 0.8  # share of it that people fill
 
 PAGE_RGB = (250, 250, 248)
 """sRGB colour of the page."""
@@ -171,8 +169,7 @@ BACKGROUND_RGB = (214, 215, 213)
 _FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
-# of a drawn point, in spacings of points, and px
-_POINT_RADIUS = 1.2
+_POINT_RADIUS = 1.2  # of a drawn point, in spacings of points
 _MAX_RADIUS_PX = 6
 _OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 

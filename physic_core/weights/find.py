@@ -23,8 +23,7 @@ from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_
 FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 """Environment variable with folders of the user, separated as in ``PATH``."""
 
-# A tensor of an ONNX file that is kept in another file: the key "location", then the length of the
-# path of that file as a varint.
+# The key "location" of a tensor in another file, then the length of that file's path as a varint.
 _LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?[\x01-\x7f])", re.DOTALL)
 
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.cli.config import config_toml
+from physic_core.cli.commands.config import config_toml
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve

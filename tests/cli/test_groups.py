@@ -74,7 +74,8 @@ def test_help_imports_no_command(plugin):
         "import sys\n"
         "from physic_core.cli import main\n"
         "main(sys.argv[1:], standalone_mode=False)\n"
-        "banned = {'torch', 'numpy', 'pydantic', 'physic_hello_commands', 'physic_core.cli.run'}\n"
+        "banned = {'torch', 'numpy', 'pydantic', 'physic_hello_commands',"
+        " 'physic_core.cli.commands.run'}\n"
         "print('imported:', sorted(banned & set(sys.modules)))\n"
     )
     command = [

@@ -15,7 +15,7 @@ from physic_core import reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
 from physic_core.pipeline.border import find_inside, question_of_strip
-from physic_core.pipeline.prepared_photo import prepare_photo
+from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import KnownLength, KnownSizes, PeoplePrompt
 from physic_testing.worlds import load_world
 

@@ -9,12 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import engine_preset
+from physic_core import KnownSizes, Photo, engine_preset
 from physic_core.body import load_body
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.settings import with_overrides
 from physic_core.pipeline.estimate import run_backends
+from physic_core.pipeline.given.photo import PreparedPhoto
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics
@@ -31,9 +32,8 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 def evidence():
     world = load_world("stand", SIZE)
     plan = resolve(load_config(preset="mock"))
-    return run_backends(
-        world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8)
-    )
+    given = PreparedPhoto(Photo(world.image), None, KnownSizes(), None)
+    return run_backends(given, plan, lambda: load_body("embedded"), StageRunner("cpu", 8))
 
 
 def with_cameras(evidence, pointmap, metric):

@@ -17,7 +17,7 @@ from physic_core import (
 )
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
-from physic_core.pipeline.prepared_photo import undistort
+from physic_core.pipeline.given.photo import undistort
 from physic_core.types import Lens
 from physic_testing.worlds import load_world
 

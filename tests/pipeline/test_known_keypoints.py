@@ -12,8 +12,8 @@ from physic_core import InputError, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.io.photo import read_photo
-from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
-from physic_core.pipeline.prepared_photo import prepare_photo
+from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
+from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 
 pytestmark = pytest.mark.usefixtures("few_steps")

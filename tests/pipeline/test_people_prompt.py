@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import ConfigError
-from physic_core.pipeline.prepared_photo import checked_prompt, resize_prompt
+from physic_core.pipeline.given.photo import checked_prompt, resize_prompt
 from physic_core.types import PeoplePrompt
 
 

@@ -36,7 +36,7 @@ SEARCH_RADIUS_M = 0.15
 The contact thresholds of all presets are smaller.
 """
 
-# of scene points: a vertex between four of them is on the surface, not 1 cm from it
+# Spacing of scene points: a vertex between four of them is on the surface, not 1 cm from it.
 _POINT_SPACING_M = 0.02
 
 DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]

@@ -30,9 +30,7 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
-# cosine between up and the mean normal of touching skin; below it, the part rests on what it
-# touches
-_RESTS = -0.3
+_RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests
 
 
 def assign_partners(

@@ -81,13 +81,12 @@ UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
 
 _NO_SURFACE = ("unknown", "person", "sky")
-# such a label is wrong where a point faces up under a sole
+# Such a label is wrong where a point faces up under a sole.
 _CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")
-# least cosine between up and the normal of a point that is not a wall, for any label
-_FACES_UP = 0.3
-_NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden one
-_RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
-_CELL_M = 0.04  # of the grid in which the points are joined to surfaces
+_FACES_UP = 0.3  # least cosine between up and the normal of a point that is no wall, for any label
+_NEIGHBOUR_M = 0.5  # reach in which a visible point gives its class to a hidden one
+_RAISED_M = 0.10  # height over the floor above which a hidden point is not the floor
+_CELL_M = 0.04  # side of the cells in which points are joined to surfaces
 _SAME_SURFACE_COSINE = 0.8  # 37 degrees between normals of one surface without a class
 
 

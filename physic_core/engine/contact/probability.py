@@ -57,7 +57,7 @@ SEAT = "seat"
 
 _KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
 _RATED = ("foot", "hand", SEAT)  # kinds whose rate is known where no pixel shows them
-# what carries people who lie -> the part on its other side
+# What carries people who lie -> the part on its other side.
 _CARRY_LYING = {"head": "head", "torso": "back", "back": "torso", SEAT: SEAT}
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably

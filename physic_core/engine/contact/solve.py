@@ -51,8 +51,7 @@ from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 
 _SCENE, _PERSON, _OWN_BODY = (KINDS.index(kind) for kind in ("scene", "person", "own body"))
-# cosine between up and the skin of another person; above it, a person can sit or stand there
-_BEARS = 0.3
+_BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
 def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> State:

@@ -24,19 +24,17 @@ from physic_core.engine.contact.partner import DECIMALS
 from physic_core.types.contacts import BodyContact, Support, SupportState
 from physic_core.types.skeletons import SIDES
 
-# cosine between a normal and up; skin below it faces down, and can rest on something
-_DOWNWARD = -0.3
-# metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray
+_DOWNWARD = -0.3  # largest cosine between a normal and up of skin that can rest on something
+# Distance from the hull within which a body is balanced: poses are off by a decimetre along the
+# ray.
 _BALANCE_M = 0.12
-# thickness of the layer of vertices that rests on a hidden support; cushions give way
-_PATCH_M = 0.04
-_LOWEST_SHARE = 0.02
+_PATCH_M = 0.04  # layer of vertices that rests on a hidden support; cushions give way
+_LOWEST_SHARE = 0.02  # share of the vertices that counts as the lowest skin
 _MIN_VERTICES = 10  # of a body part that carries
-# height over the ground from which a heel does not rest on it; poses are off by centimetres
+# Height over the ground from which a heel does not rest on it: poses are off by centimetres.
 _HEEL_REACH_M = 0.1
 _HEEL_FLATTENS_M = 0.02  # height over its lowest skin up to which a heel rests on the ground
-# least width of the ground under heels that balance a body: on less, it falls in a simulation
-_STEADY_M = 0.08
+_STEADY_M = 0.08  # least width of ground under heels that balances a body; on less, it falls
 _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1 % of its size
 
 

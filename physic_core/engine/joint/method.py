@@ -30,7 +30,8 @@ from physic_core.engine.state import State
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.types.bounds import FrozenGroups, NotNegative
 
-# of a person beside the best visible one; with less, the optimiser would stop before they converge
+# Least size in px of a person over that of the largest: the optimiser would stop before smaller
+# ones converge.
 _LEAST_SIZE = 0.1
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 

@@ -163,8 +163,7 @@ def _finite_total(energies: Mapping[str, Tensor]) -> float:
 StepProgress = Callable[[float], None]
 """Called with the completed share of the work, 0-1."""
 
-# pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
-_HISTORY_SIZE = 40
+_HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers cost less than an evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
 _ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _MAX_TRIALS = 10  # step lengths that a line search tries

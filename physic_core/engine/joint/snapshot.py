@@ -31,8 +31,7 @@ HIDDEN_LIMB_SHARE = 0.3
 released code.
 """
 
-# mean motion of a person across the rays, from which self-occlusion is computed again
-_MIN_MOTION_M = 0.01
+_MIN_MOTION_M = 0.01  # mean motion across the rays from which self-occlusion is computed again
 
 
 @dataclass(frozen=True)

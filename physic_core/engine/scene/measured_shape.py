@@ -31,9 +31,8 @@ sensor.
 
 _USUAL_MEDIAN = (0.1, 100.0)  # of the depth of a scene, metres
 
-# pixels of the trend, and fits with new weights
-_SAMPLES = 20_000
-_REWEIGHTED = 10
+_SAMPLES = 20_000  # pixels of the trend
+_REWEIGHTED = 10  # fits of the trend with new weights
 
 
 def in_usual_unit(pointmap: Pointmap) -> Pointmap:

@@ -150,7 +150,7 @@ def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
 _RAYS = 4000  # largest number of sampled pixels of each person
 _MIN_PIXELS = 30
 _MIN_HITS = 20
-# of the long side: the depth of the background bleeds into the edge of a mask
+# Of the long side: the depth of the background bleeds into the edge of a mask.
 _ERODED_SHARE = 0.004
 
 
@@ -256,9 +256,8 @@ def _erode(mask: BoolArray) -> BoolArray:
     return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
 
 
-# probability of a correct metric depth, without and with a stated error
-_SURE = 0.9
-_SURE_IF_STATED = 0.99
+_SURE = 0.9  # probability that a metric depth without a stated error is right
+_SURE_IF_STATED = 0.99  # the same with one
 _NEAR = 0.3  # standard deviation of the logarithm of depth, of pixels that count as near the people
 
 
@@ -304,8 +303,7 @@ def is_measured(depth: DepthMap) -> bool:
     return depth.scale_sigma is not None and depth.scale_sigma <= MEASURED_SIGMA
 
 
-# rank correlation of a depth with that of the scene, at and below which it is the inverse
-_DISPARITY = -0.3
+_DISPARITY = -0.3  # rank correlation with the scene's depth up to which a depth is its inverse
 
 
 def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:

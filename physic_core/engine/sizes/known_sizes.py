@@ -117,7 +117,7 @@ def size_beside_others(
     return float(after[person] - common), float(np.sqrt(spread + 1 / weight.sum()))
 
 
-# of the long side: radius in which a pixel without a scene point takes the nearest one
+# Of the long side: radius in which a pixel without a scene point takes the nearest one.
 _SEARCH_SHARE = 0.01
 
 

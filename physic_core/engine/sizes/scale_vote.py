@@ -30,7 +30,7 @@ _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
 _SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
 _WRONG_SIGMA = 0.5  # of the logarithm of the scale by a wrong witness
 _LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of a wrong witness, which may state any scale
-# of the logarithm of the scale, if the quantity that all witnesses of a kind share is wrong
+# Sigma of the scale's logarithm if the quantity that all witnesses of a kind share is wrong.
 _SHARED_WRONG_SIGMA = 1.0
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
 _SIGMA_DECIMALS = 6  # the last bits are those of a CPU's exponential function

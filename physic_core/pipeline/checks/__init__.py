@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.pipeline.checks import people, photo  # noqa: F401  # they fill CHECKS
+from physic_core.pipeline.checks import photo  # noqa: F401  # fills CHECKS
+from physic_core.pipeline.checks.people import limb_keypoint_error
 from physic_core.pipeline.checks.spec import (
     CHECKS,
     CheckSpec,
@@ -17,7 +18,7 @@ from physic_core.pipeline.checks.spec import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.checks.trust import no_trust, person_trust, photo_trust
+from physic_core.pipeline.checks.trust import capped, no_trust, person_trust, photo_trust
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 __all__ = [
     "CHECKS",
     "CheckSpec",
+    "capped",
     "failed_checks",
+    "limb_keypoint_error",
     "no_trust",
     "person_trust",
     "photo_trust",

@@ -58,16 +58,13 @@ face, against what the photo shows.
 GUESSED = "darker: guessed, not seen in the photo"
 """What a legend says of the clothes that no photo shows."""
 
-# of what is guessed, towards the light and away from it
-_LIGHT = 0.9
-_DARK = 0.55
+_LIGHT = 0.9  # brightness of guessed skin towards the light
+_DARK = 0.55  # the same away from it
 _HAIR_M = 0.25  # reach of hair around the joint of the head
-# percentile of the colours beside the face: ears and background are mostly lighter than hair
-_DARKER = 35
+_DARKER = 35  # percentile of colours beside the face: ears and background are mostly lighter
 _LEAST_HAIR = 0.02  # least area of hair, as a share of the square of its reach
-# heights over the head's joint, over the forehead and at the neck
-_HAIRLINE_M = 0.115
-_NAPE_M = -0.03
+_HAIRLINE_M = 0.115  # over the head's joint, at the forehead
+_NAPE_M = -0.03  # the same at the neck
 
 
 @dataclass(frozen=True)

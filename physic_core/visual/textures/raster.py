@@ -16,9 +16,8 @@ from scipy.sparse import csr_array
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import read_arrays
 
-# at a time, whose arrays fit into the processor's cache
-_BLOCK = 512  # triangles
-_TEXELS = 32_000
+_BLOCK = 512  # triangles at a time: the arrays fit into the processor's cache
+_TEXELS = 32_000  # texels at a time
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,9 @@ if TYPE_CHECKING:
 
 _MAX_APPARENT_BEND = 0.7  # radians by which a knee of an upright person may seem bent
 _BEND_SHARE = 0.35  # share of it that counts as real
-# of the fit's squared residuals, which uprightness may cost before it is halved
-_ACCEPTED_RISE = 50.0
+_ACCEPTED_RISE = 50.0  # of the fit's squared residuals: a larger cost of uprightness halves it
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
-_LIES = 0.5  # probability, from which on a trunk without legs is not set upright
+_LIES = 0.5  # probability from which on a trunk without legs is not set upright
 _MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
 _ROTATION_SIGMA = {

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 _LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
-# between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04
+# Between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04.
 _LARGEST_GAP = 0.08
 _LEAST_SIZE_PX = 32  # fitted hand; below 30 px fingers are a guess
 

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
 _DEPTH = "depth_anything_v2_vits"
 _LINES = "mlsd_large_512"
-# ranges of the disparity between infinity and the farthest point, so that depth stays finite
-_MIN_GAP = 0.002
+_MIN_GAP = 0.002  # ranges of the disparity from infinity to the farthest point: depth stays finite
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger than its signal
 

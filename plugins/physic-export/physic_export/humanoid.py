@@ -71,9 +71,9 @@ def max_torque(joint: str, mass_kg: float) -> float:
     return STRENGTH_NM_PER_KG[joint.rpartition("_")[2]] * mass_kg
 
 
-# CFR, a third for each of its three joints
+# Degrees (CFR), a third for each of three joints.
 _BACK = (("x", -10.0, 30.0), ("z", -10.0, 10.0), ("y", -10.0, 10.0))
-# CFR, half for each of its two joints
+# Degrees (CFR), half for each of two joints.
 _NECK = (("x", -22.5, 22.5), ("z", -22.5, 22.5), ("y", -40.0, 40.0))
 
 LIMITS: dict[str, tuple[tuple[str, float, float], ...]] = {

@@ -34,34 +34,27 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-# Standard deviations of logarithms, unless stated otherwise.
-# one draw a world
-_FOCAL_BIAS = math.log(1.2)
-_FOCAL_SIGMA = 0.07
-# of the metric depth, besides the error of the focal length or of the bodies' distances
-_METRIC_SIGMA = 0.09
-# of the point map's unit, in both images and in the photo with people alone
-_UNIT_SIGMA = 0.3
-_PHOTO_UNIT_SIGMA = 0.15
-# of a person's depth; above 0 is too far
-_PERSON_BIAS = 0.1
-_PERSON_SIGMA = 0.08
+# Sigmas are standard deviations of logarithms, unless stated otherwise.
+_FOCAL_BIAS = math.log(1.2)  # of the focal length
+_FOCAL_SIGMA = 0.07  # one draw a world
+_METRIC_SIGMA = 0.09  # besides the error of the focal length or of the bodies' distances
+_UNIT_SIGMA = 0.3  # of the point map's unit, in both images
+_PHOTO_UNIT_SIGMA = 0.15  # in the photo with people alone
+_PERSON_BIAS = 0.1  # of a person's depth; above 0 is too far
+_PERSON_SIGMA = 0.08  # of that depth
 _RELIEF_LOST = 0.3  # share of people's relief about their own median depth
 _SMEAR_PX = 2.0  # width of the blur of depth edges, of a photo 640 px wide
-# where an inpainter made the picture up; waves across the longer side
-_HOLE_SIGMA = 0.03
-_HOLE_WAVES = 6.0
-_BUMP_SIGMA = 0.007
-_BUMP_WAVES = 16.0
-_WARP_SIGMA = 0.012
-_WARP_WAVES = 2.0
-# of its own in each of the two images
+_HOLE_SIGMA = 0.03  # where an inpainter made the picture up
+_HOLE_WAVES = 6.0  # across the longer side
+_BUMP_SIGMA = 0.007  # small bumps everywhere
+_BUMP_WAVES = 16.0  # across the longer side
+_WARP_SIGMA = 0.012  # of the whole map
+_WARP_WAVES = 2.0  # across the longer side
 _UP_SIGMA_DEG = 1.5  # of up, in each of two directions
-_DISAGREEMENT_SIGMA = 0.014
-_DISAGREEMENT_WAVES = 3.0
-# of the inverse depth of the farthest surfaces: mean and standard deviation
-_OFFSET_SHARE = 0.6
-_OFFSET_SIGMA = 0.4
+_DISAGREEMENT_SIGMA = 0.014  # of each of the two images alone
+_DISAGREEMENT_WAVES = 3.0  # across the longer side
+_OFFSET_SHARE = 0.6  # mean, of the inverse depth of the farthest surfaces
+_OFFSET_SIGMA = 0.4  # standard deviation, of the same
 _FAR = 0.95  # quantile of the depth of what counts as farthest
 _MOST_OFFSET = 0.95  # of the inverse depth there
 

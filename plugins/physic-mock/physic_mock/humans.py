@@ -43,29 +43,24 @@ _FLIPPABLE = {
 """Joint at the start of a limb segment -> joint at its end."""
 
 
-# Standard deviations, unless stated otherwise.
-# of bones about each axis across the line of sight, and about it
-_LEAN_DEG = 10.0
-_PLANE_DEG = 6.0
+# All are standard deviations, unless stated otherwise.
+_LEAN_DEG = 10.0  # of bones about each axis across the line of sight
+_PLANE_DEG = 6.0  # of bones about the line of sight
 _LIMB_SHARE = 0.5  # of the variance of both, in common for all bones of an arm, a leg or the trunk
-# on both, of trunk, neck and head, and of bones whose end is hidden
-_TRUNK_FACTOR = 0.5
-_HIDDEN_FACTOR = 2.0
-# of the trunk between limbs that stay; factor across the line of sight
-_ROOT_DEG = 6.0
-_ROOT_LEAN_FACTOR = 2.2
+_TRUNK_FACTOR = 0.5  # on both, of trunk, neck and head
+_HIDDEN_FACTOR = 2.0  # on both, of bones whose end is hidden
+_ROOT_DEG = 6.0  # of the trunk between limbs that stay
+_ROOT_LEAN_FACTOR = 2.2  # on it, across the line of sight
 _PERSON_SIGMA = 0.3  # of the logarithm of a person's factor on all of these rotations
-# shares of segments that point towards the camera, not away
-_FLIPPED = 0.06
-_FLIPPED_FOREARMS = 0.15
+_FLIPPED = 0.06  # share of segments that point towards the camera, not away
+_FLIPPED_FOREARMS = 0.15  # the same of forearms
 _SHAPE_SIGMA = 0.4  # of each shape component; those that change the stature less
 _STATURE_SIGMA = 0.045  # of the logarithm of stature over the true one
 _DEPTH_SHARE = 0.5  # of the variance of log distance, common to all people of a photo
 _LATERAL_M = 0.03  # across the line of sight
 _OBSERVED_ERRORS = 0.03  # share of joints whose reported visibility is wrong
-# of finger joints about each axis; share of the hands in sight
-_FINGER_DEG = 10.0
-_MISSED_HANDS = 0.1
+_FINGER_DEG = 10.0  # of finger joints about each axis
+_MISSED_HANDS = 0.1  # share of the hands in sight
 
 
 class BodyOptions(MockOptions):

@@ -32,19 +32,16 @@ _ARM = (
 )
 
 
-# along x and along y, as a share of the larger side of the person's box
-_POINT_SIGMA = 0.016
-_HIDDEN_SIGMA = 0.065
+_POINT_SIGMA = 0.016  # along x and along y, over the larger side of the person's box
+_HIDDEN_SIGMA = 0.065  # the same of hidden points
 _LIMB_SHARE = 0.5  # of the variance, in common for all points of an arm, a leg or the rest
-# degrees of Student's t distribution of the errors, with one scale for each arm, each leg and the
-# rest
+# Degrees of Student's t distribution of the errors, with one scale for each arm, each leg and the
+# rest.
 _FREEDOM = 1.5
-# mean confidence of hidden points, give or take half of it; others have about .9
-_HIDDEN_CONFIDENCE = 0.3
-# shares of hidden points that look sure, and of points in sight that do not
-_OVERCONFIDENT = 0.5
-_UNSURE = 0.15
-# share of the limbs of people whose boxes overlap that are found at the other person's
+_HIDDEN_CONFIDENCE = 0.3  # mean of hidden points, give or take half of it; others have about .9
+_OVERCONFIDENT = 0.5  # share of hidden points that look sure
+_UNSURE = 0.15  # share of points in sight that do not
+# Share of the limbs of people whose boxes overlap that are found at the other person's.
 _NEIGHBOURS_LIMBS = 0.05
 _SWAPPED = 0.02  # share of people's pairs of arms, and of legs, whose left and right are swapped
 

@@ -23,8 +23,7 @@ _RAGGED_PX = 1.2  # how far the masks' borders stray, of a photo 640 px wide
 _MISSED_ENDS = 0.04  # share of hands and feet that the masks miss
 _STRAYS = 0.15  # share of people whose mask takes in a bit of what is beside them
 _MISSED_FLOORS = 0.22  # share of photos whose floor is not found
-# mean number of bits of other things in the floor's mask, and of missing bits of floor
-_SPILLS = 1.5
+_SPILLS = 1.5  # mean number of bits of other things in the floor's mask, and of bits that it lacks
 
 
 class SegmenterOptions(MockOptions):

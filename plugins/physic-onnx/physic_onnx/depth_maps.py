@@ -144,8 +144,7 @@ def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) 
     )
 
 
-# ranges of the disparity between infinity and the farthest point, so that depth stays finite
-_LEAST_GAP = 0.002
+_LEAST_GAP = 0.002  # ranges of the disparity to the farthest point: depth stays finite
 _SKY = 0.004  # ranges of the disparity
 
 

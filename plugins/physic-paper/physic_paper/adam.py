@@ -25,8 +25,7 @@ from physic_core.engine.joint.optimiser import (
 )
 from physic_core.types.bounds import Count, Positive, PositiveCount
 
-# restarts with a tenth of the learning rate, for people whose energy has only increased
-_RATE_CUTS = 2
+_RATE_CUTS = 2  # restarts at a tenth of the rate, for people whose energy has only increased
 
 
 @dataclass(frozen=True)

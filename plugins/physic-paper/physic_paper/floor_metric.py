@@ -10,10 +10,9 @@ from torch import Tensor
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 
-# As released; the paper only names RANSAC.
-_TOLERANCE_M = 0.01
+_TOLERANCE_M = 0.01  # as released; the paper only names RANSAC
 _MIN_NORMAL_COSINE = math.cos(math.radians(30.0))  # of an inlier
-_HYPOTHESES = 200
+_HYPOTHESES = 200  # as released
 MIN_INLIER_SHARE = 0.0
 """An accepted floor has a larger inlier share."""
 

@@ -35,8 +35,7 @@ from physic_paper.terms.point_penetration import PointPenetrationSettings, Point
 from physic_paper.terms.printed_regularisation import ParameterPriorTerm
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confidence_weights
 
-# long side of PROX's images, which define the scale of its robust reprojection loss
-_FULL_HD_PX = 1920
+_FULL_HD_PX = 1920  # long side of PROX's images, which define its robust reprojection loss
 _REPROJECTION_SCALE_PX = 100.0
 _SEARCH_RADIUS_M = 0.5  # search radius of contact and penetration
 _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact

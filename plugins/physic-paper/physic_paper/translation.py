@@ -19,9 +19,9 @@ from physic_core.engine.placement.terms import (
     gauss_newton,
 )
 
-# Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _ADAM_STEPS = 30
 _LEARNING_RATE = 1e-2
+# Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _LBFGS_STEPS = 2
 _LBFGS_INNER = 15
 _LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step diverges on the released energy

@@ -135,7 +135,7 @@ def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
     Raises:
         InputError: a photo cannot be read, which is known before the first one is reconstructed.
     """
-    from physic_core.io.photo import read_photo
+    from physic_core import read_photo
 
     found = [read_photo(path) for path in photos]
     sizes = [photo.file_size or (photo.image.shape[1], photo.image.shape[0]) for photo in found]

@@ -118,8 +118,8 @@ class ViewsPlacement(PlacementMethod):
         return bool(self.views.placed[person.row])
 
 
-# least mean probability of a vertex in contact; of four worlds with four views, 0.4 has the best
-# F1, 0.35 has 0.01 less
+# Least mean probability of a vertex in contact: of four worlds with four views, 0.4 has the best
+# F1, and 0.35 has 0.01 less.
 _THRESHOLD = 0.4
 
 

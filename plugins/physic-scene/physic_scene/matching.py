@@ -54,7 +54,7 @@ _TURN_DEG = 25.0
 share of the distance, and of turns.
 """
 _GUESSES = 8  # pairs of people of two photos that give a motion, the likeliest first
-# each answer starts near
+# Each answer starts near the solution.
 _QUICK = replace(SOLVED_CAMERAS, rounds=SOLVED_CAMERAS.rounds[1:], steps=10)
 
 Pairs = tuple[tuple[int, int], ...]

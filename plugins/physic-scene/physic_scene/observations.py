@@ -28,9 +28,8 @@ COLOUR_GROUPS = (
 )
 """Body parts with clothes, whose mean colours are compared."""
 
-# standard deviations of log(focal length)
-_KNOWN_FOCAL = 0.003
-_GUESSED_FOCAL = 0.25
+_KNOWN_FOCAL = 0.003  # sigma of log(focal length)
+_GUESSED_FOCAL = 0.25  # sigma of log(focal length)
 
 _FEWEST_PIXELS = 12  # of a body part, for its colour
 

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from physic_scene.solution import SolvedScene
 
 
-# distance of two people who may be one, as a share of their distance from the cameras
-_SAME_PLACE = 0.3
+_SAME_PLACE = 0.3  # distance of two people who may be one, over their distance from the cameras
 
 
 @dataclass(frozen=True)

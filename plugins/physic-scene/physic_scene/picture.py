@@ -17,10 +17,9 @@ from physic_core.visual.views import PAGE_RGB, build_preview_geometry
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-# px of a photo, around it, and of its name
-_HEIGHT = 440
-_MARGIN = 24
-_TITLE = 30
+_HEIGHT = 440  # px, of a photo
+_MARGIN = 24  # px, around it
+_TITLE = 30  # px, of its name
 
 
 def photos_png(scene: SceneResult) -> bytes:

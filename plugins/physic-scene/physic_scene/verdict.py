@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.pipeline.checks.people import limb_keypoint_error
-from physic_core.pipeline.checks.spec import CheckSpec
-from physic_core.pipeline.checks.trust import capped
+from physic_core.pipeline.checks import CheckSpec, capped, limb_keypoint_error
 from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 
@@ -50,9 +48,9 @@ _CHECKS = {
         CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
     )
 }
-# least share of a person's keypoints in the frame of a photo that should show the person
+# Least share of a person's keypoints in the frame of a photo that should show the person.
 _INSIDE = 0.9
-# least distance from other people of a place that counts as empty, as a share of the stature in px
+# Least distance from other people of an empty place, in statures in px.
 _NOBODY = 0.4
 _NEAREST_M = 0.5  # of a person whom a photo may show
 

@@ -19,7 +19,7 @@ from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
-# about 2 s of one core and 10 MB for two people; not ply (46 MB) and obj
+# About 2 s of a core and 10 MB for two people; not ply (46 MB) or obj.
 _EXPORTS = ("glb", "bvh", "usd", "mjcf")
 
 

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-from physic_core.cli.config import toml_value
 from physic_core.cli.listing import describe_schema
+from physic_core.cli.output import toml_value
 from physic_core.configuration.model import load_config, settings_model, stage_models
 from physic_core.discovery.backends import find_backend, load_class
 from physic_core.errors import BackendError

@@ -37,9 +37,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
 
-# px that GroundingDINO was trained with
-_SHORT = 800
-_LONG = 1333
+_SHORT = 800  # px, as GroundingDINO was trained
+_LONG = 1333  # px
 _BOXES_PER_CALL = 16  # boxes a call of the mask decoder
 
 

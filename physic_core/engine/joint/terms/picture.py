@@ -136,7 +136,7 @@ _DEPTH_OUTLIER_SIGMAS = 2.0
 # With a free depth offset only the relief of a person counts, which networks estimate less reliably
 # than the distance.
 _RELIEF_SHARE = 2.0 / 15.0
-# of the stature in px; nearer to the silhouette, the depth often belongs to the background
+# Distance from the silhouette, statures in px: nearer, the depth often belongs to the background.
 _EDGE_SHARE = 0.005
 
 

@@ -184,7 +184,7 @@ class ContactTerm(SurfaceTerm):
 _PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
 _PLANE_OUTLIER_SIGMAS = 2.0
 _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
-# people with deeper vertices get no weight on invisible limbs: leg pose or floor is wrong
+# Invisible limbs of people with deeper vertices have no weight: leg pose or floor is wrong.
 _MAX_FLOOR_DEPTH_M = 0.2
 
 
@@ -238,8 +238,7 @@ class FloorTerm(SurfaceTerm):
 
 
 _LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
-# a foot more than about 3 cm over the floor is an outlier
-_SOLE_SIGMA_M = 0.015
+_SOLE_SIGMA_M = 0.015  # a foot more than about 3 cm over the floor is an outlier
 _SOLE_OUTLIER_SIGMAS = 2.0
 _LOWER_SIGMA_M = 0.04
 _LOWER_OUTLIER_SIGMAS = 2.0

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from physic_core.body.motions import PointMotions
     from physic_embedded.body_fit.problem import FitProblem
 
-# of an unknown, between the two gradients whose difference is a row of the Hessian
-_STEP_SIZE = 1e-5
+_STEP_SIZE = 1e-5  # of an unknown: the difference of two gradients is a row of the Hessian
 
 
 def loss_and_gradient(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor]:

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-# radians that the starts without landmarks are turned away from facing the camera
-_YAWS = (0.0, 1.57, 3.14, -1.57)
+_YAWS = (0.0, 1.57, 3.14, -1.57)  # radians from facing the camera, of starts without landmarks
 _SIT = {"hip": -1.4, "knee": 1.4}
 
 

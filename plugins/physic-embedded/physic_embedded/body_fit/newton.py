@@ -22,10 +22,9 @@ _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100
 _KEEP_HESSIAN = 0.3  # a Hessian is reused while each step is at most this share of the previous one
 _ROUNDING = 1e-12  # share of the loss by which rounding may seem to raise it
-# factors on the damping after a failed and a successful step; smaller damping is 0
-_DAMPING_UP = 10.0
-_DAMPING_DOWN = 0.1
-_MIN_DAMPING = 0.01
+_DAMPING_UP = 10.0  # factor on the damping after a failed step
+_DAMPING_DOWN = 0.1  # the same after a successful one
+_MIN_DAMPING = 0.01  # smaller damping is 0
 
 Derivatives = Callable[["FitProblem", "Tensor"], tuple["Tensor", "Tensor", "Tensor"]]
 

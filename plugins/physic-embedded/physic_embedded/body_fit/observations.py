@@ -30,9 +30,8 @@ SIZE_STATURE_M = 1.72
 
 
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
-# a keypoint of less confidence keeps this share of its 2D weight
-_UNSEEN = 0.3
-_UNSEEN_WEIGHT = 0.1
+_UNSEEN = 0.3  # confidence below which a keypoint counts as hidden
+_UNSEEN_WEIGHT = 0.1  # share of its 2D weight that it keeps
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 LEAST_WORLD_WEIGHT = 0.15
 """Least weight of a 3D landmark."""

@@ -108,10 +108,9 @@ class FloorConstraint:
 NUM_TURNED = 22
 """Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
 
-# Steps of one unit of the whitened unknowns.
-_ROOT_STEP = 0.2
-_LOG_Z_STEP = 0.05
-_SIDE_STEP = 0.01
+_ROOT_STEP = 0.2  # radians of one unit of the whitened unknowns
+_LOG_Z_STEP = 0.05  # logarithm of the depth, of one unit
+_SIDE_STEP = 0.01  # share of the depth, across the line of sight, of one unit
 _HINGE_WEIGHT = 12.0
 _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point

@@ -40,9 +40,8 @@ _RIM = 0.01  # sizes of the person by which masks are too small
 _REACH = 0.12  # sizes of the person; outlines farther apart belong to other objects
 _SAME_DIRECTION = 0.6  # least cosine between the outlines' normals
 _NEARER = 0.95  # of the person's depth; what is nearer hides the person
-# confidence of a keypoint, and share of these that a usable mask holds
-_SEEN = 0.5
-_FEWEST_SEEN = 0.7
+_SEEN = 0.5  # least confidence of a keypoint
+_FEWEST_SEEN = 0.7  # share of these that a usable mask holds
 _CLOSE = 0.03  # sizes of the person between a keypoint and the mask that holds it
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 _ENCODED = "out_cast_fp16"  # output of the encoder: the class token, then one of each patch
 _PATCH = 14  # px, side of the vision transformer's patches
-# patches; a photo that is longer by less is shrunk instead of getting one more row or column of
-# them
+# Patches: a photo that is longer by less is shrunk, and gets no further row or column of them.
 _OVERHANG = 0.1
 TOKENS = TokensOfPasses()
 """Tokens of passes for a depth map, until the observer of the same photo reads them."""

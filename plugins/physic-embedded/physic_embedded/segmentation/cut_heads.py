@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
-# of blazepose33
+# Points of blazepose33.
 _HEAD = slice(0, 11)
 _SHOULDERS = slice(11, 13)
 _HIPS = slice(23, 25)

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
 _LABELLED_SHARE = 0.02  # of the picture; a smaller labelled floor is ignored
 _LABELLED_INLIERS = 0.4  # of the labelled pixels; a floor with fewer is looked for anywhere
-# of an inlier; from the top of the picture to its bottom: ranges of the disparity
-_TOLERANCE = 0.012
-_LEAST_RISE = 0.05
+_TOLERANCE = 0.012  # of an inlier, ranges of the disparity
+_LEAST_RISE = 0.05  # from the top of the picture to its bottom, ranges
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-# Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the
-# network puts the sky; indoors below the farthest pixel: .17 to 1.9 in 18 pictures of four rooms
+# Median in ranges of the map, and sigma of its logarithm. Outdoors infinity lies below 0, where the
+# network puts the sky; indoors below the farthest pixel, by .17 to 1.9 in 18 pictures of four rooms
 # with people and measured geometry, and .8, 1, 1 and 2.5 in four scenes without people.
 _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.65, 0.85)
-_CANDIDATES = (0.003, 6.0, 120)
+_CANDIDATES = (0.003, 6.0, 120)  # least and most ranges, and number
 _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
 _FLAT = 0.6  # share of grounds to the horizon that are no steeper in the map nearby
 _LABELS = 4.0  # log odds of outdoors where all labels are of outdoors

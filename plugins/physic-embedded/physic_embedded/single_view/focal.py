@@ -22,12 +22,10 @@ DEFAULT_FOCAL_SIGMA = 0.25
 sides.
 """
 
-# focal lengths searched, in long sides: 2.5 to 3.8 standard deviations from .85
-_GRID = np.geomspace(0.45, 2.2, 24)
+_GRID = np.geomspace(0.45, 2.2, 24)  # focal lengths in long sides: 2.5 to 3.8 sigmas from .85
 _VANISHING_POINTS = 5  # from which frames are looked for
-# of the grid of vanishing points, from the optical axis
-_OFF_AXIS = np.radians(np.linspace(0, 90, 31))
-_AROUND = np.radians(np.arange(1.5, 360, 3))
+_OFF_AXIS = np.radians(np.linspace(0, 90, 31))  # of the grid of vanishing points
+_AROUND = np.radians(np.arange(1.5, 360, 3))  # the same about the optical axis
 _TURNS = np.radians(np.arange(0.0, 90.0, 4.5))  # of frames about their first axis
 _STARTS = 3  # frames that are refined for each focal length
 _REFINEMENTS = 8
@@ -36,16 +34,11 @@ _MIN_SEGMENTS = 12
 _BEND = np.radians(1.0)  # standard deviation of edges from the three directions
 _END_SIGMA = 0.0016  # of a detected end point, long sides: 2 px of 1280
 _OUTLIERS = 0.4  # share of segments of any direction
-# segments closer than this, in angle and long sides, lie on one line
-_ONE_LINE = (np.radians(2.0), 0.01)
-# share of lines explained where few edges are orthogonal, times the root of their number: at most
-_BY_CHANCE = 3.5
-# 3.4 in 10 photos of a dome (panoptic) and their crops; another set of that dome (roundtable)
-# reaches 4.6
-# independent observations a line: .5 scores worse on roundtable, and mirrored photos differ by
-# twice as
+_ONE_LINE = (np.radians(2.0), 0.01)  # angle and long sides: closer segments lie on one line
+_BY_CHANCE = 3.5  # 3.4 in 10 photos of one dome (panoptic), 4.6 in another set of it (roundtable)
+# Independent observations a line. With .5 roundtable scores worse, and mirrored photos differ by
+# twice as much; 30 random photos differ from their mirror images by .5 sigma (95 %).
 _TEMPER = 0.25
-# much; 30 random photos differ from their mirror images by .5 sigma (95 %)
 
 
 @dataclass(frozen=True)

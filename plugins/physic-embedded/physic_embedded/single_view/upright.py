@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
 
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
-# of a body that stands, in the picture, where limbs that point towards the camera look straight
+# Of a body that stands, in the picture, where limbs that point towards the camera look straight.
 _MAX_BEND_DEG = 25.0
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
 _SIDE = 160  # px, long side of the grid on which walls are looked at

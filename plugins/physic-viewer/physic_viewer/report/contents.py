@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import CheckResult, Reconstruction, StageRecord
 
-# longer sides of the pictures in the page
-_PHOTO_PX = 1600
-_BACKGROUND_PX = 1280
+_PHOTO_PX = 1600  # longer side of a photo in the page
+_BACKGROUND_PX = 1280  # of a backdrop
 
 
 def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyContact, Person, Reconstruction
 
-# vertices of all people between which gaps are measured; of a crowd, every n-th
+# Vertices of all people between which gaps are measured; of a crowd, every n-th.
 _MAX_COMPARED = 120_000
 _PELVIS = 0
 _SPARSE = 32  # every n-th vertex bounds the distance of two people

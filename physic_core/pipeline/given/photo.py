@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Move = Callable[[FloatArray], FloatArray]
 
 _EDGE_POINTS = 9  # along each side of a box
-# relative difference of width and height of a picture by the principal point in its centre
+# Relative difference of width and height of a picture by the principal point in its centre.
 _SAME_CENTRE = 0.03
 _OTHER_SIZE = 0.1  # relative difference of its size from the photo's that no lens explains
 

@@ -1,4 +1,4 @@
-"""People whom the user chose or knows: select them, assign statures and ages, correct keypoints."""
+"""Keypoints that the user gives in place of detected ones."""
 
 from __future__ import annotations
 
@@ -8,25 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou, boxes_from_masks
-from physic_core.errors import ConfigError, InputError, NoPersonError
+from physic_core.errors import InputError
 from physic_core.metrics.matching import assign
-from physic_core.types.arrays import select_people
-from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import keypoint_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core.io.keypoint_file import GivenKeypoints
-    from physic_core.types import (
-        BoolArray,
-        FloatArray,
-        Keypoints,
-        KnownSizes,
-        People,
-        PeoplePrompt,
-    )
+    from physic_core.types import BoolArray, FloatArray, Keypoints, People
 
 _BEYOND = {
     "wrist": ("pinky", "index", "middle", "ring", "thumb", "hand"),
@@ -52,66 +42,6 @@ too.
 """
 _CONFIDENT = 0.5
 """Least confidence of a detected keypoint that can contradict a given one."""
-_MIN_BOX_IOU = 0.3
-"""Minimum overlap of a detected person's box with the user's box to be the same person."""
-_MIN_MASK_IOU = 0.5
-"""Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
-
-
-def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> KnownPeople:
-    """Return the known stature, metres, and age, years, of each of N people, NaN where unknown.
-
-    Args:
-        known: its statures and ages are in the order of the people if the user chose them,
-            otherwise from left to right.
-        people: found by the segmenter.
-        chosen: whether the user chose the people.
-
-    Raises:
-        ConfigError: there are several statures or ages, but not one per person.
-    """
-    years = _per_person(known.age, "age", people, chosen=chosen)
-    return KnownPeople(years, _per_person(known.stature, "stature", people, chosen=chosen))
-
-
-def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tuple[str, ...]:
-    """Return a note for statures and for ages given from left to right, since people are numbered
-    otherwise.
-    """
-    boxes = np.asarray(people.boxes, np.float64)
-    order = np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable").tolist()
-    lists = (("statures", known.stature, found.stature, " m"), ("ages", known.age, found.years, ""))
-
-    def each(values: FloatArray, unit: str) -> str:
-        return ", ".join(
-            f"person {i} {f'{values[i]:g}{unit}' if values[i] > 0 else 'unknown'}" for i in order
-        )
-
-    return tuple(
-        f"the {name}, from left to right: {each(values, unit)}"
-        for name, given, values, unit in lists
-        if len(given) > 1 and values is not None
-    )
-
-
-def _per_person(
-    given: tuple[float, ...], name: str, people: People, *, chosen: bool
-) -> FloatArray | None:
-    if not any(given):
-        return None
-    count = len(people)
-    if len(given) > 1 and len(given) != count:
-        raise ConfigError(
-            f"{len(given)} {name}s were given, but {count} "
-            f"{'person was' if count == 1 else 'people were'} found: give "
-            f"one {name} for all, or one per person from left to right with 0 where it is unknown"
-        )
-    values = np.array(given * count if len(given) == 1 else given, np.float64)
-    boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
-    order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
-    found = np.full(count, np.nan)
-    found[order] = np.where(values > 0, values, np.nan)
-    return found
 
 
 def corrected_keypoints(
@@ -322,134 +252,3 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
         f"person was found there"
     )
     return rows, (note,) if lost else ()
-
-
-def select_chosen(people: People, prompt: PeoplePrompt) -> People:
-    """Return the people whom the prompts hit, in the order of the prompts, with the given masks
-    unchanged.
-
-    Args:
-        people: all people whom the segmenter found, (N, H, W) masks.
-        prompt: in px of the same image.
-
-    Raises:
-        NoPersonError: no person is at a point or box, or two prompts select the same person.
-    """
-    rows = _rows_at(people, prompt)
-    for i, row in enumerate(rows):
-        if row in rows[:i]:
-            first = prompt.describe(rows.index(row))
-            second = prompt.describe(i)
-            raise NoPersonError(
-                f"{first} and {second} hit the same person: give one prompt for each person, or a "
-                f"box or mask where "
-                "people overlap"
-            )
-    chosen = people.masks[rows]
-    masks = chosen
-    scores = people.scores[rows]
-    keypoints = _rows(people.keypoints, rows)
-    if prompt.masks is not None:
-        matches = [_best_match(mask, people.masks) for mask in prompt.masks]
-        masks = np.concatenate([chosen & ~prompt.masks.any(0), prompt.masks])
-        # The user is sure of a mask.
-        scores = np.concatenate([scores, np.ones(len(prompt.masks), scores.dtype)])
-        keypoints = _rows(people.keypoints, [*rows, *(m for m in matches if m is not None)])
-        if None in matches:
-            keypoints = None  # the keypoint detector finds those of all people
-    hidden = np.flatnonzero(~masks.any((1, 2)))
-    if len(hidden):
-        raise NoPersonError(
-            f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it"
-        )
-    floor = None if people.floor is None else people.floor & ~masks.any(0)
-    boxes = boxes_from_masks(masks).astype(np.float32)
-    return replace(
-        people,
-        masks=masks,
-        boxes=boxes,
-        scores=scores,
-        floor=floor,
-        keypoints=keypoints,
-        heads=None,
-    )
-
-
-def ignored_people(people: People, prompt: PeoplePrompt) -> BoolArray:
-    """Return which people (N,) bool the user leaves out.
-
-    Raises:
-        NoPersonError: no person is at a point, box or mask.
-    """
-    rows = _rows_at(people, prompt)
-    masks = () if prompt.masks is None else prompt.masks
-    rows += [
-        _required(_best_match(mask, people.masks), prompt, i, people)
-        for i, mask in enumerate(masks, len(rows))
-    ]
-    return np.isin(np.arange(len(people)), rows)
-
-
-def _rows_at(people: People, prompt: PeoplePrompt) -> list[int]:
-    """Return the rows of the people at the points and boxes of a prompt."""
-    rows = [
-        _required(person_at_point(people, p), prompt, i, people)
-        for i, p in enumerate(prompt.points)
-    ]
-    return rows + [
-        _required(person_in_box(people, b), prompt, i, people)
-        for i, b in enumerate(prompt.boxes, len(rows))
-    ]
-
-
-def person_at_point(people: People, point: tuple[float, float]) -> int | None:
-    """Return the person whose mask contains a pixel x, y; otherwise the one with the smallest box
-    around it, or None.
-    """
-    x, y = point
-    on_mask = np.flatnonzero(people.masks[:, round(y), round(x)])
-    if len(on_mask):
-        return int(on_mask[0])
-    x0, y0, x1, y1 = people.boxes.T
-    inside = np.flatnonzero((x0 - 0.5 <= x) & (x < x1 - 0.5) & (y0 - 0.5 <= y) & (y < y1 - 0.5))
-    area = (x1 - x0) * (y1 - y0)
-    return int(inside[area[inside].argmin()]) if len(inside) else None
-
-
-def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
-    """Return the person whose box has the largest intersection over union with a box; None below
-    ``_MIN_BOX_IOU``.
-    """
-    if not len(people):
-        return None
-    overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
-    best = int(overlap.argmax())
-    return best if overlap[best] >= _MIN_BOX_IOU else None
-
-
-def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People) -> int:
-    if row is None:
-        height, width = people.masks.shape[1:]
-        boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
-        found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
-        raise NoPersonError(
-            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
-            f"{height} px; {found}: "
-            "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
-        )
-    return row
-
-
-def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
-    """Return the row of the mask with the largest intersection over union; None below
-    ``_MIN_MASK_IOU``.
-    """
-    if not len(masks):
-        return None
-    overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))
-    best = int(overlap.argmax())
-    return best if overlap[best] >= _MIN_MASK_IOU else None
-
-
-def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:
-    return None if keypoints is None else select_people(keypoints, np.array(rows, int))

@@ -1,5 +1,6 @@
-"""The commands ``physic compare``, of two results or folders of results, ``physic report``, their
-pages, and ``physic export``, a result in the format of another program.
+"""The commands on saved results: ``physic compare`` of two results or folders of results,
+``physic report`` (the page), ``physic export`` (the format of another program), and ``physic show``
+(the summary).
 """
 
 from __future__ import annotations
@@ -304,3 +305,20 @@ def export(
             echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
     for folder, count in below.items():
         echo(f"{folder}/  (files: {count})")
+
+
+@click.command()
+@click.argument("out", type=ResultPath())
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Also print the time of each stage, and each check that is not ok.",
+)
+def show(out: Path, verbose: bool) -> None:
+    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its
+    end.
+    """
+    from physic_core.cli.result_summary import print_summary
+
+    print_summary(out, verbose=verbose)

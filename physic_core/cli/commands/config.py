@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,26 +13,10 @@ import click
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.exit_codes import USAGE, WEIGHTS
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.output import echo
+from physic_core.cli.output import echo, toml_value
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-
-
-def toml_value(value: Any) -> str:
-    """Format a bool, number, text, list or dictionary as TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(toml_value, value))}]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
-    text = json.dumps(value, ensure_ascii=False)
-    # A path that is not UTF-8 has surrogates, which TOML cannot express and a terminal cannot
-    # print.
-    return text.encode(errors="backslashreplace").decode()
 
 
 @click.group(cls=ExtensibleGroup, path="config")
