@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -212,7 +212,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     if (carried := estimates.stance.carried) is not None and carried.rides[person]:
         return None, "people who ride may lean"
     floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
-    parts = ["trunk"]
+    parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
     part = max((lean_deg(joints, floor, of)[1] for of in parts), key=abs)
