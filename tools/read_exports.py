@@ -154,7 +154,6 @@ def read_mujoco() -> Arrived:
 
     model = mujoco.MjModel.from_xml_path("mujoco.xml")
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
     mujoco.mj_forward(model, data)
     hinges = sum(model.joint(i).name.startswith("person_0_") for i in range(model.njnt)) - 1
     mass = model.body_subtreemass[model.body("person_0").id]
