@@ -20,7 +20,7 @@ from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.photo import encode_image
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
-from physic_export.skeleton import bone_names, t_pose
+from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
@@ -124,8 +124,9 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
     pictures = skins.pictures()
     notes = list(skins.notes)
     try:
-        names = bone_names(str(request.options["names"]))
-        rigged = {index: replace(rig, names=names) for index, rig in rigs(request)}
+        style = str(request.options["names"])
+        up = request.frame.up_vector
+        rigged = {index: named_rig(rig, style, up) for index, rig in rigs(request)}
     except PhysicError as error:
         rigged = {}
         notes.append(f"the bodies have no skeleton: {error}")
