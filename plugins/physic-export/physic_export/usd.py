@@ -117,7 +117,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
     Scene, floor and people are static colliders, exact or, for people, by their convex
     decomposition.
     """
-    from pxr import Usd, UsdGeom, UsdUtils
+    from pxr import Usd, UsdGeom, UsdUtils, Vt
 
     frame = request.frame
     skins = skins_of(request)
@@ -142,11 +142,11 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         stage.SetStartTimeCode(1)
         stage.SetEndTimeCode(1)
         stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
-        legend = {
-            name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}"
+        legend = [
+            f"{name}: sRGB {rgb[0]} {rgb[1]} {rgb[2]}"  # names have blanks: no keys of a dictionary
             for name, rgb in contact_legend(request.result).items()
-        }
-        stage.SetMetadata("customLayerData", {"contact_colors": legend})
+        ]
+        stage.SetMetadata("customLayerData", {"contact_colors": Vt.StringArray(legend)})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
         for index, mesh in zip(request.people, person_meshes(request, skins), strict=True):
