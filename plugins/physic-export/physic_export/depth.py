@@ -48,7 +48,7 @@ def export_depth(request: ExportRequest) -> ExportedFiles:
         "pixel",
         "depth": {"file": main, "unit_m": UNIT_M, "unknown": 0, "along": "z"},
         "photo": photo,
-        "masks": dict(zip(map(str, request.people), masks, strict=True)),
+        "masks": dict(zip(map(str, request.person), masks, strict=True)),
     }
     text = json.dumps(document, indent=2) + "\n"
     pictures = {main: depth, photo: encode_image(request.result.image, "JPEG"), **masks}
