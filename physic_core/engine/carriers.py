@@ -23,12 +23,12 @@ RIDDEN = ("bicycle", "motorcycle", "horse")
 NOTHING = -1
 """Entry of :class:`Carried` for a person without a carrier."""
 
-# Shares of the length from shoulders to hips in the picture. Set on 52 labelled photos with such
-# boxes; no other photos have tested them.
+# Set on 52 labelled photos with such boxes; no other photos have tested them. The unit is the
+# length from shoulders to hips in the picture.
 _ABOVE = 0.5  # hips over the upper edge of what a person rides
 _BELOW = 0.5  # least height of its box below the hips
-_BESIDE_HIPS = 0.2
-_BESIDE_FEET = 0.3
+_BESIDE_HIPS = 0.2  # reach beside the hips in which a person rides a box
+_BESIDE_FEET = 0.3  # reach beside the feet in which a board carries a person
 
 
 @dataclass(frozen=True)

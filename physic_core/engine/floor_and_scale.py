@@ -82,28 +82,26 @@ RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "water", "sky")
 
-# The ground beside soles, as shares of the height of a person's mask and of the photo's long side.
-_BESIDE_SOLES = 0.12
-_BESIDE_SOLES_PHOTO = 0.02
+_BESIDE_SOLES = 0.12  # of the height of a person's mask: reach of the ground beside soles
+_BESIDE_SOLES_PHOTO = 0.02  # of the photo's long side, added to it
 _FORESHORTENED = 0.6  # height over width of the window
-_FEWEST_PIXELS = 10
+_FEWEST_PIXELS = 10  # of that ground
 _ON_FLOOR = 0.9  # of people who stand; 18 of 185 in photos stand on something else
 _ON_FLOOR_AMONG_RAISED = 0.4  # of those whose soles are beside what can carry them
 
-# Standard deviations of the logarithm of a scale, beside those of a stature and of people's depth
-# in the map. On ten photos with measured camera heights, the camera's height over the floor is off
-# by .12 by soles, by .1 by torsos (rms).
+# Sigmas of a scale's logarithm, beside those of a stature and of people's depth in the map. On ten
+# photos with measured camera heights the height over the floor is off by .12 by soles, and by .1 by
+# torsos (rms).
 _SOLE_SIGMA = 0.05  # one person's soles
 _FLOOR_SIGMA = 0.06  # the floor, shared by all
 _TORSO_SIGMA = 0.1  # one torso
 _PEOPLE_SIGMA = 0.12  # people in the map, shared by all
-_TORSO_SURE = 0.9  # probability that a torso is right
-_CAMERA_SURE = 0.9  # probability that the camera's usual height is right
-_PEOPLE_WRONG = 0.15  # share of photos in which all people are far from the scene's depth
+_TORSO_SURE = 0.9  # probability that a torso's scale is right
+_CAMERA_SURE = 0.9  # probability that a usual camera height is right
+_PEOPLE_WRONG = 0.15  # share of photos in which all people's depth is far from the scene's
 _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
-# for each person whose soles are seen, if there is no floor that they may stand on
-_NOT_ON_PLANE_NATS = -1.2
+_NOT_ON_PLANE_NATS = -1.2  # of a person with visible soles, without a floor to stand on
 _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note

@@ -38,20 +38,19 @@ _DRAWN = 1500  # pixels
 _REFITS = 5
 _SEED = 0
 
-# Depth of the body before the plane, logarithm: half-normal if it lies on it, exponential if not.
-# Of 75 people who stand or sit in photos, all three gaps of none are below .25 where most of the
-# background at head and feet is on the plane.
-_GAP_LYING = 0.1
+# Gap: logarithm of the depth of the plane over that of the body before it; half-normal if the body
+# lies on it, exponential if not. Of 75 people who stand or sit in photos, all three gaps of none
+# are below .25 where most of the background at head and feet is on the plane.
+_GAP_LYING = 0.1  # sigma
 _GAP_WRONG = 0.05  # share of people who lie and whose depth is wrong
-_GAP_STANDING = 0.6
+_GAP_STANDING = 0.6  # mean
 _FAR_OFF = 1.0  # larger gaps add no evidence
 _LEAST_DENSITY = 0.1  # of the share on the plane
 _MOST_NATS = 4.0  # of one person
 _UNLABELLED = 0.3  # share of the background with the label of a bed or rug that doubles the odds
-# Share of it with the label of a wall, beyond what a bed seen from above has (.2), and its price:
-# around people who stand at walls it is .9 to 1. Set on two photos of these and one of a bed.
-_USUAL_WALL = 0.3
-_WALL_NATS = 6.0
+# Set on two photos of people who stand at walls, with shares of .9 to 1, and one of a bed.
+_USUAL_WALL = 0.3  # share of the background with the label of a wall, around a bed seen from above
+_WALL_NATS = 6.0  # price of all of the background beyond it
 
 
 @dataclass(frozen=True)

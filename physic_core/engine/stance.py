@@ -39,7 +39,7 @@ _MOST_TRUNKS = 1.0  # largest height difference of feet that counts
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
 _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
-# of the height of a person's mask: background around a foot, where both maps must agree
+# Of the height of a person's mask: background around a foot, where both maps must agree.
 _RING_SHARE = 0.1
 _MARGIN_PX = 3  # between people and background; depth maps are blurred at outlines
 _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
@@ -47,9 +47,8 @@ _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people o
 
 _ON_FLOOR_SHARE = 0.95  # of feet that touch something; the others are on seats and steps
 _FURNITURE_SHARE = 0.4  # of feet among seats and tables that stand on the floor all the same
-# mean and spread of the gap behind feet
-_GAP_STANDING = (0.02, 0.05)
-_GAP_IN_AIR = (0.2, 0.15)
+_GAP_STANDING = (0.02, 0.05)  # mean and sigma of the gap behind a foot that stands
+_GAP_IN_AIR = (0.2, 0.15)  # the same behind a foot in the air
 _MAP_WRONG = 0.05  # share of people whose depth in the photo is wrong
 _WRONG_GAPS = 6.0  # range of their gaps
 

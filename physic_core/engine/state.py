@@ -13,7 +13,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.engine.limbs import observed_parts
-from physic_core.engine.scene.state import SceneState, Surroundings
+from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.engine.stance import Stance

@@ -290,7 +290,7 @@ def build_glb(
         nodes += _add_scene(glb, background, request)
         nodes += _add_floor(glb, background, request)
         nodes += _add_assumed(glb, request)
-    for index in request.people:
+    for index in request.person:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
@@ -301,7 +301,7 @@ def build_glb(
         "contact": "vertex attribute _CONTACT: 1 in contact, 0 not",
         "contact_colors": contact_legend(result),
     }
-    if look is add_dressed and request.people:
+    if look is add_dressed and request.person:
         extras["colors_of_people"] = f"those of the photo; {GUESSED}"
         if has_faint_contact(result):
             extras["contact_variant"] = FAINT
@@ -531,7 +531,7 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     look = Appearance(_glass("assumed", CONTACT_PALETTE["hidden support"], _ASSUMED_OPACITY))
     nodes = []
     for one in assumed_supports(request.result):
-        if one.person in request.people:
+        if one.person in request.person:
             corners = transform_points(request.frame.from_camera, one.vertices)[SLAB_FACES].reshape(
                 -1, 3
             )

@@ -176,7 +176,7 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
 
 def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
     """Return index and rig of the people of a request."""
-    if not request.people:
+    if not request.person:
         return []
     body = body_of_result(request.result, request.body_file)
     with limited_blas():

@@ -14,7 +14,7 @@ import trimesh
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import State
 from physic_core.geometry.camera import project
 from physic_core.geometry.floor import PlaneFit

@@ -5,8 +5,9 @@ lets be the rest.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
+import numpy as np
 import pytest
 import roma
 import torch
@@ -14,9 +15,11 @@ from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import lowest_height
+from physic_core.engine.stance import Stance
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation
@@ -218,6 +221,29 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
         assert fine_terms[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.02), name
 
 
+def energy_with_all(stage, settings):
+    """The energy of people, box, floor, depth, stated leans and views, beside its start."""
+    leaning = moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05)
+    views = tuple(view_of(stage, turn) for turn in (40.0, 120.0)) if settings is SETTINGS else ()
+    stance = replace(Stance.unknown(2), stands=np.array([[0.9, 0.5], [0.6, 0.0]]))
+    lean = torch.tensor([0.05, 0.1])
+    state = in_float64(replace(leaning, lean_sigma=lean, stance=stance, views=views))
+    # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
+    energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
+    here = energy.variables.pack()
+    size = 1e-3 if isinstance(energy.variables, UnwhitenedVariables) else 0.05
+    energy.variables.load(here + size * normal(len(here)))
+    return energy
+
+
+def test_no_term_of_the_default_energy_is_zero_everywhere(with_box):
+    energy = energy_with_all(with_box, SETTINGS)
+    energy.variables.values["pose"].data[:, :] += 1.0  # beyond the limits of knees and elbows
+    positive = {name for name, value in energy().items() if bool((value > 0).any())}
+    terms = {f.name for f in fields(SETTINGS)} - {f.name for f in fields(JointMethod)}
+    assert terms - {"optimiser", "scene_scale"} | {"scale", "views"} == positive
+
+
 @pytest.mark.parametrize(
     "settings",
     [
@@ -236,15 +262,7 @@ def test_gradient_of_the_whole_energy(with_box, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth
     all in play.
     """
-    leaning = moved(with_box.state, by=(0.01, 0.02, 0.05), turn=0.05)
-    views = tuple(view_of(with_box, turn) for turn in (40.0, 120.0)) if settings is SETTINGS else ()
-    lean = torch.tensor([0.05, 0.1])
-    state = in_float64(replace(leaning, lean_sigma=lean, views=views))
-    # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
-    here = energy.variables.pack()
-    size = 1e-3 if isinstance(energy.variables, UnwhitenedVariables) else 0.05
-    energy.variables.load(here + size * normal(len(here)))
+    energy = energy_with_all(with_box, settings)
     # The nearest neighbours of the paper's depth are found at every evaluation.
     held = {"depth"} if isinstance(settings, PaperOptimisation) else set()
 

@@ -14,6 +14,7 @@ from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.presets import DefaultOptimisation
 from physic_core.pipeline.checks import CHECKS
+from physic_core.pipeline.estimate import STEPS
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -114,6 +115,13 @@ def test_the_import_order_of_the_architecture_is_the_contract():
     ]
     (layers,) = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
     assert shown.splitlines() == layers
+
+
+def test_the_steps_of_the_architecture_are_those_of_the_pipeline():
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    (paragraph,) = re.findall(r"^\d\. `pipeline/estimate.py` .*?(?=^\d\. )", text, re.M | re.S)
+    names = [step.name for step in STEPS]
+    assert [name for name in re.findall(r"`([a-z ]+)`", paragraph) if name in names] == names
 
 
 @pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])

@@ -23,7 +23,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
-from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.scene_state import Surroundings
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes, search_tree
 from physic_core.geometry.plane import height_over_plane
 

@@ -26,7 +26,7 @@ from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
 if TYPE_CHECKING:
-    from physic_core.engine.scene.state import Surroundings
+    from physic_core.engine.scene_state import Surroundings
     from physic_core.engine.state import State
 
 

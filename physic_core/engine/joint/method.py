@@ -25,7 +25,7 @@ from physic_core.engine.joint.snapshot import (
 )
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.variables import Variables
-from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.types.bounds import FrozenGroups, NotNegative

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput, LandmarkModel
-from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import FACING_DEG

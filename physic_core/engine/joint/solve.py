@@ -15,7 +15,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
 from physic_core.geometry.tensors import tensor

@@ -21,7 +21,7 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.floor_and_scale import floor_evidence
 from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
 from physic_core.errors import BackendOutputError

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.evidence import FACTOR_SPREAD, ScaleEvidence, combine
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing_camera

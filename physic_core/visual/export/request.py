@@ -56,7 +56,7 @@ class ExportRequest:
 
     Attributes:
         result: the reconstruction.
-        people: indices of the people to write; each has a finite body.
+        person: indices of the people to write; each has a finite body.
         frame: of the file.
         stem: file name without suffix.
         suffix: of the file, with its dot.
@@ -67,7 +67,7 @@ class ExportRequest:
     """
 
     result: Reconstruction
-    people: tuple[int, ...]
+    person: tuple[int, ...]
     frame: ExportFrame
     stem: str
     suffix: str
@@ -77,7 +77,7 @@ class ExportRequest:
 
     def chosen(self) -> list[tuple[int, Person]]:
         """Return index and person of the people to write."""
-        return [(index, self.result.people[index]) for index in self.people]
+        return [(index, self.result.people[index]) for index in self.person]
 
     def file_of(self, person: int) -> str:
         """Return the name of the file of one person: the stem, with the person's number if there
@@ -85,7 +85,7 @@ class ExportRequest:
         """
         return (
             f"{self.stem}{self.suffix}"
-            if len(self.people) == 1
+            if len(self.person) == 1
             else f"{self.stem}_{person}{self.suffix}"
         )
 

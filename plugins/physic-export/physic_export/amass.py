@@ -53,7 +53,7 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
     gender = _gender(file)
     files = {}
     notes = []
-    for row, index in enumerate(request.people):
+    for row, index in enumerate(request.person):
         error = errors[row]
         arrays = _arrays(model, parameters[row : row + 1], request.frame, gender)
         arrays["fit_error_m"] = np.array(error)

@@ -73,7 +73,7 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
     }
     notes = [
         f"person {index} is not in the photo and is left out"
-        for index in request.people
+        for index in request.person
         if index not in dict(shown)
     ]
     if not result.photo_name:

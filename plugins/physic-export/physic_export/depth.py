@@ -56,7 +56,7 @@ def files_beside(request: ExportRequest, unit: dict[str, float]) -> dict[str, by
         "pixel",
         "depth": {"file": f"{request.stem}{request.suffix}", **unit, "along": "z"},
         "photo": photo,
-        "masks": dict(zip(map(str, request.people), masks, strict=True)),
+        "masks": dict(zip(map(str, request.person), masks, strict=True)),
     }
     text = json.dumps(document, indent=2) + "\n"
     return {

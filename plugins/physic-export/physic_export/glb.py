@@ -73,7 +73,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         add_animation(glb, (0.0, _FRAME_S), keys)
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and textured is not None:
-        for index in request.people:
+        for index in request.person:
             files[f"{request.stem}_contact_{index}.png"] = encode_image(
                 textured.contact_image(index), "PNG"
             )

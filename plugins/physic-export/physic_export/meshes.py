@@ -117,7 +117,7 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
     """
     skins = skins_of(request)
     parts = [(-1, scene_points(request))] if request.scene else []
-    parts += list(zip(request.people, person_meshes(request, skins), strict=True))
+    parts += list(zip(request.person, person_meshes(request, skins), strict=True))
     vertices = []
     faces = []
     start = 0
@@ -290,7 +290,7 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
             _MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n"
         )
     grey = " ".join(f"{value / 255:.3f}" for value in BODY_RGB)
-    for index in request.people:
+    for index in request.person:
         name = f"person_{index}"
         made.append(_MATERIAL.format(name=f"{name}_neutral", color=grey))
         if skins.textured is not None:

@@ -283,7 +283,7 @@ def _mjcf_tree(
         ElementTree.SubElement(
             world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD
         )
-    if rigid := [index for index in request.people if index not in {one.index for one in jointed}]:
+    if rigid := [index for index in request.person if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)

@@ -148,7 +148,7 @@ class Skins:
         stem = self.request.stem
         if self.textured is None:
             return made
-        for index in self.request.people:
+        for index in self.request.person:
             image, filled = self.textured.photo_images(index)
             made[f"{stem}_person_{index}.jpg"] = encode_image(image, "JPEG")
             made[f"{stem}_person_{index}_filled.png"] = encode_image(filled, "PNG")
@@ -161,7 +161,7 @@ def skins_of(request: ExportRequest) -> Skins:
     """Return the colours of the bodies of a request; without texture coordinates they are plain,
     and a note says so.
     """
-    if not request.people:
+    if not request.person:
         return Skins(request, None)
     try:
         return Skins(

@@ -149,7 +149,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         stage.SetMetadata("customLayerData", {"contact_colors": Vt.StringArray(legend)})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
-        for index, mesh in zip(request.people, person_meshes(request, skins), strict=True):
+        for index, mesh in zip(request.person, person_meshes(request, skins), strict=True):
             _add_person(stage, mesh, skins, index, rigged.get(index))
         if request.scene:
             pictures |= _add_scene(stage, request)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from physic_core.engine.contact.distances import ContactSurfaces, Distances
 from physic_core.engine.contact.method import ContactMethod, Touch
-from physic_core.engine.scene.state import Surroundings
+from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_core.types.bounds import NotNegative
 

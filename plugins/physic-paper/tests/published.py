@@ -14,7 +14,7 @@ import torch
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyArrays, build_body_model, derive_vertex_sets
-from physic_core.engine.scene.state import SceneState
+from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import State
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.geometry.floor import PlaneFit
