@@ -192,6 +192,8 @@ def case(**changes):
         measures=Measures(joint_problem=known["failure"] or None, **known["report"]),
         world_contact=known["likely"] and FAR | known["likely"],
         contacts=(),
+        posture="stand",
+        posture_probability=0.9,
         joints=joints,
     )
     result = SimpleNamespace(
@@ -343,6 +345,18 @@ def test_a_mask_with_the_head_of_another_person_is_never_good():
         assert (trust.probability <= CAP) == (heads == 2)
         evidence.people.masks[0, :, 100:] = True  # with the head of the other
     assert warning_messages(found) == (f"person 0: {found[0].message}",)
+
+
+def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing():
+    (foot,) = case(likely={"left_foot": 0.55, "right_foot": 0.9})[1].people
+    result = SimpleNamespace(people=(foot,))
+    _, message = CHECKS["contact_sure"].measure(None, result, 0)
+    assert "left foot" in message
+    foot.posture = "sit"
+    _, message = CHECKS["contact_sure"].measure(None, result, 0)
+    assert "sit with probability 0.90" in message
+    foot.world_contact = foot.world_contact | {"seat": 0.8}
+    assert "left foot" in CHECKS["contact_sure"].measure(None, result, 0)[1]
 
 
 def test_people_lean_without_a_floor_against_the_picture():

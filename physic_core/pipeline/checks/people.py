@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
+_SEATED = ("sit", "ride")  # postures of people on a seat
 _NO_BODY = "no body was estimated, or none of it can be measured"
 _ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
 
@@ -185,17 +186,24 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 @_check(
     "Contact of feet, hands and seat as listed, probability",
     at_least=0.5,
-    advice="a foot, a hand or the seat may touch something else: see the probability of each",
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the probability that feet, hands and seat all touch the world or not as the likelier
     of both says.
     """
-    likely = result.people[person].world_contact
-    if not likely:
+    who = result.people[person]
+    if not (likely := who.world_contact):
         return None
-    return math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
+    value = math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
+    if who.posture in _SEATED and likely["seat"] < 0.5:
+        seen = f"{who.posture} with probability {who.posture_probability:.2f}"
+        return value, f"this person seems to {seen}, and no seat is found under the body"
+    least = min(_CONTACT_PARTS, key=lambda part: abs(likely[part] - 0.5))
+    return (
+        value,
+        f"least sure: the {least.replace('_', ' ')} touches something, {likely[least]:.2f}",
+    )
 
 
 # Of people whom readers find right 5 in the median, of others 15. Sideways tilt is visible in the
