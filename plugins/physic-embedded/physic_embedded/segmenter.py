@@ -149,20 +149,22 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         else:
             found, masks, low = self._leave_out_low(found, masks)
             unposed += low
+        poses = [person.pose for person in found]
         people = np.asarray(masks.any(axis=0))
         surfaces = self._surfaces(image, people)
         decoder = networks["mobilesam_decoder"]
-        reported, unposed_mask = segment_unposed(decoder, embedding, unposed, people, surfaces)
+        reported, unposed_mask = segment_unposed(
+            decoder, embedding, unposed, poses, people, surfaces
+        )
         floor = None
         if options.floor:
-            poses = [person.pose for person in found]
             people = people | unposed_mask
             floor = (
                 floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
             )
             floor = _with_labelled_floor(floor, surfaces, people)
         result = self._people(found, masks, floor, surfaces, image)
-        heads = count_heads(unposed, [person.pose for person in found], masks)
+        heads = count_heads(unposed, poses, masks)
         return replace(
             result,
             heads=heads,

@@ -94,6 +94,7 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
     people[:, :50] = True
     labels = np.zeros((100, 200), np.uint8)
     labels[:, 150:] = 1
+    labels[:, 60:78] = 1
     surfaces = SurfaceLabels(labels, ("seat", "person"))
     boxes = [
         UnposedPerson((10.0, 0.0, 60.0, 90.0), 0.9, "somebody with a pose"),
@@ -101,10 +102,19 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
         UnposedPerson((80.0, 10.0, 120.0, 90.0), 0.7, "sure"),
         UnposedPerson((150.0, 10.0, 190.0, 90.0), 0.4, "labelled"),
         UnposedPerson((152.0, 12.0, 190.0, 90.0), 0.39, "the same again"),
+        UnposedPerson((60.0, 60.0, 75.0, 90.0), 0.65, "sure, with another's hand"),
+        UnposedPerson((60.0, 10.0, 75.0, 40.0), 0.64, "the other's hand"),
     ]
-    found, mask = segment_unposed(None, embedding, boxes, people, surfaces)
-    assert [one.reason for one in found] == ["sure", "labelled"]
-    assert found[1].box == pytest.approx([150, 10, 190, 90], abs=1)
+    points = np.full((33, 2), 20.0)
+    points[[11, 12], 1] = 10.0
+    points[[23, 24], 1] = 50.0
+    points[[15, 16]] = [[65.0, 20.0], [65.0, 70.0]]
+    square = RotatedSquare(np.array([30.0, 40.0]), 100.0, 0.0)
+    rest = (np.ones((33, n)) for n in (1, 1, 3))
+    somebody = Pose(points, *rest, 1.0, np.zeros((64, 64)), square, 0.0, 1.0)
+    found, mask = segment_unposed(None, embedding, boxes, [somebody], people, surfaces)
+    assert [one.reason for one in found] == ["sure", "sure, with another's hand", "labelled"]
+    assert found[2].box == pytest.approx([150, 10, 190, 90], abs=1)
     assert mask[50, [100, 170]].all()
     assert not (mask & people).any()
 

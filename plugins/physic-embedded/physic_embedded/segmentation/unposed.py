@@ -30,6 +30,8 @@ MIN_OWN_SHARE = 0.5
 people.
 """
 
+LIMB_ENDS = slice(15, 33)
+"""Landmarks of hands, knees and feet, and of the hips."""
 HEAD = slice(0, 11)
 """Landmarks of the head."""
 HEAD_SCORE = 0.5
@@ -46,6 +48,7 @@ def segment_unposed(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
     boxes: Sequence[UnposedPerson],
+    poses: Sequence[Pose],
     people: BoolArray,
     surfaces: SurfaceLabels | None,
 ) -> tuple[tuple[UnposedPerson, ...], BoolArray]:
@@ -55,7 +58,8 @@ def segment_unposed(
         decoder: session of ``mobilesam_decoder``.
         embedding: of the photo.
         boxes: of people without a pose.
-        people: (H, W) bool, pixels of the people with a pose.
+        poses: of the people with a pose.
+        people: (H, W) bool, pixels of the same people.
         surfaces: semantic labels, or None to trust only the scores of the boxes.
 
     Returns:
@@ -71,6 +75,8 @@ def segment_unposed(
             and _person_share(surfaces, one) < MIN_PERSON_SHARE
         ):
             continue
+        if one.score < SURE_SCORE and any(_is_limb(one, pose) for pose in poses):
+            continue
         none = np.zeros((0, 2))
         answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
         mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
@@ -81,6 +87,14 @@ def segment_unposed(
         found.append(replace(one, box=(x0, y0, x1, y1)))
         taken |= own
     return tuple(found), taken
+
+
+def _is_limb(one: UnposedPerson, pose: Pose) -> bool:
+    """Return whether a box lower than a person's trunk holds a limb's end of this person."""
+    low, high = np.array(one.box).reshape(2, 2)
+    ends = pose.points[LIMB_ENDS]
+    inside = ((ends >= low) & (ends <= high)).all(1).any()
+    return bool(inside) and high[1] - low[1] < pose.torso_length
 
 
 def _person_share(surfaces: SurfaceLabels, one: UnposedPerson) -> float:
