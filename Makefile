@@ -112,8 +112,10 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) has no venv module: apt install python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
+# Opened once, the networks are in the cache as onnxruntime optimises them for this processor.
 $(VENV)/demo.stamp: requirements.txt constraints.txt $(DISTRIBUTIONS) | $(BIN)/python
 	$(BIN)/python -m pip install --disable-pip-version-check -r requirements.txt
+	$(BIN)/python -c 'from physic_core import Pipeline; Pipeline().warm_up()'
 	@touch $@
 
 # uv takes less than half of pip's time, and reads none of its settings: where it reaches no index, pip may. Modules are
