@@ -59,10 +59,11 @@ test-ray: $(VENV)/test.stamp
 	OMP_NUM_THREADS=1 $(BIN)/pytest -q contrib/physic-ray
 
 # Nehalem's kernels run on every x86-64 and are no newer machine's default; elsewhere OpenBLAS knows no such name and keeps
-# its own. MKL_CBWR changes the products of torch, which the other two variables leave alone.
+# its own. MKL_CBWR changes the products of torch, which the other two variables leave alone. Threads that wait passively
+# leave the cores to those of the other process.
 kernels: $(VENV)/test.stamp
-	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 \
-		$(BIN)/pytest -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
+	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 OMP_WAIT_POLICY=PASSIVE \
+		$(BIN)/pytest -q -n $(JOBS) --dist loadfile -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
 
 mutants: $(VENV)/test.stamp
 	$(BIN)/python tools/mutants.py

@@ -7,7 +7,6 @@ about the turned x, then about y (Grood and Suntay 1983; Wu et al. 2002, 2005).
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,10 +57,11 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
             whole = whole @ turns[JOINT_INDEX[joint] - 1]
         return whole
 
-    angles: dict[str, float] = {}
-    for name, joints in _TRUNK.items():
-        z, x, y = _angles(turned(*joints))
-        angles |= {f"{name}_flexion": -z, f"{name}_bending": x, f"{name}_rotation": y}
+    found = [
+        ((f"{name}_flexion", f"{name}_bending", f"{name}_rotation"), (-1, 1, 1), turned(*joints))
+        for name, joints in _TRUNK.items()
+    ]
+    elevations: dict[str, float] = {}
     for side, sign in zip(SIDES, (-1, 1), strict=True):
         # the arm of the T-pose, lowered to the side
         lowered = rotvec_to_rotmat_numpy(np.array([sign * np.pi / 2, 0.0, 0.0]))
@@ -69,14 +69,19 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
             turn = turned(*(f"{side}_{joint}" for joint in joints))
             if limb in ("shoulder", "elbow"):
                 turn = (lowered if limb == "elbow" else np.eye(3)) @ turn @ lowered.T
-            z, x, y = _angles(turn)
-            signed = (-z if limb == "knee" else z, -sign * x, sign * y)
-            names = (f"{side}_{limb}_{word}" for word in words)
-            angles |= dict(zip(names, signed, strict=True))
+            flexion, abduction, rotation = (f"{side}_{limb}_{word}" for word in words)
+            signs = (-1 if limb == "knee" else 1, -sign, sign)
+            found.append(((flexion, abduction, rotation), signs, turn))
             if limb == "shoulder":
                 elevation = np.degrees(np.arccos(np.clip(turn[1, 1], -1, 1)))
-                angles[f"{side}_shoulder_elevation"] = float(elevation)
-    return {name: angle + 0.0 for name, angle in angles.items()}  # no "-0"
+                elevations[f"{side}_shoulder_elevation"] = float(elevation)
+    zxy = _angles(np.stack([turn for *_, turn in found]))
+    angles = {
+        name: sign * angle
+        for (names, signs, _), row in zip(found, zxy.tolist(), strict=True)
+        for name, sign, angle in zip(names, signs, row, strict=True)
+    }
+    return {name: angle + 0.0 for name, angle in (angles | elevations).items()}  # no "-0"
 
 
 def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,9 +100,12 @@ def joints_beside(parts: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def _angles(turn: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return the angles about z, x and y of a rotation (3, 3) = Rz Rx Ry, degrees."""
-    if not np.isfinite(turn).all():
-        return math.nan, math.nan, math.nan
-    z, x, y = np.degrees(rotmat_to_euler("ZXY", turn)).tolist()
-    return z, x, y
+def _angles(turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles (n, 3) about z, x and y of rotations (n, 3, 3) = Rz Rx Ry, degrees; NaN of
+    rotations that are not finite.
+    """
+    known = np.isfinite(turns).all((1, 2))
+    angles = np.full((len(turns), 3), np.nan)
+    if known.any():
+        angles[known] = np.degrees(rotmat_to_euler("ZXY", turns[known]))
+    return angles

@@ -165,10 +165,13 @@ def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, .
     seen = set()
     for found in distributions():
         entries = [entry for entry in found.entry_points if _GROUP.match(entry.group)]
-        name = found.metadata["Name"] if entries else ""
+        if not entries:
+            continue
+        about = found.metadata  # parsed at each access
+        name = about["Name"]
         # Python imports the first distribution of a name
         if not name or canonicalize_name(name) in seen:
             continue
         seen.add(canonicalize_name(name))
-        offers += [Offer(one.group, one.name, one.value, name, found.version) for one in entries]
+        offers += [Offer(one.group, one.name, one.value, name, about["Version"]) for one in entries]
     return tuple(sorted(offers, key=lambda one: (one.group, one.name, one.distribution)))

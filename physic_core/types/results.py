@@ -443,7 +443,7 @@ class Reconstruction(ShortRepr):
         except ImportError as error:
             raise PackageMissingError("to_pandas needs pandas: pip install pandas") from error
 
-        return pandas.DataFrame(person_rows(self), columns=list(_ROW))
+        return pandas.DataFrame(person_rows(self), columns=list(PERSON_COLUMNS[1:]))
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
         """Write a file of another program's format: a skinned GLB, or a format of an installed
@@ -551,8 +551,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     ``Person.joint_angles``, degrees. Lengths, mass and angles are None without a body.
     """
     return [
-        {name: value(result, index) for name, value in _ROW.items()}
-        for index in range(len(result.people))
+        {name: value(result, index) for name, value in _ROW.items()} | _angles(person)
+        for index, person in enumerate(result.people)
     ]
 
 
@@ -613,14 +613,14 @@ def _size(result: Reconstruction, index: int, name: str) -> float | None:
     return _rounded(result.people[index].sizes.get(name))
 
 
-def _angle(result: Reconstruction, index: int, name: str) -> float | None:
-    return _rounded(result.people[index].joint_angles[name], 1)
+def _angles(person: Person) -> dict[str, float | None]:
+    angles = person.joint_angles
+    return {f"{name}_deg": _rounded(angles[name], 1) for name in _ANGLES}
 
 
 _ROW |= {name: partial(_size, name=name) for name in _SIZES}
-_ROW |= {f"{name}_deg": partial(_angle, name=name) for name in _ANGLES}
 
-PERSON_COLUMNS = ("id", *_ROW)
+PERSON_COLUMNS = ("id", *_ROW, *(f"{name}_deg" for name in _ANGLES))
 """Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""
 
 

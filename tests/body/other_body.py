@@ -121,13 +121,15 @@ def coarser(vertices, faces, count):
             rings[b].add(a)
         lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
         onto = np.arange(len(vertices))
-        taken = np.zeros(len(vertices), bool)
+        taken = set()
         left = len(vertices) - count
         for a, b in edges[np.argsort(lengths, kind="stable")[: len(edges) // 2]].tolist():
+            if not left:
+                break
             ring = rings[a] | rings[b]
-            if not left or taken[list(ring)].any() or len(rings[a] & rings[b]) != 2:
+            if not taken.isdisjoint(ring) or len(rings[a] & rings[b]) != 2:
                 continue
-            taken[list(ring)] = True
+            taken |= ring
             onto[b], left = a, left - 1
         kept, compact = np.unique(onto, return_inverse=True)
         ones = np.ones(len(onto))

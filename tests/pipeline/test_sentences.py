@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from contextlib import ExitStack
 
 import pytest
 
-from physic_core import load_config, reconstruct
+from physic_core import Pipeline, load_config
 from physic_core.types.contacts import has_sole_on_floor
 from physic_testing.worlds import WORLDS, load_world
 
@@ -22,16 +23,23 @@ def case(world, *, floor):
     return pytest.param((world, [] if floor else NO_FLOOR), id=name, marks=marks)
 
 
+@pytest.fixture(scope="module")
+def pipelines(few_steps):
+    """One with a floor, and one without."""
+    noise = ["metric_depth.options.stated_sigma=0.2"]
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(Pipeline(load_config(preset="mock", overrides=[*noise, *settings])))
+            for settings in ([], NO_FLOOR)
+        ]
+
+
 @pytest.fixture(
     scope="module", params=[case(world, floor=floor) for world in WORLDS for floor in (True, False)]
 )
-def result(request, few_steps):
+def result(request, pipelines):
     world, settings = request.param
-    noise = ["metric_depth.options.stated_sigma=0.2"]
-    return reconstruct(
-        load_world(world, (160, 120)).image,
-        load_config(preset="mock", overrides=[*noise, *settings]),
-    )
+    return pipelines[bool(settings)](load_world(world, (160, 120)).image)
 
 
 def test_sentences_agree_with_contacts_and_floor(result):

@@ -18,6 +18,7 @@ OPTIONS = {
     ("inpainter", "embedded"): {"threads": 1},
     ("keypoint_detector", "embedded"): {"threads": 1},
     ("hand_estimator", "embedded"): {"threads": 1},
+    ("person_observer", "embedded"): {"short_side": 154, "threads": 1},
 }
 
 SMALL = (160, 120)
