@@ -1,5 +1,5 @@
-"""Convert NumPy arrays of backends to tensors of the engine, move dataclasses of tensors, and work
-on masks.
+"""Convert NumPy arrays of backends to tensors of the engine and back, move dataclasses of tensors,
+and work on masks.
 """
 
 from __future__ import annotations
@@ -34,6 +34,14 @@ def tensors(*arrays: NDArray[Any]) -> tuple[torch.Tensor, ...]:
 def optional_tensors(*arrays: NDArray[Any] | None) -> tuple[torch.Tensor | None, ...]:
     """Convert each array as :func:`tensor` does; None stays None."""
     return tuple(None if array is None else tensor(array) for array in arrays)
+
+
+def arrays(**named: torch.Tensor) -> dict[str, Any]:
+    """Convert tensors to arrays by their names: floats to float32, other types unchanged."""
+    return {
+        name: (values.float() if values.is_floating_point() else values).cpu().numpy()
+        for name, values in named.items()
+    }
 
 
 def select_pixels(mask: torch.Tensor, *maps: torch.Tensor) -> tuple[torch.Tensor, ...]:

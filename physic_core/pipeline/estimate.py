@@ -92,48 +92,6 @@ class Step:
     fill: Callable[[Findings, Step], None]
 
 
-STEPS: list[Step] = []
-"""The steps in the order in which they run. An interface with two steps of one name is called by
-one of them.
-"""
-
-
-def stages_before_the_engine(interfaces: Iterable[str]) -> int:
-    """Return the number of stages of the steps, with backends for these interfaces."""
-    return len({step.name for step in STEPS if step.interface in ("", *interfaces)})
-
-
-def run_backends(
-    given: PreparedPhoto,
-    plan: ResolvedPipeline,
-    load_model: Callable[[], BodyModel],
-    stages: StageRunner,
-) -> Estimates:
-    """Run all backends on a photo.
-
-    Args:
-        given: the photo, and what the user knows of it.
-        plan: the backends and settings of the run.
-        load_model: returns the body model that all bodies are converted to; not called before the
-            bodies are estimated.
-        stages: calls the backends and records the run.
-
-    Raises:
-        ConfigError: a measured depth is a disparity.
-        InputError: the number of known statures differs from that of the people, or given keypoints
-            are of no person or joint.
-        NoPersonError: a prompt selects no person, or people are required and the segmenter found
-            none.
-        BackendError: a required backend failed.
-        BackendOutputError: a required backend returned an invalid result.
-    """
-    found = Findings(given, plan, load_model, stages)
-    for step in STEPS:
-        with nullcontext() if step.interface else stages.time_engine(step.name):
-            step.fill(found, step)
-    return found.estimates()
-
-
 class Findings:
     """What is known of one photo so far.
 
@@ -281,20 +239,6 @@ def _numbered(
     }
 
 
-_Fill = Callable[[Findings, Step], None]
-
-
-def _step(name: str, interface: str = "") -> Callable[[_Fill], _Fill]:
-    """Add a function to the steps."""
-
-    def add(fill: _Fill) -> _Fill:
-        STEPS.append(Step(name, interface, fill))
-        return fill
-
-    return add
-
-
-@_step("people", "segmenter")
 def _people(found: Findings, step: Step) -> None:
     """Fill people and known."""
     prompt = found.given.people
@@ -356,7 +300,6 @@ def _without(found: Findings, people: People, ignored: PeoplePrompt) -> People:
     return replace(found.select(people, ~out, "it is ignored"), unposed_mask=masks)
 
 
-@_step("keypoints", "keypoint_detector")
 def _keypoints(found: Findings, step: Step) -> None:
     """Fill keypoints, changed and contradicted."""
     detected = Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
@@ -377,7 +320,6 @@ def _keypoints(found: Findings, step: Step) -> None:
         found.stages.note(*notes)
 
 
-@_step("inpainting", "inpainter")
 def _inpainted(found: Findings, step: Step) -> None:
     """Fill hole and inpainted."""
     people = found.people
@@ -391,7 +333,6 @@ def _inpainted(found: Findings, step: Step) -> None:
     )
 
 
-@_step("scene point map", "relative_pointmap")
 def _scene(found: Findings, step: Step) -> None:
     """Fill scene, of the inpainted photo, and camera."""
     camera = found.given.photo.intrinsics
@@ -410,7 +351,6 @@ def _pointmap(found: Findings, step: Step, image: UInt8Array, hints: Hints) -> P
     return pointmap
 
 
-@_step("metric depth", "metric_depth")
 def _depth_of_photo(found: Findings, step: Step) -> None:
     """Fill own by a backend that sees the photo; with a measured depth also measured, and its shape
     into the scene.
@@ -427,7 +367,6 @@ def _depth_of_photo(found: Findings, step: Step) -> None:
             found.stages.note(note)
 
 
-@_step("photo point map", "relative_pointmap")
 def _original(found: Findings, step: Step) -> None:
     """Fill original, of the photo, whose shape is the people's; the scene gets a usual unit."""
     found.hints = replace(found.hints, scene=found.scene)
@@ -450,7 +389,6 @@ def _original(found: Findings, step: Step) -> None:
         found.scene = in_usual_unit(found.scene)
 
 
-@_step("observations", "person_observer")
 def _observations(found: Findings, step: Step) -> None:
     """Fill observations; unknown without a backend, and if it fails."""
     unknown = Observations.unknown(len(found.people))
@@ -460,7 +398,6 @@ def _observations(found: Findings, step: Step) -> None:
     found.observations = unknown if seen is None else seen
 
 
-@_step("floor candidates")
 def _floors(found: Findings, _: Step) -> None:
     """Fill aligned, evidence and floors."""
     from physic_core.engine.floor import best_candidate, chosen_floor
@@ -484,7 +421,6 @@ def _floors(found: Findings, _: Step) -> None:
     )
 
 
-@_step("bodies", "body_estimator")
 def _bodies(found: Findings, step: Step) -> None:
     """Fill bodies, of the configured body model and with the hands of the estimator, and embodied;
     bodies of people without finite results are NaN.
@@ -506,7 +442,6 @@ def _bodies(found: Findings, step: Step) -> None:
     found.embodied = ~missing
 
 
-@_step("hands", "hand_estimator")
 def _hands(found: Findings, step: Step) -> None:
     """Give the bodies estimated finger rotations, known statures and children's sizes."""
     from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
@@ -528,7 +463,6 @@ def _hands(found: Findings, step: Step) -> None:
     found.stages.note(*notes)
 
 
-@_step("contact prior", "contact_prior")
 def _contact(found: Findings, step: Step) -> None:
     """Fill contact, of all N people; 0 without a backend or a body."""
     model = found.model
@@ -563,7 +497,6 @@ def _contact(found: Findings, step: Step) -> None:
     found.contact, found.missing[step.interface] = expand_contact(contact, embodied)
 
 
-@_step("metric depth", "metric_depth")
 def _depth_of_own_scale(found: Findings, step: Step) -> None:
     """Fill own by a backend that does not scale its depth by the hints, unless it needs people and
     gets none.
@@ -574,7 +507,6 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
             found.own = found.call(step, MetricDepthRequest(found.inpainted, found.hints))
 
 
-@_step("floor and scale")
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill floor_and_scale."""
     from physic_core.engine.floor_and_scale import PeopleInScene, find_floor_and_scale
@@ -596,7 +528,6 @@ def _floor_and_scale(found: Findings, _: Step) -> None:
     )
 
 
-@_step("metric depth", "metric_depth")
 def _depth_of_scale(found: Findings, step: Step) -> None:
     """Fill depth, of the inpainted photo: own, or at the scale that was found.
 
@@ -659,3 +590,58 @@ def _aligned(
     )
     aligned = apply_alignment(tensor(original.points), alignment).numpy()
     return replace(original, points=aligned, unknown=scene.unknown)
+
+
+STEPS = (
+    Step("people", "segmenter", _people),
+    Step("keypoints", "keypoint_detector", _keypoints),
+    Step("inpainting", "inpainter", _inpainted),
+    Step("scene point map", "relative_pointmap", _scene),
+    Step("metric depth", "metric_depth", _depth_of_photo),
+    Step("photo point map", "relative_pointmap", _original),
+    Step("observations", "person_observer", _observations),
+    Step("floor candidates", "", _floors),
+    Step("bodies", "body_estimator", _bodies),
+    Step("hands", "hand_estimator", _hands),
+    Step("contact prior", "contact_prior", _contact),
+    Step("metric depth", "metric_depth", _depth_of_own_scale),
+    Step("floor and scale", "", _floor_and_scale),
+    Step("metric depth", "metric_depth", _depth_of_scale),
+)
+"""The steps in the order in which they run; of those with one name, one calls the backend."""
+
+
+def stages_before_the_engine(interfaces: Iterable[str]) -> int:
+    """Return the number of stages of the steps, with backends for these interfaces."""
+    return len({step.name for step in STEPS if step.interface in ("", *interfaces)})
+
+
+def run_backends(
+    given: PreparedPhoto,
+    plan: ResolvedPipeline,
+    load_model: Callable[[], BodyModel],
+    stages: StageRunner,
+) -> Estimates:
+    """Run all backends on a photo.
+
+    Args:
+        given: the photo, and what the user knows of it.
+        plan: the backends and settings of the run.
+        load_model: returns the body model that all bodies are converted to; not called before the
+            bodies are estimated.
+        stages: calls the backends and records the run.
+
+    Raises:
+        ConfigError: a measured depth is a disparity.
+        InputError: the number of known statures differs from that of the people, or given keypoints
+            are of no person or joint.
+        NoPersonError: a prompt selects no person, or people are required and the segmenter found
+            none.
+        BackendError: a required backend failed.
+        BackendOutputError: a required backend returned an invalid result.
+    """
+    found = Findings(given, plan, load_model, stages)
+    for step in STEPS:
+        with nullcontext() if step.interface else stages.time_engine(step.name):
+            step.fill(found, step)
+    return found.estimates()

@@ -21,6 +21,7 @@ from physic_core.engine.floor_and_scale import scale_note
 from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
+from physic_core.geometry.tensors import arrays
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import (
     failed_checks,
@@ -82,13 +83,13 @@ def _people(
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = {
-        "vertices": state.vertices.float().cpu().numpy(),
-        "joints": state.joints.float().cpu().numpy(),
-        "contact": (touch.partner != NO_PARTNER).cpu().numpy(),
-        "distance": touch.distance.float().cpu().numpy(),
-        "contact_partner": touch.partner.cpu().numpy(),
-    }
+    rows = arrays(
+        vertices=state.vertices,
+        joints=state.joints,
+        contact=touch.partner != NO_PARTNER,
+        distance=touch.distance,
+        contact_partner=touch.partner,
+    )
     if touch.probability is not None:
         rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
@@ -196,16 +197,19 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     floor = None
     if scene.floor is not None:
         floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
+    maps = arrays(
+        points=scene.points * scale,
+        normals=scene.normals,
+        valid=scene.valid,
+        floor_points=scene.floor_points * scale,
+    )
     return Scene(
-        points=(scene.points * scale).float().numpy(),
-        normals=scene.normals.float().numpy(),
         colors=estimates.inpainted,
-        valid=scene.valid.numpy(),
         floor=floor,
-        floor_points=(scene.floor_points * scale).float().numpy(),
         scale=scale,
         scale_sigma=state.scale_sigma,
         measured=estimates.measured_scale is not None,
+        **maps,
     )
 
 
