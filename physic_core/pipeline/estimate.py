@@ -53,6 +53,7 @@ from physic_core.types import (
 )
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.results import KNOWN_UP_SIGMA_DEG
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -114,6 +115,7 @@ def run_backends(
     )
     from physic_core.engine.sizes.evidence import is_inverse, is_measured
     from physic_core.engine.state import Estimates
+    from physic_core.engine.up import contradiction, up_of_pointmap
 
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
@@ -183,11 +185,14 @@ def run_backends(
     with stages.time_engine("floor candidates"):
         aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
         evidence = floor_evidence(people, hole, keypoints, camera, observations, aligned)
-        evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
+        up = up_of_pointmap(scene)
+        evidence = replace(evidence, up=up, shift_sigma=scene.shift_sigma or 0.0)
         floors = candidates_in(scene, evidence, plan.engine.scene)
         floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
 
     hints = replace(hints, floor=floor_by_pixels, original=aligned, observations=observations)
+    if up is not None and up.sigma < KNOWN_UP_SIGMA_DEG:
+        hints = replace(hints, up=up.direction.numpy())
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
@@ -220,6 +225,7 @@ def run_backends(
         )
         witness = own if plan.engine.scene.rescales_depth else None
         found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
+    stages.warn(*contradiction(found.search.plane, up, evidence.slope))
     depth = (
         found.depth
         or own
