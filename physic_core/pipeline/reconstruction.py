@@ -210,6 +210,9 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         scale_sigma=state.scale_sigma,
         measured=estimates.measured_scale is not None,
         **maps,
+        up=scene.up.direction.numpy(),
+        up_sigma=scene.up.sigma,
+        up_source=scene.up.source,
     )
 
 

@@ -199,7 +199,9 @@ def case(**changes):
     result = SimpleNamespace(
         people=(person,),
         intrinsics=known["camera"],
-        scene=SimpleNamespace(scale=known["scale"], scale_sigma=known["sigma"], floor=floor),
+        scene=SimpleNamespace(
+            scale=known["scale"], scale_sigma=known["sigma"], floor=floor, level=floor
+        ),
         diagnostics={
             "scene": {
                 "floor": {"reason": known["floor"], "inlier_share": 0.62}

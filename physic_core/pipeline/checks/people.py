@@ -219,7 +219,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         return None
     if (carried := estimates.stance.carried) is not None and carried.rides[person]:
         return None, "people who ride may lean"
-    floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
+    floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
