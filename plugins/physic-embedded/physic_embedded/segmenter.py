@@ -21,6 +21,7 @@ from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
+from physic_embedded.segmentation.framed import framed_note
 from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
@@ -119,7 +120,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         )
         if not found and not unposed and prompt is None:
             empty_mask = np.zeros(image.shape[:2], bool)
-            surfaces = self._surfaces(image, empty_mask)
+            surfaces, _ = self._surfaces(image, empty_mask)
             floor = (
                 _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
             )
@@ -151,7 +152,10 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             unposed += low
         poses = [person.pose for person in found]
         people = np.asarray(masks.any(axis=0))
-        surfaces = self._surfaces(image, people)
+        surfaces, framed = self._surfaces(image, people)
+        notes = _left_out_note(left_out)
+        if prompt is None:
+            notes += framed_note(masks, framed)
         decoder = networks["mobilesam_decoder"]
         reported, unposed_mask = segment_unposed(
             decoder, embedding, unposed, poses, people, surfaces
@@ -171,13 +175,17 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             unposed=reported,
             unposed_mask=unposed_mask,
             carriers=carriers,
-            notes=_left_out_note(left_out),
+            notes=notes,
         )
 
-    def _surfaces(self, image: UInt8Array, people: BoolArray) -> SurfaceLabels | None:
-        """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""
+    def _surfaces(
+        self, image: UInt8Array, people: BoolArray
+    ) -> tuple[SurfaceLabels | None, BoolArray]:
+        """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set, and the
+        pixels of paintings and mirrors.
+        """
         if not self.options.surfaces:
-            return None
+            return None, np.zeros_like(people)
         return label_surfaces(self.network["deeplabv3_mnv2_ade20k"], image, people)
 
     def _masks(self, embedding: ImageEmbedding, poses: list[Pose]) -> BoolArray:

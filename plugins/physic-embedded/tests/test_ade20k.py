@@ -46,7 +46,7 @@ NO_PEOPLE = np.zeros((300, 600), bool)
 
 def test_a_surface_lies_at_the_pixels_of_its_logits():
     """One cell of the grid is 4.7 px of this photo."""
-    labels = label_surfaces(Network(), photo(), NO_PEOPLE).labels
+    labels = label_surfaces(Network(), photo(), NO_PEOPLE)[0].labels
     assert (labels[:175] == WALL).all()
     assert (labels[185:] == FLOOR).all()
 
@@ -56,22 +56,35 @@ def test_pixels_of_people_are_people_and_grey_to_the_network():
     people = np.zeros((512, 512), bool)
     network = Network()
     people[200:300, 100:200] = True
-    labels = label_surfaces(network, image, people).labels
+    labels = label_surfaces(network, image, people)[0].labels
     assert (labels[people] == PERSON).all()
     assert (labels[~people] != PERSON).all()
     assert (network.input[200:300, 100:200] == PADDING_VALUE).all()
     assert (image[200:300, 100:200] != PADDING_VALUE).all()
 
 
+def test_paintings_and_mirrors_are_walls_and_framed():
+    class Framed(Network):
+        def run(self, names, inputs):
+            (logits,) = super().run(names, inputs)
+            logits[0, :, :64, 23] = logits[0, :, 64:, 28] = 20
+            return [logits]
+
+    surfaces, framed = label_surfaces(Framed(), photo(), NO_PEOPLE)
+    assert framed.all()
+    assert surfaces.mask("wall").all()
+    assert not label_surfaces(Network(), photo(), NO_PEOPLE)[1].any()
+
+
 def test_an_improbable_surface_is_unknown():
     """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
-    labels = label_surfaces(Network(margin=0), photo(), NO_PEOPLE).labels
+    labels = label_surfaces(Network(margin=0), photo(), NO_PEOPLE)[0].labels
     assert (labels == 0).all()
 
 
 def test_the_court_of_the_example_is_floor_or_ground(image):
     session = open_packaged_session("deeplabv3_mnv2_ade20k", 1)
-    surfaces = label_surfaces(session, image, np.zeros(image.shape[:2], bool))
+    surfaces, _ = label_surfaces(session, image, np.zeros(image.shape[:2], bool))
     court = surfaces.mask("floor", "ground")
     assert court[-10:].mean() > 0.8
     assert court[: len(court) // 4].mean() < 0.05

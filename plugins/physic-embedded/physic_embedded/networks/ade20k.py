@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
+_FRAMED = (23, 28)  # painting, mirror
+
 INPUT_SIZE = 512
 STRIDE = 4
 """Logit i lies at pixel ``STRIDE * i`` of the input, as the network's own resizing to 512 px has
@@ -51,16 +53,17 @@ Class 0 is not a class.
 """
 
 
-def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Float, Float]:
-    """Predict the probability of each surface on a grid.
+def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Float, Float, Float]:
+    """Predict the probability of each surface, and of a painting or mirror, on a grid.
 
     Args:
         session: of ``deeplabv3_mnv2_ade20k``.
         image: (H, W, 3) uint8 RGB.
 
     Returns:
-        Probabilities (h, w, S) float32 in the order of :data:`SURFACE_NAMES`, where the longer of h
-        and w is 128, and the affine map (2, 3) from pixels of the image to cells of this grid.
+        Probabilities (h, w, S) float32 in the order of :data:`SURFACE_NAMES`, and (h, w) of a
+        painting or mirror; the longer of h and w is 128. And the affine map (2, 3) from pixels of
+        the image to cells of this grid.
     """
     how: Resampling = "area" if max(image.shape[:2]) > INPUT_SIZE else "bilinear"
     canvas, placement = letterbox(
@@ -70,10 +73,12 @@ def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Fl
     rows, columns = (-(-side // STRIDE) for side in placement.inner)
     logits = logits[0, :rows, :columns, 1:]
     exponential = np.exp(logits - logits.max(axis=-1, keepdims=True))
-    probability = exponential @ _grouping() / exponential.sum(axis=-1, keepdims=True)
+    total = exponential.sum(axis=-1, keepdims=True)
+    probability = exponential @ _grouping() / total
+    framed = exponential[..., np.array(_FRAMED) - 1].sum(-1) / total[..., 0]
     corners = placement.to_canvas(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])) / STRIDE
     to_grid = np.stack([corners[1] - corners[0], corners[2] - corners[0], corners[0]], axis=1)
-    return probability, to_grid
+    return probability, framed, to_grid
 
 
 def label_surfaces(
@@ -81,8 +86,9 @@ def label_surfaces(
     image: NDArray[np.uint8],
     people: NDArray[np.bool_],
     min_probability: float = 0.5,
-) -> SurfaceLabels:
-    """Label each pixel with its most probable surface.
+) -> tuple[SurfaceLabels, NDArray[np.bool_]]:
+    """Label each pixel with its most probable surface, and return the pixels (H, W) of paintings
+    and mirrors, also on people.
 
     The network sees people in plain grey: it extends those that it recognises over what they sit
     on.
@@ -98,22 +104,26 @@ def label_surfaces(
     height, width = image.shape[:2]
     without_people = image.copy()
     without_people[people] = PADDING_VALUE
-    probability, to_grid = predict_surfaces(session, without_people)
+    probability, framed, to_grid = predict_surfaces(session, without_people)
     labels = np.zeros((height, width), np.uint8)
     best = np.full((height, width), min_probability, np.float32)
-    for index in np.flatnonzero(probability.max(axis=(0, 1)) >= min_probability):
-        here = cv2.warpAffine(
-            np.ascontiguousarray(probability[..., index], np.float32),
+
+    def in_photo(grid: Float) -> Float:
+        return cv2.warpAffine(
+            np.ascontiguousarray(grid, np.float32),
             to_grid,
             (width, height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
+
+    for index in np.flatnonzero(probability.max(axis=(0, 1)) >= min_probability):
+        here = in_photo(probability[..., index])
         better = here >= best
         labels[better] = index
         best[better] = here[better]
     labels[people] = SURFACE_NAMES.index("person")
-    return SurfaceLabels(labels)
+    return SurfaceLabels(labels), in_photo(framed) >= min_probability
 
 
 @cache
