@@ -46,13 +46,14 @@ def export_exr(request: ExportRequest) -> ExportedFiles:
 def _with_people(depth: FloatArray, request: ExportRequest) -> FloatArray:
     """Return a depth (H, W) with the bodies that are in front of it."""
     K = torch.from_numpy(np.asarray(request.result.intrinsics.matrix, np.float64))
-    rays = pixel_rays(*depth.shape, K).numpy()
+    height, width = depth.shape
+    rays = pixel_rays(height, width, K).numpy()
     nearest = depth.copy()
     for _, person in request.chosen():
         body = person.vertices.astype(np.float64)
         points = torch.from_numpy(body)[None]
         faces = torch.from_numpy(request.result.faces)
-        shown = rasterize(project(points, K), points[..., 2], faces, *depth.shape)[0].numpy()
+        shown = rasterize(project(points, K), points[..., 2], faces, height, width)[0].numpy()
         seen = shown >= 0
         first, second, third = np.moveaxis(body[request.result.faces[shown[seen]]], 1, 0)
         normal = np.cross(second - first, third - first)

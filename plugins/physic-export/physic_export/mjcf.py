@@ -287,7 +287,7 @@ def _mjcf_tree(
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)
-    resting = {}
+    resting: dict[str, float] = {}
     for person in jointed:
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
