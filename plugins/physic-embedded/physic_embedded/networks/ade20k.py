@@ -109,14 +109,14 @@ def label_surfaces(
     best = np.full((height, width), min_probability, np.float32)
 
     def in_photo(grid: Float) -> Float:
-        found: Float = cv2.warpAffine(
+        whole: Float = cv2.warpAffine(
             np.ascontiguousarray(grid, np.float32),
             to_grid,
             (width, height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return found
+        return whole
 
     for index in np.flatnonzero(probability.max(axis=(0, 1)) >= min_probability):
         here = in_photo(probability[..., index])
