@@ -72,6 +72,14 @@ def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any
     }
 
 
+def up_errors(said: Array | None, sigma: float | None, up: Array) -> dict[str, float]:
+    """Of an up direction (3,), and of its stated error in each of two directions, degrees."""
+    if said is None or not sigma:
+        return {"up_angle_deg": float("nan"), "up_in_sigmas": float("nan")}
+    angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(said, up)), said @ up)))
+    return {"up_angle_deg": angle, "up_in_sigmas": angle / sigma / 2**0.5}
+
+
 def box_of(points: Array) -> Array:
     """Box (4,) of joints (12, 2) px, grown by a tenth: a body is larger than its joints."""
     low = np.nanmin(points, 0)

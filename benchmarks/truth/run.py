@@ -162,6 +162,8 @@ def measured_fields(
         ],
         "grade": result.grade,
         "scale_sigma": result.scene.scale_sigma,
+        "up": None if result.scene.up is None else result.scene.up.tolist(),
+        "up_sigma": result.scene.up_sigma,
         "warnings": list(result.warnings),
     }
     if "depth_file" in sample.truth:

@@ -12,7 +12,15 @@ from benchmarks.truth.joints import BODY_ROWS, is_upright, limb_joints, root
 from benchmarks.truth.triangulation import match_views, visible_joints
 
 from .contact import part_record
-from .measures import box_of, floor_errors, match_people, points_error, pose_errors, spread_m
+from .measures import (
+    box_of,
+    floor_errors,
+    match_people,
+    points_error,
+    pose_errors,
+    spread_m,
+    up_errors,
+)
 from .sets import Sample, camera_of
 
 if TYPE_CHECKING:
@@ -243,7 +251,12 @@ def _in_sigmas(ratio: float, log_sigma: float | None) -> float:
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
     floor = None if answer["floor"] is None else np.array(answer["floor"], np.float64)
-    record = {**_of(sample), **floor_errors(floor, up, height)}
+    said = None if answer.get("up") is None else np.array(answer["up"], np.float64)
+    record = {
+        **_of(sample),
+        **floor_errors(floor, up, height),
+        **up_errors(said, answer.get("up_sigma"), up),
+    }
     record["missing"] = not record["floor"]
     record["camera_height_off"] = abs(record["camera_height_ratio"] - 1)
     record["scale_in_sigmas"] = _in_sigmas(record["camera_height_ratio"], answer.get("scale_sigma"))

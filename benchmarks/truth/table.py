@@ -222,6 +222,18 @@ def rows_of(
         ]
     rows += [
         row("CPU seconds a photo", of(photos, error=""), pooled("cpu_s"), "<= 20 (720p)", digits=1),
+        row(
+            "up: angle deg, rms",
+            known(of(floors), "up_angle_deg"),
+            pooled("up_angle_deg", rms_of),
+            digits=1,
+        ),
+        row(
+            "up: error over its sigma, rms",
+            known(of(floors), "up_in_sigmas"),
+            pooled("up_in_sigmas", rms_of),
+            digits=2,
+        ),
         row("seconds a photo", of(photos, error=""), pooled("wall_s"), digits=1),
     ]
     return rows

@@ -23,6 +23,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
 from physic_core.engine.lying import LYING_RATE, Surroundings, surface_beneath
+from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -39,6 +40,7 @@ from physic_core.geometry.floor import (
     plane_at_feet,
     plane_inlier_shares,
     plane_of_pixels,
+    ray_to_floor,
 )
 from physic_core.geometry.plane import estimate_up, sample_normals
 from physic_core.geometry.tensors import select_pixels
@@ -118,6 +120,8 @@ class FloorEvidence:
         soles: of people whose soles are seen.
         around: background around people who are seen from shoulders to ankles.
         found: the answer for the same photo, if it was found before; None searches.
+        up: against gravity, by other evidence than the floor; None if there is none.
+        slope: standard deviation of the floor's normal from up, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length.
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit of the points.
     """
@@ -131,6 +135,8 @@ class FloorEvidence:
     soles: tuple[GroundAtSoles, ...] = ()
     around: tuple[Surroundings, ...] = ()
     found: FloorSearch | None = None
+    up: Up | None = None
+    slope: float = 0.0
     focal_sigma: float = 0.0
     shift_sigma: float = 0.0
 
@@ -185,12 +191,27 @@ def chosen_floor(
     ]
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
+    other = _pitch_spread(candidates, plane)
+    own = math.hypot(_plane_sigma(plane, evidence), other)
+    levelled = own if evidence.up is None else math.hypot(plane.pitch_sigma, other)
+    plane = replace(plane, pitch_sigma=levelled, plane_sigma=own)
+    return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
+
+
+def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
+    """Return the error of the camera's pitch over a plane by its pixels, radians."""
     by_focal = math.radians(_FOCAL_PITCH_DEG) * evidence.focal_sigma
     # A shift of inverse depth is added to the last component of normal over offset.
     by_shift = evidence.shift_sigma * plane.offset * math.sqrt(1 - float(plane.normal[2]) ** 2)
-    other = _pitch_spread(candidates, plane)
-    plane = replace(plane, pitch_sigma=math.hypot(PITCH_SIGMA, by_focal, by_shift, other))
-    return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
+    return math.hypot(PITCH_SIGMA, by_focal, by_shift)
+
+
+def _levelled(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> PlaneFit:
+    """Return a plane with its error, turned towards up about the feet on it."""
+    sigma = _plane_sigma(plane, evidence)
+    plane = replace(plane, plane_sigma=sigma, pitch_sigma=sigma)
+    ray = ray_to_floor(view.rays, plane, evidence.feet_px)
+    return level_plane(plane, evidence.up, evidence.slope, ray)
 
 
 def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> float:
@@ -224,14 +245,27 @@ def floor_candidates(
     known = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
     shown = None if known is None else estimate_up(known)
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
+    if evidence.up is not None and evidence.up.sigma < _UP_SIGMA_DEG:
+        up = evidence.up.direction.to(view.rays.device)
     pixels = _scored_pixels(view, evidence)
+
+    def score(
+        plane: Tensor, fit: PlaneFit, heights: list[tuple[float, float, float]]
+    ) -> dict[str, float]:
+        return {
+            "pixels": _pixel_score(view, plane, pixels),
+            "gravity": _gravity_score(fit, evidence, known),
+            "soles": _sole_score(heights),
+        }
+
     found = []
     best = None
     for plane, fit, mask in _planes(view, evidence, normals, up):
         heights = _heights_at_soles(view, plane, evidence.soles)
-        score = _evidence(view, plane, fit.normal, pixels, known, heights)
+        scored = score(plane, fit, heights)
         moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
-        found.append(FloorCandidate(_through_soles(fit, heights) or moved, score))
+        moved = _through_soles(fit, heights) or moved
+        found.append(FloorCandidate(_levelled(view, moved, evidence), scored))
         best = found[-1] if best is None or found[-1].log_score > best.log_score else best
     feet = evidence.feet_px
     if feet is not None and len(feet):
@@ -242,8 +276,8 @@ def floor_candidates(
         if at_feet is not None:
             plane, fit = at_feet
             heights = _heights_at_soles(view, plane, evidence.soles)
-            score = _evidence(view, plane, fit.normal, pixels, known, heights)
-            found.append(FloorCandidate(fit, score))
+            scored = score(plane, fit, heights)
+            found.append(FloorCandidate(_levelled(view, fit, evidence), scored))
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
     beneath = surface_beneath(view.rays, view.inverse, evidence.around)
     if beneath is not None:
@@ -256,25 +290,10 @@ def floor_candidates(
         # that it sees at a flatter angle is behind people rather than beneath them.
         x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
         odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+        odds += _up_score(fit, evidence)
         odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
         found.insert(0, FloorCandidate(fit, {"people who lie": odds}, beneath=True))
     return tuple(found)
-
-
-def _evidence(
-    view: InverseDepthMap,
-    plane: Tensor,
-    normal: Tensor,
-    pixels: _Pixels,
-    known: Tensor | None,
-    heights: list[tuple[float, float, float]],
-) -> dict[str, float]:
-    """Return what pixels, gravity and the ground beside soles say of a plane (3,), nats."""
-    return {
-        "pixels": _pixel_score(view, plane, pixels),
-        "gravity": _gravity_score(normal, known),
-        "soles": _sole_score(heights),
-    }
 
 
 def _planes(
@@ -417,30 +436,37 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
         axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1
     )
     axes = axes[-axes[:, 1] > _STANDS]
-    angles = sorted(_angle_deg(axis, normal) for axis in axes)
+    angles = sorted(angle_deg(axis, normal) for axis in axes)
     return rate + (_robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 
 
-def _gravity_score(normal: Tensor, normals: Tensor | None) -> float:
-    """Return the score of a floor with a normal (3,) by gravity, nats: from the camera and from
-    surfaces.
+def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | None) -> float:
+    """Return the score of a floor by gravity, nats: from the camera, and from up if it is known,
+    else from surfaces with normals (M, 3).
     """
+    normal = plane.normal
     x, y, z = (float(v) for v in normal)
     roll = math.degrees(math.atan2(x, -y))
     pitch = math.degrees(math.atan2(-z, math.hypot(x, y)))
     score = _robust(roll / _ROLL_SIGMA_DEG) + _robust((pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG)
+    if evidence.up is not None:
+        return score + _up_score(plane, evidence)
     estimate = None if normals is None else estimate_up(normals, normal)
     if estimate is not None:
         trust = min(1.0, estimate.confidence / MIN_UP_CONFIDENCE)
-        score += trust * _robust(_angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
+        score += trust * _robust(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
     return score
+
+
+def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
+    """Return the score of a floor by its angle to up, nats; 0 if up is not known."""
+    if evidence.up is None:
+        return 0.0
+    sigma = math.degrees(_plane_sigma(plane, evidence))
+    angle = angle_deg(evidence.up.direction, plane.normal)
+    return _robust(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
 
 
 def _robust(sigmas: float) -> float:
     """Return a log likelihood, nats, which a wrong cue cannot lower without bound."""
     return -2 * math.log1p(sigmas**2 / 4)
-
-
-def _angle_deg(first: Tensor, second: Tensor) -> float:
-    cosine = torch.nn.functional.cosine_similarity(first.double(), second.double(), dim=0)
-    return math.degrees(math.acos(min(1.0, max(-1.0, float(cosine)))))

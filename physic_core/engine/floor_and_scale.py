@@ -53,6 +53,7 @@ from physic_core.engine.stance import (
     stance_in_picture,
     standing_prior,
 )
+from physic_core.engine.up import slope_sigma
 from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import optional_tensors, tensor
@@ -180,7 +181,16 @@ def floor_evidence(
     focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
     around = () if photo is None else surroundings(keypoints, people.masks, ~hole, photo, labels)
     return FloorEvidence(
-        mask, hole_, feet, masks, floor, other, soles, around, focal_sigma=focal_sigma
+        mask,
+        hole_,
+        feet,
+        masks,
+        floor,
+        other,
+        soles,
+        around,
+        slope=slope_sigma(labels),
+        focal_sigma=focal_sigma,
     )
 
 

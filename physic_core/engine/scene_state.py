@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from physic_core.engine.up import Up, camera_axis
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.tensors import select_pixels
 from physic_core.types.short_repr import ShortRepr
@@ -25,6 +26,7 @@ class SceneState(ShortRepr):
         floor_points: (M, 3) on the floor, within the extent of the scene.
         K: (3, 3) px, float64.
         floor: fitted floor plane, or None.
+        up: against gravity, whether or not there is a floor.
         diagnostics: of the stage, by topic.
     """
 
@@ -34,6 +36,7 @@ class SceneState(ShortRepr):
     floor_points: Tensor
     K: Tensor
     floor: PlaneFit | None = None
+    up: Up = field(default_factory=camera_axis)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     @property

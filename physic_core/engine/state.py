@@ -285,12 +285,10 @@ class State(ShortRepr):
 
     @property
     def up(self) -> Tensor:
-        """Unit vector (3,) up; of an upright camera without a floor."""
+        """Unit vector (3,): the normal of the floor, and up without one."""
         floor = self.scene.floor
-        if floor is None:
-            return self.transl.new_tensor([0.0, -1.0, 0.0])
-        normal: Tensor = floor.normal.to(self.transl)
-        return normal
+        up: Tensor = self.scene.up.direction if floor is None else floor.normal
+        return up.to(self.transl)
 
     @property
     def observed_anywhere(self) -> Tensor:

@@ -296,6 +296,7 @@ class PlaneFit:
         source: image region of the candidates.
         reanchored: factor on 1 / Z that moved the plane to the depth at the feet; 1 if not moved.
         pitch_sigma: standard deviation of the camera's pitch over the plane, radians.
+        plane_sigma: the same by the pixels of the plane alone.
     """
 
     normal: Tensor
@@ -306,6 +307,7 @@ class PlaneFit:
     source: FloorSource
     reanchored: float = 1.0
     pitch_sigma: float = PITCH_SIGMA
+    plane_sigma: float = PITCH_SIGMA
 
     @property
     def beneath(self) -> bool:
@@ -461,9 +463,29 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
         return FloorSearch(None, "no_consensus", *shares)
     factor = found.plane.reanchored
-    pitch_sigma = found.plane.pitch_sigma
-    moved = replace(fit, offset=fit.offset / factor, reanchored=factor, pitch_sigma=pitch_sigma)
+    moved = replace(
+        fit,
+        offset=fit.offset / factor,
+        reanchored=factor,
+        pitch_sigma=found.plane.pitch_sigma,
+        plane_sigma=found.plane.plane_sigma,
+    )
     return replace(found, plane=moved)
+
+
+def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor | None) -> Tensor:
+    """Return the mean ray (3,) to the feet, or to the pixels of a floor where no foot is seen.
+
+    Args:
+        rays: (H, W, 3) with z = 1, zero where unknown.
+        plane: the floor.
+        feet_px: (F, 2) px, or None.
+    """
+    feet = rays.new_zeros((0, 2)) if feet_px is None else feet_px
+    x, y = (feet.round().long()[:, i].clamp(0, rays.shape[1 - i] - 1) for i in (0, 1))
+    at_feet = rays[y, x]
+    at_feet = at_feet[at_feet[:, 2] > 0]
+    return (at_feet if len(at_feet) else rays[plane.inliers]).double().mean(0)
 
 
 def move_to_feet(

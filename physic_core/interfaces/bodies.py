@@ -74,7 +74,10 @@ class BodyEstimator(Backend):
     api = 1
     Request = BodyEstimatorRequest
     Result = Bodies
-    hints = ("intrinsics", "people", "keypoints", "observations", "scene", "original", "floor")
+    hints = (
+        *("intrinsics", "people", "keypoints", "observations"),
+        *("scene", "original", "floor", "up"),
+    )
 
     @abstractmethod
     def infer(

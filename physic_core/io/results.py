@@ -237,7 +237,7 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
     run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
-    frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
+    frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.level).tolist()}
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -371,8 +371,10 @@ def _check_indices(result: Reconstruction) -> None:
 
 def _check_floor(result: Reconstruction) -> None:
     floor = result.scene.floor
-    if floor is not None and not abs(np.linalg.norm(floor.normal) - 1) < _UNIT_TOLERANCE:
-        raise ValueError(f"scene.floor.normal is not of length 1: {floor.normal.tolist()}")
+    normal = None if floor is None else floor.normal
+    for name, unit in (("scene.floor.normal", normal), ("scene.up", result.scene.up)):
+        if unit is not None and not abs(np.linalg.norm(unit) - 1) < _UNIT_TOLERANCE:
+            raise ValueError(f"{name} is not of length 1: {unit.tolist()}")
 
 
 def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:

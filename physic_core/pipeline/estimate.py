@@ -59,6 +59,7 @@ from physic_core.types import (
     Pointmap,
 )
 from physic_core.types.arrays import select_people
+from physic_core.types.results import KNOWN_UP_SIGMA_DEG
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -402,6 +403,7 @@ def _floors(found: Findings, _: Step) -> None:
     """Fill aligned, evidence and floors."""
     from physic_core.engine.floor import best_candidate, chosen_floor
     from physic_core.engine.floor_and_scale import candidates_in, floor_evidence, plane_of
+    from physic_core.engine.up import up_of_pointmap
 
     scene = found.scene
     hole = found.hole
@@ -410,7 +412,8 @@ def _floors(found: Findings, _: Step) -> None:
     evidence = floor_evidence(
         found.people, hole, found.keypoints, found.camera, found.observations, found.aligned
     )
-    found.evidence = replace(evidence, shift_sigma=scene.shift_sigma or 0.0)
+    up = up_of_pointmap(scene)
+    found.evidence = replace(evidence, up=up, shift_sigma=scene.shift_sigma or 0.0)
     found.floors = candidates_in(scene, found.evidence, engine.scene)
     chosen = chosen_floor(found.floors, best_candidate(found.floors), found.evidence)
     found.hints = replace(
@@ -418,6 +421,7 @@ def _floors(found: Findings, _: Step) -> None:
         floor=plane_of(chosen),
         original=found.aligned,
         observations=found.observations,
+        up=None if up is None or up.sigma >= KNOWN_UP_SIGMA_DEG else up.direction.numpy(),
     )
 
 
@@ -510,6 +514,7 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill floor_and_scale."""
     from physic_core.engine.floor_and_scale import PeopleInScene, find_floor_and_scale
+    from physic_core.engine.up import contradiction
 
     embodied = found.embodied
     people = PeopleInScene(
@@ -526,6 +531,8 @@ def _floor_and_scale(found: Findings, _: Step) -> None:
     found.floor_and_scale = find_floor_and_scale(
         found.floors, found.evidence, people, found.model, witness
     )
+    plane = found.floor_and_scale.search.plane
+    found.stages.warn(*contradiction(plane, found.evidence.up, found.evidence.slope))
 
 
 def _depth_of_scale(found: Findings, step: Step) -> None:

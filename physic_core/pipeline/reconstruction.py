@@ -209,6 +209,9 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         scale=scale,
         scale_sigma=state.scale_sigma,
         measured=estimates.measured_scale is not None,
+        up=scene.up.direction.numpy(),
+        up_sigma=scene.up.sigma,
+        up_source=scene.up.source,
         **maps,
     )
 

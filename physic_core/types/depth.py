@@ -125,6 +125,8 @@ class Hints(ShortRepr):
             given if that model is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
         observations: what the people do.
+        up: (3,) unit vector against gravity where no floor need tell it; None if only the camera's
+            axis does.
     """
 
     intrinsics: Intrinsics | None = None
@@ -138,3 +140,4 @@ class Hints(ShortRepr):
     bodies: Bodies | None = None
     photo: UInt8Array | None = None
     observations: Observations | None = None
+    up: FloatArray | None = None

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.types.arrays import shape
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
+from physic_core.types.depth import Plane
 from physic_core.types.records import Measures
 from physic_core.types.short_repr import ShortRepr
 
@@ -31,10 +32,13 @@ if TYPE_CHECKING:
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
-    from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
+
+
+KNOWN_UP_SIGMA_DEG = 8.0
+"""Standard deviation from which on an up direction tells no more than that cameras are upright."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,10 @@ class Scene(ShortRepr):
         scale: the factor that the joint optimisation applied to the scene (already in the points).
         scale_sigma: standard deviation of log(scale), or None.
         measured: whether a measured depth gave the scale: it does not depend on the focal length.
+        up: (3,) unit vector against gravity, camera frame; None in results that do not state it.
+            Ground may slope: it is the floor's normal only if nothing surer tells it.
+        up_sigma: standard deviation of its angle to the truth in each direction, degrees.
+        up_source: what tells it, in words.
     """
 
     points: FloatArray = field(metadata=shape("H", "W", 3))
@@ -62,6 +70,16 @@ class Scene(ShortRepr):
     scale: float = 1.0
     scale_sigma: float | None = None
     measured: bool = False
+    up: FloatArray | None = field(default=None, metadata=shape(3))
+    up_sigma: float | None = None
+    up_source: str = ""
+
+    @property
+    def level(self) -> Plane | None:
+        """The floor; without one, the level plane through the camera; None if up is not known."""
+        if self.floor is not None or self.up is None or self.up_sigma is None:
+            return self.floor
+        return Plane(self.up, 0.0) if self.up_sigma < KNOWN_UP_SIGMA_DEG else None
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def combined_glb(result: Reconstruction) -> bytes:
         index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all()
     )
     request = ExportRequest(
-        result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb"
+        result, posed, export_frame(result.scene.level, "y"), "combined", ".glb"
     )
     skins = dict[int, Rig]()
     reason = ""

@@ -167,7 +167,7 @@ def render_contact_views(
     import cv2
 
     person = reconstruction.people[index]
-    matrix = gltf_from_camera(reconstruction.scene.floor)
+    matrix = gltf_from_camera(reconstruction.scene.level)
     vertices = transform_points(matrix, person.vertices)
     joints = transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))

@@ -189,7 +189,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
             stroke_width=2,
             stroke_fill=INK_RGB,
         )
-    up = "" if reconstruction.scene.floor else " (up is the camera's)"
+    up = "" if reconstruction.scene.level else " (up is the camera's)"
     _draw_panel(page, aside, "At an angle", view_from_aside(geometry, aside.width, aside.height))
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
@@ -230,7 +230,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
     if scene.floor is None:
         facts.append("no floor found")
     else:
-        pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.floor)[2], -1.0, 1.0))))
+        pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.level)[2], -1.0, 1.0))))
         way = "down" if pitch >= 0 else "up"
         height = metres_text(scene.floor.offset, scene.scale_sigma)
         facts.append(f"camera {height} above the floor, looking {abs(pitch):.0f}° {way}")

@@ -49,7 +49,7 @@ class AssumedSupport:
 def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
     """Return the assumed supports of the people of a result."""
     found = list[AssumedSupport]()
-    up = np.asarray(up_in_camera(result.scene.floor), np.float64)
+    up = np.asarray(up_in_camera(result.scene.level), np.float64)
     for index, person in enumerate(result.people):
         if person.contact_partner is None or not np.isfinite(person.vertices).all():
             continue

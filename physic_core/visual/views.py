@@ -80,7 +80,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     """Build the preview geometry of a reconstruction, without people with non-finite vertices."""
     scene = reconstruction.scene
     limit = scene_reach(reconstruction)
-    matrix = gltf_from_camera(scene.floor)
+    matrix = gltf_from_camera(scene.level)
     finite = [
         (index, np.asarray(person.vertices, np.float64))
         for index, person in enumerate(reconstruction.people)

@@ -13,7 +13,7 @@ import trimesh
 from numpy.testing import assert_allclose
 
 from physic_core import find_exporter
-from physic_core.errors import ConfigError, PackageMissingError, PluginError
+from physic_core.errors import ConfigError, InputError, PackageMissingError, PluginError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, export_frame
 
@@ -147,6 +147,21 @@ def test_frames_stand_on_the_floor(result, up, axis):
     ahead = transform_points(frame.from_camera, np.array([[0, 0, 2.0]]))
     to_camera = np.linalg.inv(camera_pose(frame))
     assert_allclose(transform_points(to_camera, ahead), [[0, 0, -2]], atol=1e-9)
+
+
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_without_a_floor_frames_are_level_if_edges_tell_up(result, up, axis):
+    above = np.array([0.0, -0.8, -0.6])
+    scene = replace(result.scene, floor=None, up=above, up_sigma=1.5)
+    frame = export_frame(scene.level, up)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    assert_allclose(transform_points(frame.from_camera, points)[:, axis], points @ above, atol=1e-9)
+    assert "origin at the camera" in frame.axes
+    unsure = replace(scene, up_sigma=13.0)
+    assert unsure.level is None
+    assert replace(unsure, floor=result.scene.floor).level is result.scene.floor
+    with pytest.raises(InputError, match="z up"):
+        export_frame(unsure.level, "z")
 
 
 def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(

@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.floor import FloorEvidence, find_floor
+from physic_core.engine.up import level_plane
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
-from physic_core.geometry.floor import FloorSearch, PlaneFit, refit_floor
+from physic_core.geometry.floor import FloorSearch, PlaneFit, ray_to_floor, refit_floor
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import (
     depth_edges,
@@ -166,13 +167,19 @@ class SceneMethod:
     def search_floor(
         self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
     ) -> FloorSearch:
-        """Return the floor in valid metric points (H, W, 3) with their normals, fitted again if it
-        is known.
+        """Return the floor in valid metric points (H, W, 3) with their normals, fitted again and
+        turned towards up if it is known.
         """
         if self.floor == "off":
             return FloorSearch(None, "switched_off")
         if evidence.found is not None:
-            return refit_floor(points, valid, evidence.found)
+            search = refit_floor(points, valid, evidence.found)
+            if search.plane is None or search.plane.beneath:
+                return search
+            rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
+            at = ray_to_floor(rays, search.plane, evidence.feet_px)
+            level = level_plane(search.plane, evidence.up, evidence.slope, at)
+            return replace(search, plane=level)
         return find_floor(points, valid, evidence, surface)
 
     def sample_floor(

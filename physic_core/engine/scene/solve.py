@@ -24,6 +24,7 @@ from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
+from physic_core.engine.up import surest_up, up_of_pointmap
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
@@ -93,7 +94,7 @@ def _scene_input(estimates: Estimates) -> SceneInput:
         estimates.observations,
     )
     points, valid, depth = tensors(scene.points, scene.valid, estimates.depth.depth)
-    floor = replace(evidence, found=estimates.floor)
+    floor = replace(evidence, found=estimates.floor, up=up_of_pointmap(scene))
     return SceneInput(points, valid, scene.unknown, depth, _cameras(estimates), floor)
 
 
@@ -210,6 +211,7 @@ def build_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         floor_points=floor_points,
         K=camera,
         floor=floor,
+        up=surest_up(floor, evidence.up, evidence.slope),
         diagnostics={
             "alignment": alignment_diagnostics(alignment),
             "valid_share": _share(clean),

@@ -208,7 +208,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         return None
     if (carried := estimates.stance.carried) is not None and carried.rides[person]:
         return None, "people who ride may lean"
-    floor = result.scene.floor or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
+    floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
     if abs(part) > _LIES_DEG:
         plane = estimates.floor.plane

@@ -90,34 +90,40 @@ class ExportRequest:
         )
 
 
-def export_frame(floor: Plane | None, up: str) -> ExportFrame:
+def export_frame(level: Plane | None, up: str) -> ExportFrame:
     """Return the frame with an up axis.
 
     "y" and "z" have the origin on the floor below the camera, and the camera looks along -z or +y.
-    "camera" is the frame of the result. Without a floor, "y" has its origin in the camera, and y is
-    the camera's up axis.
+    "camera" is the frame of the result. Without a floor, the origin is the camera. If nothing
+    tells up, y is the camera's up axis.
+
+    Args:
+        level: the floor, or the level plane through the camera; None if nothing tells up.
+        up: "y", "z" or "camera".
 
     Raises:
-        InputError: z up without a floor.
+        InputError: z up if nothing tells up.
     """
     if up == "camera":
         return ExportFrame(up, np.eye(4), "x right, y down, z forward, origin at the camera")
-    matrix = gltf_from_camera(floor)
+    matrix = gltf_from_camera(level)
     origin = "origin on the floor below the camera"
+    notes: tuple[str, ...] = ()
+    if level is None or not level.offset:
+        origin = "origin at the camera"
+        axis = "the camera's up axis" if level is None else "up"
+        notes = (f"the result has no floor: {up} is {axis}, and the origin is the camera",)
     if up == "z":
-        if floor is None:
+        if level is None:
             raise InputError(
-                "z up needs the direction of gravity, which is the normal of the floor, and this "
-                "result has no floor: "
+                "z up needs the direction of gravity, and this result has neither a floor nor "
+                "edges that tell it: "
                 "use a format with --up y (y is then the camera's up axis) or --up camera"
             )
-        return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, f"x right, y forward, z up, {origin}")
-    if floor is None:
-        note = "the result has no floor: y is the camera's up axis, and the origin is the camera"
-        return ExportFrame(
-            up, matrix, "x right, y up (of the camera), z backward, origin at the camera", (note,)
-        )
-    return ExportFrame(up, matrix, f"x right, y up, z backward, {origin}")
+        axes = f"x right, y forward, z up, {origin}"
+        return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, axes, notes)
+    of_camera = " (of the camera)" if level is None else ""
+    return ExportFrame(up, matrix, f"x right, y up{of_camera}, z backward, {origin}", notes)
 
 
 def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:

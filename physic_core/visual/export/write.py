@@ -60,7 +60,7 @@ def export_reconstruction(
     people, notes = _people(result, person, kind)
     if up is not None and up not in kind.ups:
         raise ConfigError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
-    frame = export_frame(result.scene.floor, up or kind.ups[0])
+    frame = export_frame(result.scene.level, up or kind.ups[0])
     file = None if body_model is None else Path(os.path.expanduser(body_model))
     request = ExportRequest(
         result, people, frame, stem, suffix, scene, file, _options(kind, options)

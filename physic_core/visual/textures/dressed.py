@@ -329,7 +329,7 @@ def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
     """Return guessed colours (V, 3) of skin with normals (V, 3) under a light from above and the
     left.
     """
-    up = np.asarray(up_in_camera(result.scene.floor), np.float64)
+    up = np.asarray(up_in_camera(result.scene.level), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
     light = light / np.linalg.norm(light)
     darkened: Array = colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]

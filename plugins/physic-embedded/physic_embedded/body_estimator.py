@@ -61,7 +61,7 @@ class EmbeddedBodies(BodyEstimator):
     """
 
     written_for = 1
-    reads = ("people", "intrinsics", "keypoints", "observations", "floor", "original")
+    reads = ("people", "intrinsics", "keypoints", "observations", "floor", "up", "original")
 
     _model: BodyModel | None = None
 
@@ -130,13 +130,14 @@ class EmbeddedBodies(BodyEstimator):
             )
         skeleton = keypoints.joint_set
         said = hints.observations or Observations.unknown(len(people))
-        up = np.array([0.0, -1.0, 0.0]) if hints.floor is None else hints.floor.normal
+        known = hints.up if hints.floor is None else hints.floor.normal
+        up = np.array([0.0, -1.0, 0.0]) if known is None else known
         observations = with_hidden_legs(
             observe_people(keypoints, people, intrinsics, said), skeleton, said, up
         )
         cut = legs_hidden(observations, skeleton)
         lies = said.posture[:, POSTURES.index("lie")] > _LIES
-        trunk = (cut & ~lies) | (hints.floor is not None)
+        trunk = (cut & ~lies) | (known is not None)
         with torch.enable_grad(), limited_threads():
             fit = (
                 _fit_with_world_landmarks

@@ -26,6 +26,7 @@ from physic_embedded.single_view.focal import (
     focal_of_segments,
     manhattan_frame,
 )
+from physic_embedded.single_view.gravity import UpInPhoto, up_of_edges
 from physic_embedded.single_view.pitch import pitch_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.types import Hints, SurfaceLabels
+    from physic_core.types import Hints
 
     FloatArray = NDArray[np.floating]
 
@@ -136,6 +137,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
         found = _match_to_scene(raw, hints) if hints.scene is not None else None
+        up = None
         disparity_sigma: float | None = None
         warnings: list[str] = []
         if found is None:
@@ -143,7 +145,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                 notes.append(
                     "the photo's depth could not be matched to the scene's outside the people"
                 )
-            estimate = self._disparity_at_infinity(raw, camera, segments, hints)
+            frame, up = _directions(segments, camera, hints)
+            estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
             infinity = estimate.disparity
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
@@ -179,6 +182,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             shift_sigma,
             people_farther=_PEOPLE_FARTHER,
             warnings=tuple(warnings),
+            up=None if up is None else up.up,
+            up_sigma=None if up is None else up.sigma,
+            up_source="" if up is None else up.source,
         )
 
     def _camera(
@@ -221,47 +227,59 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             camera, focal_sigma=sigma
         ), f"the focal length is a {source}: it may be off by {sigma:.0%}"
 
-    def _disparity_at_infinity(
-        self,
-        raw: FloatArray,
-        camera: Intrinsics,
-        segments: NDArray[np.float64] | None,
-        hints: Hints,
-    ) -> InfinityEstimate:
-        """Estimate the disparity at infinity from the photo's cues."""
-        rows, columns = raw.shape
-        focal = camera.fx * columns / camera.width
-        labels = None if hints.people is None else hints.people.surfaces
 
-        def labelled(*names: str) -> NDArray[np.bool_] | None:
-            return None if labels is None else _shrink_labels(labels.mask(*names), rows, columns)
-
-        ground = labelled("floor", "ground", "rug")
-        walls = labelled("wall", "cabinet")
-        hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
-        seen = np.ones(raw.shape, bool) if hole is None else ~hole
-        pitch = None
-        frame = None
-        if segments is not None:
-            view = segments, camera.width, camera.height, camera.fx
-            pitch = pitch_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
-            frame = manhattan_frame(*view)
-        return disparity_at_infinity(
-            raw,
-            fit_disparity_floor(raw, hole, ground),
-            focal,
-            pitch=pitch,
-            walls=None if walls is None else wall_planes(raw, walls, focal),
-            bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
-            frame=frame,
-            surfaces=None if frame is None else wall_planes(raw, seen, focal),
-            open_air=0.0 if labels is None else _open_air(labels),
-            horizon=_horizon(labelled("sky"), labelled("water", "ground")),
-        )
+def _directions(
+    segments: NDArray[np.float64] | None, camera: Intrinsics, hints: Hints
+) -> tuple[tuple[FloatArray, float] | None, UpInPhoto | None]:
+    """Return the directions of the room with their trust, and up, each None if edges (M, 2, 2) do
+    not tell it.
+    """
+    if segments is None:
+        return None, None
+    view = segments, camera.width, camera.height, camera.fx
+    pitch = pitch_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
+    frame = manhattan_frame(*view)
+    return frame, up_of_edges(frame, pitch, _open_air(hints))
 
 
-def _open_air(labels: SurfaceLabels) -> float:
+def _disparity_at_infinity(
+    raw: FloatArray,
+    camera: Intrinsics,
+    hints: Hints,
+    frame: tuple[FloatArray, float] | None,
+    up: UpInPhoto | None,
+) -> InfinityEstimate:
+    """Estimate the disparity at infinity from the photo's cues."""
+    rows, columns = raw.shape
+    focal = camera.fx * columns / camera.width
+    labels = None if hints.people is None else hints.people.surfaces
+
+    def labelled(*names: str) -> NDArray[np.bool_] | None:
+        return None if labels is None else _shrink_labels(labels.mask(*names), rows, columns)
+
+    ground = labelled("floor", "ground", "rug")
+    walls = labelled("wall", "cabinet")
+    hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
+    seen = np.ones(raw.shape, bool) if hole is None else ~hole
+    return disparity_at_infinity(
+        raw,
+        fit_disparity_floor(raw, hole, ground),
+        focal,
+        pitch=None if up is None else up.pitch,
+        walls=None if walls is None else wall_planes(raw, walls, focal),
+        bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
+        frame=frame,
+        surfaces=None if frame is None else wall_planes(raw, seen, focal),
+        open_air=_open_air(hints),
+        horizon=_horizon(labelled("sky"), labelled("water", "ground")),
+    )
+
+
+def _open_air(hints: Hints) -> float:
     """Return whether labels are of outdoors, 1, or of rooms, -1; 0 for neither or both."""
+    labels = None if hints.people is None else hints.people.surfaces
+    if labels is None:
+        return 0.0
     outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
     return (outdoors - indoors) / (outdoors + indoors + _FEW_LABELS)
 

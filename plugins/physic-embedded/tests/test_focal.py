@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
+from physic_embedded.single_view.gravity import up_of_edges
 from physic_embedded.single_view.pitch import pitch_from_segments
 
 WIDTH = 800
@@ -121,6 +122,29 @@ def test_upright_edges_give_the_pitch(pitch):
     down = turn[:, 1]
     assert found == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
     assert 1.5 <= sigma < 3
+
+
+@pytest.mark.parametrize(("open_air", "most"), [(-0.8, 2.5), (0.8, 8.0)])
+def test_up_is_the_vertical_of_a_room_and_less_sure_outdoors(open_air, most):
+    segments = edges_of_a_room()
+    frame = frame_of(segments)
+    found = up_of_edges(frame, None, open_air)
+    wanted = ROOM[:, 1]
+    assert np.degrees(np.arccos(abs(found.up @ wanted))) < 1.5
+    assert found.up[1] < 0 < found.sigma < most
+    assert found.sigma > most / 3
+    other = up_of_edges(frame_of(mirrored(segments)), None, open_air)
+    assert other.up * [-1, 1, 1] == pytest.approx(found.up, abs=1e-6)
+
+
+def test_upright_edges_tell_up_where_there_is_no_trusted_frame():
+    doubtful = np.eye(3), 0.1
+    found = up_of_edges(doubtful, (12.0, 2.0), 0.0)
+    assert found.pitch[0] == pytest.approx(12)
+    assert found.sigma > 5
+    assert up_of_edges(doubtful, None, 0.0) is None
+    steep = Rotation.from_euler("x", 45, degrees=True).as_matrix(), 0.9
+    assert up_of_edges(steep, None, -1.0) is None
 
 
 def test_the_mirrored_picture_has_the_same_pitch():

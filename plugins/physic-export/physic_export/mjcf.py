@@ -202,7 +202,8 @@ _DRAWN = {"contype": "0", "conaffinity": "0", "group": "2"}
 def export_mjcf(request: ExportRequest) -> ExportedFiles:
     """Return one MJCF file, and the picture of its scene.
 
-    - ``floor``: an infinite plane at z = 0; gravity is -9.81 m/s2 along z.
+    - ``floor``: an infinite plane at z = 0, if the result has a floor; gravity is -9.81 m/s2 along
+      z.
     - ``scene``: the textured surface of the scene, and ``drawn_floor``, where it does not show the
       floor; both are drawn (group 2), and do not collide.
     - ``scene_0``, ...: the scene above the floor, as closed convex tiles of 0.1 m thickness, which
@@ -223,10 +224,9 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
         return ExportedFiles(files, notes)
-    note = (
-        f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the "
-        f"plane"
-    )
+    note = f"{len(tiles)} convex tiles of the scene"
+    if request.result.scene.floor is not None:
+        note += "; what is less than 4 cm over the floor is the plane"
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += (
@@ -271,11 +271,9 @@ def _mjcf_tree(
     world = ElementTree.SubElement(root, "worldbody")
     if jointed:
         ElementTree.SubElement(root, "actuator")
-    ElementTree.SubElement(
-        world,
-        "geom",
-        {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION},
-    )
+    if result.scene.floor is not None:
+        plane = {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR}
+        ElementTree.SubElement(world, "geom", plane | {"friction": FRICTION})
     for number, tile in enumerate(tiles):
         name = f"scene_{number}"
         add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
@@ -352,8 +350,8 @@ def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, b
         add_mesh(asset, "drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))
         shape = {"name": "drawn_floor", "type": "mesh", "mesh": "drawn_floor", "rgba": _FLOOR}
         ElementTree.SubElement(world, "geom", shape | _DRAWN)
-    plane = next(geom for geom in world if geom.get("name") == "floor")
-    plane.set("group", "3")  # it would be drawn in one place with the surface of the scene
+    for geom in world.iterfind("geom[@name='floor']"):
+        geom.set("group", "3")  # it would be drawn in one place with the surface of the scene
     return {file: encode_image(request.result.scene.colors, "PNG")}
 
 

@@ -116,9 +116,10 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     for number, tile in enumerate(tiles):
         mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
         ElementTree.SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
-    below = np.eye(4)
-    below[2, 3] = -_GROUND_M[2] / 2
-    _add_collision(link, below, "box", size=numbers(_GROUND_M, 0))
+    if request.result.scene.floor is not None:
+        below = np.eye(4)
+        below[2, 3] = -_GROUND_M[2] / 2
+        _add_collision(link, below, "box", size=numbers(_GROUND_M, 0))
     return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -13,11 +15,6 @@ from physic_core.engine.state import State
 _ANKLES = joint_pair("ankle")
 _NECK = JOINT_INDEX["neck"]
 _PELVIS = JOINT_INDEX["pelvis"]
-
-CAMERA_PITCH_SIGMA = 0.17
-"""Radians, standard deviation of the pitch of a camera without a floor: photos are taken level to
-about 10 degrees.
-"""
 
 
 class LeanTerm(Term):
@@ -75,7 +72,7 @@ def lean_precision(state: State) -> Tensor | None:
     if state.lean_sigma is None or state.stance is None:
         return None
     floor = state.scene.floor
-    pitch = CAMERA_PITCH_SIGMA if floor is None else floor.pitch_sigma
+    pitch = math.radians(state.scene.up.sigma) if floor is None else floor.pitch_sigma
     stands = 1 - (1 - torch.from_numpy(state.stance.stands).to(state.lean_sigma)).prod(1)
     stands = stands * (floor is not None)
     stated = torch.where(ankles_observed(state), stands, torch.ones_like(stands))

@@ -22,7 +22,7 @@ from physic_core.types import (
 from physic_testing.worlds import BLAZEPOSE, load_world
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, Intrinsics, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
 SIZE = (320, 240)
@@ -115,6 +115,11 @@ class Case:
     def size(self) -> str:
         """Width and height as text."""
         return f"{self.photo.shape[1]} x {self.photo.shape[0]} px"
+
+    @property
+    def up(self) -> FloatArray:
+        """Unit vector (3,) against gravity."""
+        return self.floor.normal
 
     @property
     def observations(self) -> Observations:

@@ -64,7 +64,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         },
         "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
         "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
-        "upright": gltf_from_camera(scene.floor).ravel().tolist(),
+        "upright": gltf_from_camera(scene.level).ravel().tolist(),
         "floor": scene.floor is not None,
         "scale": scene.scale,
         "scale_sigma": scene.scale_sigma,

@@ -1,0 +1,150 @@
+"""Which way is up, and how surely: witnesses with stated errors, whether or not a floor is seen.
+
+A floor is one witness of several. Ground slopes outdoors, so that its normal is not quite up.
+OpenCV camera frame, angles in degrees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.geometry.floor import PlaneFit
+from physic_core.types import Pointmap, SurfaceLabels
+from physic_core.types.short_repr import ShortRepr
+
+AXIS_SIGMA_DEG = 13.0
+"""Standard deviation between up and the camera's own up axis, of photos that show no floor."""
+
+DISAGREE = 2.5
+"""Joint standard deviations from which on two witnesses contradict each other."""
+
+# of a floor's normal from up: floors of rooms are level, streets and lawns slope
+_SLOPE_OF_ROOMS_DEG = 0.5
+_SLOPE_OUTDOORS_DEG = 4.0
+_OUTDOORS = ("ground", "vegetation", "water", "sky")
+_INDOORS = ("floor", "rug", "ceiling", "wall", "seat", "bed", "table", "cabinet")
+
+
+@dataclass(frozen=True)
+class Up(ShortRepr):
+    """One answer to which way is up.
+
+    Attributes:
+        direction: (3,) unit, float64.
+        sigma: standard deviation of its angle to the truth in each of two directions.
+        source: what tells it, in words.
+    """
+
+    direction: Tensor
+    sigma: float
+    source: str
+
+
+def camera_axis() -> Up:
+    """Return the camera's own up axis."""
+    direction = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+    return Up(direction, AXIS_SIGMA_DEG, "the camera's axis")
+
+
+def up_of_pointmap(pointmap: Pointmap) -> Up | None:
+    """Return what a point map says of up; None if it says nothing."""
+    if pointmap.up is None or pointmap.up_sigma is None:
+        return None
+    direction = torch.from_numpy(pointmap.up).double()
+    return Up(direction, float(pointmap.up_sigma), pointmap.up_source)
+
+
+def slope_sigma(labels: SurfaceLabels | None) -> float:
+    """Return the standard deviation of the floor's normal from up by the labels of a photo."""
+    if labels is None:
+        return _SLOPE_OUTDOORS_DEG
+    outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
+    share = (outdoors + 1e-3) / (outdoors + indoors + 1e-3)
+    return _SLOPE_OF_ROOMS_DEG + share * (_SLOPE_OUTDOORS_DEG - _SLOPE_OF_ROOMS_DEG)
+
+
+def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
+    """Return the surest of a floor after :func:`level_plane`, up without it, and the camera."""
+    witnesses = [camera_axis()] if up is None else [up, camera_axis()]
+    if floor is not None:
+        sigma = math.hypot(math.degrees(floor.pitch_sigma), slope)
+        witnesses.append(Up(floor.normal.double(), sigma, "the floor"))
+    return min(witnesses, key=lambda one: one.sigma)
+
+
+def fused_up(witnesses: Sequence[Up]) -> Up:
+    """Return the mean of witnesses by their precisions.
+
+    The farther a witness is from the surest one, the less it counts: one of them may be wrong.
+    """
+    first = min(witnesses, key=lambda one: one.sigma)
+    precision = torch.tensor([1 / one.sigma**2 / (1 + apart(first, one) ** 2) for one in witnesses])
+    total = precision.double() @ torch.stack([one.direction for one in witnesses])
+    direction = torch.nn.functional.normalize(total, dim=0)
+    return Up(direction, 1 / math.sqrt(float(precision.sum())), first.source)
+
+
+def apart(first: Up, second: Up) -> float:
+    """Return how far two witnesses differ, in joint standard deviations."""
+    joint = math.hypot(first.sigma, second.sigma)
+    return angle_deg(first.direction, second.direction) / joint
+
+
+def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> PlaneFit:
+    """Return a floor turned towards up about its point on a ray, and its error after that.
+
+    Args:
+        plane: by its pixels.
+        up: without the floor; None leaves the plane as it is.
+        slope: of the floor.
+        ray: (3,) to the part of the floor that counts, such as the feet.
+
+    Returns:
+        The floor; where it contradicts up it is not turned, and its error is the angle between
+        them.
+    """
+    if up is None:
+        return plane
+    level = replace(up, sigma=math.hypot(up.sigma, slope))
+    own = Up(plane.normal.double(), math.degrees(plane.plane_sigma), "the floor")
+    if apart(own, level) > DISAGREE:
+        off = math.hypot(own.sigma, angle_deg(own.direction, up.direction))
+        return replace(plane, pitch_sigma=math.radians(off))
+    both = fused_up([own, level])
+    sigma = math.radians(both.sigma)
+    normal = both.direction.to(plane.normal)
+    at = ray.to(plane.normal)
+    steep, steeper = (-float(at @ one) for one in (plane.normal, normal))
+    if min(steep, steeper) <= _GRAZING * float(torch.linalg.vector_norm(at)):
+        return plane
+    offset = plane.offset * steeper / steep
+    return replace(plane, normal=normal, offset=offset, pitch_sigma=sigma)
+
+
+# least cosine between a ray and the normal: a plane is not turned about a point at the horizon
+_GRAZING = 0.02
+
+
+def contradiction(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple[str, ...]:
+    """Return a warning if a floor contradicts up; nothing if it does not."""
+    if floor is None or floor.beneath or up is None:
+        return ()
+    own = Up(floor.normal.double(), math.degrees(floor.plane_sigma), "the floor")
+    if apart(own, replace(up, sigma=math.hypot(up.sigma, slope))) <= DISAGREE:
+        return ()
+    off = angle_deg(floor.normal, up.direction)
+    return (
+        f"the floor slopes by {off:.0f} degrees against the {up.source} of the photo: one of them "
+        f"is wrong, or the ground slopes; see preview.png from the side",
+    )
+
+
+def angle_deg(first: Tensor, second: Tensor) -> float:
+    """Return the angle between two vectors (3,)."""
+    cosine = torch.nn.functional.cosine_similarity(first.double(), second.double(), dim=0)
+    return math.degrees(math.acos(min(1.0, max(-1.0, float(cosine)))))

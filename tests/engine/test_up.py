@@ -1,0 +1,98 @@
+"""Up is what the surest witness says, and a floor follows it where they agree."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.engine.up import (
+    Up,
+    angle_deg,
+    camera_axis,
+    contradiction,
+    level_plane,
+    slope_sigma,
+    surest_up,
+)
+from physic_core.geometry.floor import PlaneFit
+from physic_core.types import SurfaceLabels
+
+FEET = torch.tensor([0.1, 0.4, 1.0], dtype=torch.float64)
+NOWHERE = torch.zeros(2, 2, dtype=torch.bool)
+
+
+def looking_down(degrees):
+    """The up vector of a camera that looks down."""
+    angle = math.radians(degrees)
+    return torch.tensor([0.0, -math.cos(angle), -math.sin(angle)], dtype=torch.float64)
+
+
+def floor(pitch, sigma=6.0):
+    wide = math.radians(sigma)
+    normal = looking_down(pitch)
+    return PlaneFit(normal, 1.5, NOWHERE, 1.0, 0.0, "labels", pitch_sigma=wide, plane_sigma=wide)
+
+
+def edges(pitch, sigma=1.5):
+    return Up(looking_down(pitch), sigma, "edges")
+
+
+def place_of_feet(plane):
+    return FEET * plane.offset / -(FEET @ plane.normal)
+
+
+def test_a_floor_that_agrees_turns_to_the_surer_witness_about_the_feet():
+    plane = floor(14)
+    level = level_plane(plane, edges(9), 0.5, FEET)
+    assert angle_deg(level.normal, looking_down(9)) < 0.5
+    assert torch.allclose(place_of_feet(level), place_of_feet(plane))
+    assert math.degrees(level.pitch_sigma) < 1.6
+    assert level.plane_sigma == plane.plane_sigma
+    assert contradiction(level, edges(9), 0.5) == ()
+
+
+def test_a_doubtful_witness_moves_a_surer_floor_the_less_the_farther_it_is_off():
+    moves = [
+        angle_deg(level_plane(floor(9), edges(9 + off, 9.0), 0.0, FEET).normal, looking_down(9))
+        for off in (4, 20)
+    ]
+    assert 0.5 < moves[0] < 2
+    assert moves[1] < 2.5
+
+
+def test_a_floor_that_contradicts_up_stays_and_is_less_sure():
+    plane = floor(33)
+    same = level_plane(plane, edges(5), 0.5, FEET)
+    assert torch.equal(same.normal, plane.normal)
+    assert same.offset == plane.offset
+    assert math.degrees(same.pitch_sigma) > 28
+    assert "28 degrees" in contradiction(same, edges(5), 0.5)[0]
+
+
+def test_a_street_may_slope_and_a_floor_may_not():
+    room = SurfaceLabels(np.ones((4, 4), np.uint8), ("unknown", "floor"))
+    street = SurfaceLabels(np.ones((4, 4), np.uint8), ("unknown", "ground"))
+    level, slope = slope_sigma(room), slope_sigma(street)
+    assert level < 1 < slope == pytest.approx(slope_sigma(None), abs=0.01)
+    turned = [level_plane(floor(14), edges(9), sigma, FEET) for sigma in (level, slope)]
+    of_room, of_street = (angle_deg(plane.normal, looking_down(9)) for plane in turned)
+    assert of_room < 1 < of_street
+
+
+@pytest.mark.parametrize(
+    ("plane", "up", "pitch", "sigma"),
+    [
+        (None, None, 0.0, camera_axis().sigma),
+        (None, edges(20), 20.0, 1.5),
+        (floor(12), None, 12.0, 6.0),
+        (floor(33), edges(5), 5.0, 1.5),
+    ],
+    ids=["the camera", "edges", "the floor", "edges against the floor"],
+)
+def test_the_surest_witness_tells_up(plane, up, pitch, sigma):
+    found = surest_up(plane, up, 0.0)
+    assert angle_deg(found.direction, looking_down(pitch)) < 1e-5
+    assert found.sigma == pytest.approx(sigma)
