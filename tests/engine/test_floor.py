@@ -11,7 +11,7 @@ import torch
 from torch.nn.functional import normalize
 
 from physic_core.engine import floor as engine_floor
-from physic_core.engine.floor import FloorEvidence, GroundAtSoles
+from physic_core.engine.ground.floor import FloorEvidence, GroundAtSoles
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals

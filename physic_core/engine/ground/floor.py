@@ -22,8 +22,8 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
-from physic_core.engine.lying import LYING_RATE, Surroundings, surface_beneath
-from physic_core.engine.up import Up, angle_deg, level_plane
+from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
+from physic_core.engine.ground.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -134,7 +134,7 @@ class FloorEvidence:
     ground: Tensor | None = None
     no_ground: Tensor | None = None
     soles: tuple[GroundAtSoles, ...] = ()
-    around: tuple[Surroundings, ...] = ()
+    around: tuple[Background, ...] = ()
     found: FloorSearch | None = None
     up: Up | None = None
     slope: float = 0.0
