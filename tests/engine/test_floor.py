@@ -292,7 +292,7 @@ def two_levels(lower=1.9):
 
 def beside(column, stands=0.85, real=1.0):
     rows, columns = area[130:150, column : column + 20].nonzero(as_tuple=True)
-    return GroundAtSoles(rows, columns, stands, real)
+    return GroundAtSoles(rows, columns, stands, real, 0)
 
 
 def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label():

@@ -417,6 +417,20 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
     assert other.stance.stands == pytest.approx(as_floor.stance.stands, abs=0.02)
 
 
+def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world):
+    soles = world.soles()
+    street = ~EMPTY
+    for x, y in soles.points[soles.confidence > 0].round().astype(int):
+        street[y - 12 : y + 13, x - 12 : x + 13] = False
+    scene = in_units(np.where(street, level(CAMERA_HEIGHT + 0.35), world.depth))
+    people = world.labelled("ground", street & (ROW > 0.25))
+    given = {"scene": scene, "people": people, "keypoints": soles}
+    found = world.answer(world.candidates(**given), **given)
+    assert found.plane.offset * UNIT == pytest.approx(CAMERA_HEIGHT + 0.35, rel=0.03)
+    assert found.scale.scale > 0.88 * UNIT
+    assert found.stance.stands.max() < 0.1
+
+
 def test_masks_labels_and_other_masks_are_candidates(world):
     rows = np.indices(EMPTY.shape)[0]
     lower = rows >= 100

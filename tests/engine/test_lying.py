@@ -4,6 +4,8 @@ mislead it.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -29,6 +31,7 @@ from physic_core.types import (
     SurfaceLabels,
 )
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.observations import POSTURES
 from physic_testing.worlds import load_world
 
 from .seen import pointmap_of, rays_of, seen
@@ -42,7 +45,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 """Normal of a floor below a camera that looks straight down."""
 
 
-def answer(turned=False, floor_m=None, gap_m=0.0, label=None):
+def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None):
     """Floor and scale of a person before a surface that faces the camera; upside down in the
     picture if turned, and on a level floor below the camera, if it has a height. The surface may
     have a label.
@@ -71,9 +74,13 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None):
         for z in (depth, np.where(mask, own, depth))
     )
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-    nothing = Observations.unknown(1)
-    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople(), nothing)
-    evidence = floor_evidence(people, mask, keypoints, CAMERA, nothing, photo)
+    said = Observations.unknown(1)
+    if posture is not None:
+        said.posture[:] = 0.01 / 0.92
+        said.posture[:, POSTURES.index(posture)] = 0.92
+        said = replace(said, posture_share=np.full(9, 1 / 9))
+    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople(), said)
+    evidence = floor_evidence(people, mask, keypoints, CAMERA, said, photo)
     floors = candidates_in(scene, evidence)
     return find_floor_and_scale(floors, evidence, given, model)
 
@@ -93,6 +100,12 @@ def test_people_who_stand_at_a_wall_on_a_floor_do_not_lie_on_the_wall(gap_m):
     assert found.plane is not None
     assert found.plane.normal @ DOWN == pytest.approx(0.0, abs=0.1)
     assert found.stance.stands.min() > 0.5
+
+
+@pytest.mark.parametrize(("posture", "down"), [("lie", 1.0), ("stand", 0.0)])
+def test_people_lie_only_where_the_observer_does_not_speak_against_it(posture, down):
+    plane = answer(posture=posture).plane
+    assert (0.0 if plane is None else plane.normal @ DOWN) == pytest.approx(down, abs=0.2)
 
 
 def test_a_surface_with_the_label_of_a_wall_is_not_lain_on():

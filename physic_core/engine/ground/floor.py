@@ -43,7 +43,7 @@ from physic_core.geometry.floor import (
     ray_to_floor,
 )
 from physic_core.geometry.plane import estimate_up, sample_normals
-from physic_core.geometry.tensors import select_pixels
+from physic_core.geometry.tensors import quantiles, select_pixels
 
 MIN_UP_CONFIDENCE = 0.11
 """Confidence of an up direction that counts fully, see
@@ -68,6 +68,9 @@ _MOST_SOLES = 3.0  # independent observations that the soles of all people are w
 
 # Tolerances in the range of inverse depth, over which pixels off the plane are spread.
 _BANDS = 50.0
+_OFF_GROUND = 0.07  # height of all seen ground over a floor, in heights of the camera: .1 of 1.5 m
+_FEWEST_GROUND = 0.02  # share of the photo that shows ground
+_OFF_GROUND_NATS = -3.0  # for a plane off it: what stands on the plane stands on something else
 _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
 _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
@@ -99,12 +102,14 @@ class GroundAtSoles(NamedTuple):
         columns: (M,) int64.
         stands: probability that the person stands on the floor, before one is known.
         real: probability that it is a person.
+        person: row of the person.
     """
 
     rows: Tensor
     columns: Tensor
     stands: float
     real: float
+    person: int
 
 
 @dataclass(frozen=True)
@@ -140,6 +145,14 @@ class FloorEvidence:
     slope: float = 0.0
     focal_sigma: float = 0.0
     shift_sigma: float = 0.0
+
+    @property
+    def seen_ground(self) -> Tensor | None:
+        """Visible pixels (H, W) bool with the label of a floor; None if they are few."""
+        if self.ground is None:
+            return None
+        seen = self.ground if self.hole is None else self.ground & ~self.hole
+        return seen if int(seen.sum()) >= _FEWEST_GROUND * seen.numel() else None
 
 
 @dataclass(frozen=True)
@@ -266,6 +279,10 @@ def floor_candidates(
         scored = score(plane, fit, heights)
         moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
         moved = _through_soles(fit, heights) or moved
+        if _off_ground(view, moved, evidence) and not _off_ground(view, fit, evidence):
+            moved = fit  # those feet stand on something else
+        if _off_ground(view, moved, evidence):
+            scored["ground that is seen"] = _OFF_GROUND_NATS
         found.append(FloorCandidate(_levelled(view, moved, evidence), scored))
         best = found[-1] if best is None or found[-1].log_score > best.log_score else best
     feet = evidence.feet_px
@@ -278,6 +295,8 @@ def floor_candidates(
             plane, fit = at_feet
             heights = _heights_at_soles(view, plane, evidence.soles)
             scored = score(plane, fit, heights)
+            if _off_ground(view, fit, evidence):
+                scored["ground that is seen"] = _OFF_GROUND_NATS
             found.append(FloorCandidate(_levelled(view, fit, evidence), scored))
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
     beneath = surface_beneath(view.rays, view.inverse, evidence.around)
@@ -385,7 +404,7 @@ def _heights_at_soles(
     The unit is the height of the camera, so that the scale does not matter.
     """
     found = []
-    for rows, columns, stands, real in soles:
+    for rows, columns, stands, real, _ in soles:
         inverse = view.inverse[rows, columns].double()
         known = inverse > 0
         if bool(known.any()):
@@ -403,12 +422,17 @@ def _sole_score(heights: list[tuple[float, float, float]]) -> float:
     """
     score = 0.0
     for height, stands, real in heights:
-        density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2) / (
-            _SOLE_SIGMA * math.sqrt(2 * math.pi)
-        )
         on_floor = stands * real
-        score += math.log(1 - on_floor + on_floor * density / _ELSEWHERE)
+        score += math.log(1 - on_floor + on_floor * odds_at_height(height))
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
+
+
+def odds_at_height(height: float) -> float:
+    """Return how much likelier ground beside soles is so high over the floor if the person stands
+    on it than if not; heights of the camera.
+    """
+    density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2)
+    return density / (_SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
 
 
 def _through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
@@ -466,6 +490,16 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
     sigma = math.degrees(_plane_sigma(plane, evidence))
     angle = angle_deg(evidence.up.direction, plane.normal)
     return _robust(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
+
+
+def _off_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
+    """Return whether all pixels that are labelled as ground lie off a floor, on one side."""
+    seen = evidence.seen_ground
+    if seen is None or not bool((seen := seen & view.valid).any()):
+        return False
+    on_plane = view.rays[seen] @ plane.normal.to(view.rays) / -plane.offset
+    low, high = quantiles(1 - on_plane / view.inverse[seen], (0.1, 0.9))
+    return low > _OFF_GROUND or high < -_OFF_GROUND
 
 
 def _robust(sigmas: float) -> float:

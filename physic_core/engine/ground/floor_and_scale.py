@@ -28,9 +28,10 @@ from physic_core.engine.ground.floor import (
     GroundAtSoles,
     chosen_floor,
     floor_candidates,
+    odds_at_height,
     standing_score,
 )
-from physic_core.engine.ground.lying import backgrounds
+from physic_core.engine.ground.lying import Background, backgrounds
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
@@ -178,7 +179,11 @@ def floor_evidence(
     others = optional_tensors(*people.floor_candidates)
     masks = tuple(m for m in others if m is not None)
     focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
-    around = () if photo is None else backgrounds(keypoints, people.masks, ~hole, photo, labels)
+    around: tuple[Background, ...] = ()
+    if photo is not None:
+        lie = observations.evidence("posture")[:, POSTURES.index("lie")] >= 0
+        some = select_people(keypoints, lie)
+        around = backgrounds(some, people.masks[lie], ~hole, photo, labels)
     return FloorEvidence(
         mask,
         hole_,
@@ -217,7 +222,7 @@ def _ground_at_soles(
             among_raised = labels is not None and labels.mask(*RAISED_SURFACES)[at].mean() > 0.5
             share = _ON_FLOOR_AMONG_RAISED if among_raised else _ON_FLOOR
             stands = share * float(1 - (1 - touch[i]).prod())
-            found.append(GroundAtSoles(*at, stands, float(people.scores[i])))
+            found.append(GroundAtSoles(*at, stands, float(people.scores[i]), i))
     return tuple(found)
 
 
@@ -293,7 +298,9 @@ def find_floor_and_scale(
     """
     seen = _people_seen(given, model)
     scene = given.scene
-    planes = [_on_plane(candidate, seen) for candidate in candidates]
+    planes = [
+        _on_plane(candidate, seen, _on_it(candidate, evidence, given)) for candidate in candidates
+    ]
     scores = [sum(p.evidence.values()) for p in planes]
     kinds = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
@@ -312,7 +319,8 @@ def find_floor_and_scale(
     if vote is None or not sized:
         return FloorAndScale(search, *_guessed(scene, plane_of(search)), seen.stance)
     stands = sum(
-        w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True)
+        w * p.on[:, None] * _stands(vote, p, seen)
+        for w, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
@@ -441,12 +449,33 @@ class _OnPlane(NamedTuple):
     """
 
     evidence: Mapping[str, float]
+    on: FloatArray
     by_soles: FloatArray
     soles: Witnesses
     camera: Witnesses
 
 
-def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
+def _on_it(candidate: FloorCandidate, evidence: FloorEvidence, given: PeopleInScene) -> FloatArray:
+    """Return by how much (N,), at most 1, the ground beside their soles leaves people on a floor.
+
+    A photo that shows no ground does not show whether they stand on something else.
+    """
+    on = np.ones(len(given.people))
+    plane = candidate.plane
+    if plane is None or evidence.seen_ground is None or evidence.hole is None:
+        return on
+    touch = np.ones((len(on), 2))
+    hole = evidence.hole.numpy()
+    for beside in _ground_at_soles(given.people, hole, given.keypoints, touch):
+        at = beside.rows.numpy(), beside.columns.numpy()
+        points = given.scene.points[at][given.scene.valid[at]].astype(np.float64)
+        if len(points):
+            height = float(np.median(points @ plane.normal.numpy())) / plane.offset + 1
+            on[beside.person] = min(1.0, odds_at_height(height))
+    return on
+
+
+def _on_plane(candidate: FloorCandidate, seen: _Seen, on: FloatArray) -> _OnPlane:
     """Return the evidence of feet and camera if a candidate is the floor."""
     score = dict(candidate.evidence)
     height = math.nan
@@ -466,12 +495,12 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
-    sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
+    sure = on * seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
     camera = _witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
-    return _OnPlane(score, by_soles, soles, camera)
+    return _OnPlane(score, on, by_soles, soles, camera)
 
 
 def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorSearch:
