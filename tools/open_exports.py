@@ -40,11 +40,12 @@ VERSIONS = {
     "yourdfpy": "0.0.60",
     "bvhio": "1.5.4",
     "pycocotools": "2.0.11",
+    "OpenSim": "4.6",
     "pycolmap": "4.2.1",
 }
 """Release that the table of ``docs/exports.md`` states for each program of ``read_exports.py``."""
 
-FORMATS = ("glb", "ply", "usd", "mjcf", "urdf", "coco", "colmap", "bvh")
+FORMATS = ("glb", "ply", "usd", "mjcf", "urdf", "coco", "colmap", "bvh", "trc", "mot")
 NEAR_M = 1e-3
 
 

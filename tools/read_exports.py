@@ -154,7 +154,6 @@ def read_mujoco() -> Arrived:
 
     model = mujoco.MjModel.from_xml_path("mujoco.xml")
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
     mujoco.mj_forward(model, data)
     hinges = sum(model.joint(i).name.startswith("person_0_") for i in range(model.njnt)) - 1
     mass = model.body_subtreemass[model.body("person_0").id]
@@ -199,6 +198,20 @@ def read_pycocotools() -> Arrived:
     areas = [data.annToMask(one).sum() == one["area"] for one in data.anns.values()]
     same = "their stated areas" if all(areas) else "other areas"
     return Arrived("coco.json", more=f"{len(areas)} people, masks of {same}")
+
+
+def read_opensim() -> Arrived:
+    import opensim
+
+    markers = opensim.MarkerData("markers_0.trc")
+    motion = opensim.Storage("motion_0.mot")
+    unit = "degrees" if motion.isInDegrees() else "radians"
+    count = motion.getColumnLabels().getSize() - 1  # without the time
+    return Arrived(
+        "markers_0.trc, motion_0.mot",
+        joints=markers.getNumMarkers(),
+        more=f"{markers.getUnits().getLabel()}; {count} coordinates in {unit}",
+    )
 
 
 def read_pycolmap() -> Arrived:
@@ -288,6 +301,7 @@ PROGRAMS: dict[str, tuple[str, str, Callable[[], Arrived]]] = {
     "yourdfpy": ("yourdfpy", "yourdfpy", read_yourdfpy),
     "bvhio": ("bvhio", "bvhio", read_bvhio),
     "pycocotools": ("pycocotools", "pycocotools", read_pycocotools),
+    "OpenSim": ("opensim", "opensim", read_opensim),
     "pycolmap": ("pycolmap", "pycolmap", read_pycolmap),
 }
 """Program -> its distribution, its module, its reader, which runs in the folder of the files."""

@@ -35,14 +35,13 @@ import cv2
 
 from benchmarks.truth.scores import LIMBS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
-from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.files.npz import write_arrays
 from physic_core.metrics import match_by_boxes
 from physic_core.types.skeletons import SIDES
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, regions
 
-from .cuts import CutPerson, cut_of, fit_bends, see_cut
 from .fit import (
     APART,
     LabelledPerson,
@@ -108,8 +107,6 @@ def main() -> int:
         print(*lines_of(moved(chosen, encoder, OTHER_ENCODERS)), sep="\n")
         return 0
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
-    numbers["flexion"], lines = fit_bends(list(_cut_people(pictures, given.out, encoder)))
-    print(*lines, sep="\n")
     (given.out / LEFT_OUT).write_text(json.dumps(_touch_left_out(people)))
     for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
         write_arrays(file, numbers, stored="f")
@@ -207,26 +204,6 @@ def _people(
             write_seen(file, networks.see(_rgb(source), boxes))
             print(photo.set, photo.name, flush=True)
         yield from _labelled(photo, read_seen(file))
-
-
-def _cut_people(
-    pictures: Sequence[tuple[Photo, Path | Sample]], out: Path, encoder: Encoder
-) -> Iterable[CutPerson]:
-    """Return people of photos whose legs are cropped away; crops that are not in OUT are looked at
-    first.
-    """
-    for photo, source in pictures:
-        seen = None if isinstance(source, Sample) else read_seen(out_file(out, photo))
-        if seen is None or (cut := cut_of(seen)) is None:
-            continue
-        file = out / "cuts" / photo.set / f"{photo.name}.npz"
-        if not file.is_file():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            token = see_cut(_rgb(source), seen, cut, encoder)
-            write_arrays(file, {"token": token}, stored="f")
-            print("cut", photo.set, photo.name, flush=True)
-        with file.open("rb") as stream:
-            yield CutPerson(photo, read_arrays(stream)["token"], cut.bends)
 
 
 def out_file(out: Path, photo: Photo) -> Path:

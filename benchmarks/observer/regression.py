@@ -130,15 +130,3 @@ def calibrated(numbers: Array, pair: tuple[float, float]) -> Array:
     folded = numbers * pair[0]
     folded[:, -1] += pair[1]
     return folded
-
-
-def fit_linear(of: Examples, ridge: float) -> Array:
-    """Return K weights and constants (K, C + 1) of the least squares with a ridge on weights of
-    standardised tokens.
-    """
-    mean, level = (of.weight @ values / of.weight.sum() for values in (of.x, of.y))
-    spread = np.sqrt(of.weight @ (of.x - mean) ** 2 / of.weight.sum()) + 1e-9
-    z = (of.x - mean) / spread
-    square = (of.weight[:, None] * z).T @ z + ridge * np.eye(z.shape[1])
-    slopes = np.linalg.solve(square, (of.weight[:, None] * z).T @ (of.y - level)).T / spread
-    return np.column_stack([slopes, level - slopes @ mean])

@@ -16,6 +16,7 @@ from physic_core.types import grade_text, summarize_checks
 from physic_core.types.results import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
+SHOWN_NOTES = 3  # on a terminal, the most useful first
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
@@ -24,6 +25,7 @@ def print_summary(
     record: ResultRecord | None = None,
     *,
     verbose: bool = False,
+    notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> None:
     """Print the summary of a result.
@@ -32,6 +34,7 @@ def print_summary(
         folder: of the result.
         record: of the result; read from its folder if None.
         verbose: as of :func:`summary_text`.
+        notes: as of :func:`summary_text`.
         seconds: as of :func:`summary_text`.
 
     Raises:
@@ -40,7 +43,8 @@ def print_summary(
     """
     record = record or read_record(folder)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    echo(summary_text(record, folder, width=width, verbose=verbose, seconds=seconds))
+    text = summary_text(record, folder, width=width, verbose=verbose, notes=notes, seconds=seconds)
+    echo(text)
 
 
 def summary_text(
@@ -49,6 +53,7 @@ def summary_text(
     *,
     width: int | None = None,
     verbose: bool = False,
+    notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> str:
     """Return the summary of a result as text: a table of its people, its grade, and where its page
@@ -59,6 +64,7 @@ def summary_text(
         folder: of the result.
         width: of the terminal, characters; None for lines of any length.
         verbose: whether to list the time of each stage, and each check that is not ok.
+        notes: largest number of notes, the most useful first; None for all.
         seconds: taken by the whole command; None for the time of the result's stages.
     """
     stages = record.stages
@@ -83,7 +89,11 @@ def summary_text(
         f"{one.score:.2f}"
         for one in record.unposed
     ]
-    lines += [f"note: {text}" for text in record.notes]
+    useful = sorted(record.notes, key=_leaves_nothing_to_do)
+    shown = useful[:notes]
+    lines += [f"note: {text}" for text in shown]
+    if more := len(useful) - len(shown):
+        lines.append(f"notes not shown: {more}; physic show {folder} --notes prints them")
     lines += [f"warning: {text}" for text in record.warnings]
     if verbose:
         lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
@@ -96,6 +106,11 @@ def summary_text(
     if REPORT_FILE in record.files:
         lines.append(f"page: {folder / REPORT_FILE}")
     return "\n".join(lines)
+
+
+def _leaves_nothing_to_do(note: str) -> bool:
+    """Return whether a note names no option of the command, and asks nothing."""
+    return "--" not in note and not note.endswith("?")
 
 
 def _row(person: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Numbers of people in pictures: where they stand, and their discs."""
+"""Numbers of people and names of surfaces in pictures: where they stand, and their discs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.types.contacts import partner_titles
 from physic_core.visual.panels import draw_person_number
 from physic_core.visual.render import View
 
@@ -49,6 +50,26 @@ def heads_in_photo(
             top = max(row - 6, 12)
         heads[index] = (float(column), float(top))
     return heads
+
+
+def surfaces_in_photo(
+    reconstruction: Reconstruction, width: int, height: int
+) -> dict[str, tuple[float, float]]:
+    """Return column and row where a person touches each surface whose name has a number, such as
+    "surface 3", in a picture of a size in px.
+    """
+    camera = View.perspective(reconstruction.intrinsics, width, height)
+    places = {}
+    for person in reconstruction.people:
+        titles = partner_titles(one.partner for one in person.contacts)
+        for index, partner in enumerate(reconstruction.contact_partners):
+            touching = person.vertices[person.contact_partner == index].astype(np.float64)
+            title = titles.get(partner, "")
+            if partner.id is not None and title.endswith(f" {partner.id}") and len(touching):
+                column, row = camera.project(touching)[:, :2].mean(0).tolist()
+                if 0 <= column < width and 0 <= row < height:
+                    places[title] = (column, row)
+    return places
 
 
 def draw_numbers(

@@ -19,7 +19,7 @@ from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import grade_text, summarize_checks
 from physic_core.types.results import metres_text
-from physic_core.visual.numbers import draw_numbers, heads_in_photo
+from physic_core.visual.numbers import draw_numbers, heads_in_photo, surfaces_in_photo
 from physic_core.visual.palette import (
     CONTACT_PALETTE,
     FAINT,
@@ -174,21 +174,15 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
     heads = heads_in_photo(reconstruction, mesh.width, mesh.height)
     draw_numbers(pen, (mesh.x, mesh.y), heads, (mesh.width, mesh.height))
+    for name, (column, row) in surfaces_in_photo(reconstruction, mesh.width, mesh.height).items():
+        _draw_over(pen, (mesh.x + column, mesh.y + row), name, PAGE_RGB, "mm")
     depths = depth_panel(reconstruction, depth.width, depth.height)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
     # a pixel is not seen
     if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
         at = depth.x + 6, depth.y + depth.height - 6
-        pen.text(
-            at,
-            "grey: distance unknown",
-            font=font(13),
-            fill=UNKNOWN_RGB,
-            anchor="ls",
-            stroke_width=2,
-            stroke_fill=INK_RGB,
-        )
+        _draw_over(pen, at, "grey: distance unknown", UNKNOWN_RGB, "ls")
     up = "" if reconstruction.scene.level else " (up is the camera's)"
     _draw_panel(page, aside, "At an angle", view_from_aside(geometry, aside.width, aside.height))
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
@@ -210,6 +204,18 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     return page
 
 
+def _draw_over(
+    pen: ImageDraw.ImageDraw,
+    at: tuple[float, float],
+    text: str,
+    rgb: tuple[int, int, int],
+    anchor: str,
+) -> None:
+    """Draw a text that can be read on any picture."""
+    outline = {"stroke_width": 2, "stroke_fill": INK_RGB}
+    pen.text(at, text, font=font(13), fill=rgb, anchor=anchor, **outline)
+
+
 def summary_line(reconstruction: Reconstruction) -> str:
     """Return one line of text with grade, size, focal length, scale, floor, time and checks of a
     reconstruction.
@@ -222,7 +228,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         _errors(reconstruction),
         *(
-            [f"changed by {100 * (scene.scale - 1):+z.1f} % in the joint fit"]
+            [f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people"]
             if reconstruction.people
             else []
         ),

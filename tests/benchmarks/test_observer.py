@@ -7,21 +7,18 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.observer.cuts import CutPerson, bends_of, fit_bends
 from benchmarks.observer.fit import LabelledPerson, fitted, question_of
 from benchmarks.observer.labels import Photo, agreed, answers
 from benchmarks.observer.regression import (
     Examples,
     calibrated,
     calibration,
-    fit_linear,
     fit_logistic,
     folds_of,
     left_out,
     logits_of,
     probabilities,
 )
-from physic_core.types import Keypoints, skeleton_named
 
 fit = partial(fit_logistic, ridge=1.0)
 
@@ -129,39 +126,3 @@ def test_a_question_is_fitted_to_what_is_labelled_and_seen():
     numbers = fitted(question, ridge=1.0)
     assert numbers.shape == (1, 7)
     assert numbers[0, -1] == pytest.approx(2 / 3)
-
-
-def test_a_line_is_found_again():
-    rng = np.random.default_rng(3)
-    x = rng.normal(size=(300, 4)) * [1, 5, 1, 1] + 2
-    y = x @ np.array([[3.0, 0], [0, 1], [0, 0], [-1, 0]]) + [10, 20]
-    numbers = fit_linear(Examples(x, y, np.ones(300), [str(i) for i in range(300)]), 1e-6)
-    np.testing.assert_allclose(numbers, [[3, 0, 0, -1, 10], [0, 1, 0, 0, 20]], atol=1e-6)
-
-
-def test_bends_are_angles_between_bones():
-    names = skeleton_named("blazepose33").names
-    world = np.zeros((1, len(names), 3), np.float32)
-    places = {"shoulder": (0, -0.5, 0), "hip": (0, 0, 0), "knee": (0, 0, -0.4)}
-    for joint, place in {**places, "ankle": (0, 0.4, -0.4)}.items():
-        world[0, names.index(f"left_{joint}")] = place
-    straight = {"shoulder": -0.5, "hip": 0, "knee": 0.4, "ankle": 0.8}
-    for joint, y in straight.items():
-        world[0, names.index(f"right_{joint}"), 1] = y
-    points = np.zeros((1, len(names), 2), np.float32)
-    keypoints = Keypoints(points, points[..., 0], "blazepose33", world)
-    np.testing.assert_allclose(bends_of(keypoints), [[[90, 0], [90, 0]]], atol=1e-3)
-
-
-def test_bends_have_the_error_of_people_left_out():
-    rng = np.random.default_rng(4)
-    people = []
-    for i in range(200):
-        token = rng.normal(size=5)
-        bends = 60 + 10 * token[0] + rng.normal(0, [[10, 10], [20, 20]], (2, 2))
-        people.append(
-            CutPerson(Photo("given" if i % 2 else "other", f"a{i}", f"{i}", []), token, bends)
-        )
-    numbers, lines = fit_bends(people, ridge=1.0)
-    np.testing.assert_allclose(numbers[:, -1], [10, 20], rtol=0.15)
-    assert len(lines) == 3

@@ -93,3 +93,16 @@ def test_a_person_is_a_row(record):
         f"2       bad, 0.00       -             {'-':<{room}}  -",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
+
+
+def test_three_notes_are_shown_and_those_that_leave_something_to_do_come_first(record):
+    told = ("the size is a guess", "it was rotated", "give --age", "is it turned?", "a default")
+    record = replace(record, notes=told)
+
+    def shown(**options):
+        lines = summary_text(record, Path("out"), **options).splitlines()
+        return [line[6:] for line in lines if line.startswith("note: ")]
+
+    assert shown() == ["give --age", "is it turned?", "the size is a guess"]
+    assert "physic show out --notes" in summary_text(record, Path("out"))
+    assert sorted(shown(notes=None)) == sorted(told)

@@ -64,6 +64,13 @@ def bent(lean_deg=0.0):
     return joints
 
 
+def with_lower_legs_back():
+    """A person with an upright trunk, whose knees are bent by 45 degrees away from the camera."""
+    joints = standing()
+    joints[[7, 8], 2] += 0.42
+    return joints
+
+
 def with_bent_trunk(degrees):
     """A person on straight legs, whose neck and shoulders are turned towards the camera about the
     hips.
@@ -304,6 +311,9 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
         ({"lean": 16.0}, ("lean",)),
         ({"lean": -16.0}, ("lean",)),
         ({"joints": with_bent_trunk(-45.0)}, ("lean",)),
+        ({"joints": bent(16.0)}, ("lean",)),  # by the trunk, which is above the ankle
+        ({"joints": with_lower_legs_back()}, ()),
+        ({"joints": with_lower_legs_back(), "legs": False}, ()),
         ({"report": {"body_in_mask_share": 0.5, "clearance_m": 0.2}}, ("body_in_mask", "support")),
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],

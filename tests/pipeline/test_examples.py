@@ -86,9 +86,6 @@ def test_pictures_and_pages_show_the_numbers_of_the_result(result_of, name, modu
     )
 
 
-@pytest.mark.xfail(
-    strict=True, reason="three men whom the picture cuts move by up to 36 %: nine of ten are 1.25"
-)
 @pytest.mark.slow
 def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(result_of, pipeline):
     changes = []

@@ -315,10 +315,11 @@ def export(
     is_flag=True,
     help="Also print the time of each stage, and each check that is not ok.",
 )
-def show(out: Path, verbose: bool) -> None:
+@click.option("--notes", is_flag=True, help="Print all notes, not the three most useful ones.")
+def show(out: Path, verbose: bool, notes: bool) -> None:
     """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its
     end.
     """
-    from physic_core.cli.result_summary import print_summary
+    from physic_core.cli.result_summary import SHOWN_NOTES, print_summary
 
-    print_summary(out, verbose=verbose)
+    print_summary(out, verbose=verbose, notes=None if notes else SHOWN_NOTES)

@@ -571,8 +571,13 @@ def _notes(
     on_floor = np.isfinite(soles.scale) & stands.any(1)
     kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
-    count = int(others.sum())
-    return (f"feet or size of {_people(count)} suggest another scale",) if count else ()
+    if not others.any():
+        return ()
+    who = " and ".join(f"person {i}" for i in np.flatnonzero(others))
+    return (
+        f"{who} would not have an adult's size by the floor and the others: give --age of a child, "
+        f"or --stature",
+    )
 
 
 def _rival_note(

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import lean_deg
+from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.engine.contact.probability import SEAT
 from physic_core.engine.joint.terms.picture import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
@@ -23,7 +23,7 @@ from physic_core.types.skeletons import SIDES, keypoint_in_words
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.types import FloatArray, Intrinsics, Reconstruction, Skeleton
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Reconstruction, Skeleton
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
@@ -202,14 +202,20 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
 # photo and not checked.
 @_check("Leans towards the camera or away", at_most=15, unit="deg", unmeasured=_NO_BODY)
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the larger tilt towards the camera or away of body and trunk, degrees."""
+    """Return the larger tilt towards the camera or away of body and trunk, degrees.
+
+    The body counts on straight legs with a visible ankle: other ankles do not lie under the hips.
+    """
     joints = result.people[person].joints
     if not np.isfinite(joints).all():
         return None
     if (carried := estimates.stance.carried) is not None and carried.rides[person]:
         return None, "people who ride may lean"
     floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
-    part = max((lean_deg(joints, floor, of)[1] for of in ("body", "trunk")), key=abs)
+    parts: list[Literal["body", "trunk"]] = ["trunk"]
+    if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
+        parts.append("body")
+    part = max((lean_deg(joints, floor, of)[1] for of in parts), key=abs)
     if abs(part) > _LIES_DEG:
         plane = estimates.floor.plane
         if plane is not None and plane.beneath:
@@ -374,10 +380,16 @@ def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: i
     """
     if result.people[person].measures.assumed_support:
         return False
-    observed = estimates.bodies.observed
-    if observed is not None:
-        others = (view.observed[person].cpu().numpy() for view in estimates.views)
-        visible = np.any([observed[person], *others], axis=0)
-        if not (visible[_KNEES] | visible[_ANKLES]).all():
-            return False
+    visible = _visible(estimates, person)
+    if not (visible[_KNEES] | visible[_ANKLES]).all():
+        return False
     return bool(estimates.stance.stands_on_both_feet[person])
+
+
+def _visible(estimates: Estimates, person: int) -> BoolArray:
+    """Return which joints (55,) of a person any photo shows; all, if the backend does not say."""
+    observed = estimates.bodies.observed
+    if observed is None:
+        return np.ones(55, bool)
+    others = (view.observed[person].cpu().numpy() for view in estimates.views)
+    return np.asarray(np.any([observed[person], *others], axis=0))

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 NUMBERS = Path(__file__).with_suffix(".npz")
 """Fitted numbers: question -> (K, C + 2), for each of its K answers the weights of a token of C
-numbers, a constant, and the share of "yes" in the fitted data; "flexion" has hip and knee, in
-degrees, and their standard deviation in place of a share.
+numbers, a constant, and the share of "yes" in the fitted data.
 """
 
 _DEPTH = "depth_anything_v2_vits"
@@ -146,10 +145,6 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
         p = softmax(logits, axis=-1)[:, 0] if logits.shape[-1] > 1 else expit(logits)[..., 0]
         return np.asarray(p, np.float32)
 
-    bends = found["unseen leg"] @ numbers["flexion"][:, :-2].T + numbers["flexion"][:, -2]
-    flexion = np.clip(bends.transpose(0, 2, 1).reshape(len(bends), 4), 0, 180)
-    sigma = np.repeat(numbers["flexion"][:, -1], 2)
-
     def share(*questions: str) -> FloatArray:
         return np.concatenate([numbers[one][:, -1] for one in questions]).astype(np.float32)
 
@@ -160,8 +155,6 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
         holds=answer("holds"),
         in_air=answer("in_air")[:, 0],
         child=answer("child")[:, 0],
-        flexion=flexion.astype(np.float32),
-        flexion_sigma=np.where(np.isfinite(flexion), sigma, np.nan).astype(np.float32),
         posture_share=share("posture"),
         touch_share=share("foot", "foot", "hand", "hand", "seat"),
         holds_share=share("holds", "holds"),
@@ -181,7 +174,6 @@ def regions(tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints) -> dic
     Returns:
         "foot" and "hand", (N, 2, C) left and right; "hips", "head" and "box", (N, 1, C). Each is a
         square of 3 x 3 patches, but the box. NaN where the detector does not see the keypoints.
-        "unseen leg" is the box, (N, 2, C), for a leg whose knee is not seen; NaN for others.
     """
     found = {
         limb: np.stack(
@@ -192,9 +184,7 @@ def regions(tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints) -> dic
     }
     for name, joints in (("hips", _HIPS), ("head", _HEAD)):
         found[name] = _around(tokens, keypoints, joints)[:, None]
-    box = tokens.within(boxes)[:, None]
-    knees = np.stack([_around(tokens, keypoints, [f"{side}_knee"]) for side in SIDES], axis=1)
-    return {**found, "box": box, "unseen leg": np.where(np.isnan(knees), box, np.nan)}
+    return {**found, "box": tokens.within(boxes)[:, None]}
 
 
 def _around(tokens: PatchTokens, keypoints: Keypoints, names: Sequence[str]) -> FloatArray:

@@ -151,7 +151,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
-                f"the depth of the background may be off by a factor of {factor:.2g}: "
+                f"the background may be {factor:.2g} times as far as it is here, or as near: "
                 f"{estimate.rule}"
             )
         else:

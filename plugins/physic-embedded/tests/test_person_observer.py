@@ -81,19 +81,6 @@ def test_sides_and_people_change_places_with_their_keypoints():
     assert np.isnan(first.touch[0, 2:]).all()
 
 
-def test_bends_are_said_of_legs_whose_knee_is_not_seen(grid):
-    channels = fitted_numbers()["foot"].shape[1] - 2
-    tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
-    keypoints = keypoints_at({"left_knee": (60, 40)})
-    found = observed(regions(tokens, np.array([[0, 0, 120, 80]]), keypoints), fitted_numbers())
-    said = [[False, True, False, True]]
-    np.testing.assert_array_equal(np.isfinite(found.flexion), said)
-    np.testing.assert_array_equal(np.isfinite(found.flexion_sigma), said)
-    assert (found.flexion_sigma[0, 1], found.flexion_sigma[0, 3]) == tuple(
-        fitted_numbers()["flexion"][:, -1]
-    )
-
-
 def test_nobody_is_observed_without_an_error(grid):
     nobody = keypoints_at({})
     nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
@@ -105,10 +92,10 @@ def test_nobody_is_observed_without_an_error(grid):
 
 def test_each_question_has_finite_numbers():
     numbers = fitted_numbers()
-    assert set(numbers) == {*REGIONS, "flexion"}
-    for name, values in numbers.items():
+    assert set(numbers) == set(REGIONS)
+    for values in numbers.values():
         assert np.isfinite(values).all()
-        assert ((values[:, -1] > 0) & (values[:, -1] < (180 if name == "flexion" else 1))).all()
+        assert ((values[:, -1] > 0) & (values[:, -1] < 1)).all()
     assert numbers["posture"][:, -1].sum() == pytest.approx(1, abs=1e-3)
 
 

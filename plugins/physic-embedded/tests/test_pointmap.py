@@ -256,9 +256,9 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
     assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
     factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()
     assert re.fullmatch(
-        r"the depth of the background may be off by a factor of [1-9][.\d]*", factor
+        r"the background may be [1-9][.\d]* times as far as it is here, or as near", factor
     )
-    assert rule.startswith("the farthest pixels are taken as a wall")
+    assert rule.startswith("what is farthest is taken as a wall")
 
 
 def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):

@@ -68,6 +68,17 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("camera",),
         ),
         ExporterRecord(
+            "exr",
+            (".exr",),
+            "physic_export.exr:export_exr",
+            "Blender, Nuke, OpenCV",
+            "depth in metres without and with people, mask of what is inpainted, camera",
+            ups=("camera",),
+            stem="zdepth",
+            packages=("OpenEXR",),
+            extra="exr",
+        ),
+        ExporterRecord(
             "glb",
             (".glb",),
             "physic_export.glb:export_glb",

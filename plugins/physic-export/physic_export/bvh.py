@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,7 @@ from physic_core.errors import InputError
 from physic_core.geometry.rotations import rotmat_to_euler
 from physic_core.visual.rig import Rig, rigs
 from physic_export.lafan import as_lafan
-from physic_export.skeleton import bone_names, t_pose
+from physic_export.skeleton import named_rig, t_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +45,7 @@ def export_bvh(request: ExportRequest) -> ExportedFiles:
         )
     files = {}
     for index, rig in rigs(request):
-        named = replace(rig, names=bone_names(style))
+        named = named_rig(rig, style, up)
         motion = [t_pose(named, up), named]
         files[request.file_of(index)] = _document(motion, "ZXY").encode("ascii")
     return ExportedFiles(
@@ -70,7 +69,8 @@ def _document(motion: list[Rig], axes: str) -> str:
     lines += ["MOTION", f"Frames: {len(motion)}", "Frame Time: 0.0333333"]
     for posed in motion:
         angles = np.rad2deg(rotmat_to_euler(axes, posed.rotations[order]))
-        lines.append(" ".join(_number(n) for n in [*posed.offsets[0], *angles.reshape(-1)]))
+        place = posed.offsets[0] + posed.offsets[1] - motion[-1].offsets[1]
+        lines.append(" ".join(_number(n) for n in [*place, *angles.reshape(-1)]))
     return "\n".join([*lines, ""])
 
 

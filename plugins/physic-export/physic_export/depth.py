@@ -18,7 +18,7 @@ from physic_core.visual.export.request import camera_pose
 from physic_core.visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import BoolArray
+    from physic_core.types.arrays import BoolArray, FloatArray
 
 UNIT_M = 0.001
 """Metres of one step of a depth picture."""
@@ -33,9 +33,17 @@ def export_depth(request: ExportRequest) -> ExportedFiles:
     All pictures have the pixels of ``Reconstruction.image``, which is upright and without lens
     distortion. The JSON file has the camera, and the names of the pictures.
     """
-    main = f"{request.stem}{request.suffix}"
-    photo = f"{request.stem}_photo.jpg"
     depth, notes = depth_picture(request)
+    unit = {"unit_m": UNIT_M, "unknown": 0}
+    files = {f"{request.stem}{request.suffix}": depth, **files_beside(request, unit)}
+    return ExportedFiles(files, notes)
+
+
+def files_beside(request: ExportRequest, unit: dict[str, float]) -> dict[str, bytes]:
+    """Return the photo, the masks of people, and the camera of a depth, with its unit in the JSON
+    file.
+    """
+    photo = f"{request.stem}_photo.jpg"
     masks = {
         f"{request.stem}_person_{index}.png": mask_picture(person.mask)
         for index, person in request.chosen()
@@ -46,13 +54,16 @@ def export_depth(request: ExportRequest) -> ExportedFiles:
         "frame": f"OpenCV camera: {request.frame.axes}",
         "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left "
         "pixel",
-        "depth": {"file": main, "unit_m": UNIT_M, "unknown": 0, "along": "z"},
+        "depth": {"file": f"{request.stem}{request.suffix}", **unit, "along": "z"},
         "photo": photo,
         "masks": dict(zip(map(str, request.person), masks, strict=True)),
     }
     text = json.dumps(document, indent=2) + "\n"
-    pictures = {main: depth, photo: encode_image(request.result.image, "JPEG"), **masks}
-    return ExportedFiles({**pictures, f"{request.stem}_camera.json": text.encode()}, notes)
+    return {
+        photo: encode_image(request.result.image, "JPEG"),
+        **masks,
+        f"{request.stem}_camera.json": text.encode(),
+    }
 
 
 def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
@@ -60,6 +71,20 @@ def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
     for the user.
 
     A pixel beyond the 65.535 m that 16 bits hold is 0 too, and a note counts them.
+    """
+    steps = np.rint(depth_of_scene(request, 0.0) / UNIT_M)
+    far = steps > _MAX_STEPS
+    note = (
+        f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, "
+        f"as unknown ones"
+    )
+    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (
+        note,
+    ) if far.any() else ()
+
+
+def depth_of_scene(request: ExportRequest, unknown: float) -> FloatArray:
+    """Return the depth (H, W) of the scene without people along z, metres.
 
     Raises:
         ConfigError: the scene is to be left out.
@@ -69,15 +94,7 @@ def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
             "this format is the depth of the scene: leave out --no-scene (scene=False in Python)"
         )
     scene = request.result.scene
-    steps = np.where(scene.valid, np.rint(scene.points[..., 2] / UNIT_M), 0)
-    far = steps > _MAX_STEPS
-    note = (
-        f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, "
-        f"as unknown ones"
-    )
-    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (
-        note,
-    ) if far.any() else ()
+    return np.where(scene.valid, scene.points[..., 2], np.float32(unknown))
 
 
 def mask_picture(mask: BoolArray) -> bytes:

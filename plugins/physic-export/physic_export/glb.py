@@ -22,7 +22,7 @@ from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.photo import encode_image
-from physic_export.skeleton import bone_names, t_pose, with_ends
+from physic_export.skeleton import bone_names, named_rig, t_pose, with_ends
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
@@ -50,11 +50,12 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     """
     result = request.result
     options = request.options
-    prefix = "mixamorig:" if options["names"] == "mixamo" else ""
-    names = tuple(prefix + name for name in bone_names(str(options["names"])))
-    skins = {index: replace(rig, names=names) for index, rig in rigs(request)}
-    if options["names"] == "mixamo":
-        skins = {index: with_ends(rig) for index, rig in skins.items()}
+    style = str(options["names"])
+    up = request.frame.up_vector
+    skins = {index: named_rig(rig, style, up) for index, rig in rigs(request)}
+    if style == "mixamo":
+        names = tuple(f"mixamorig:{name}" for name in bone_names(style))
+        skins = {index: with_ends(replace(rig, names=names)) for index, rig in skins.items()}
     colors = skins_of(request)
     textured = colors.textured
 
@@ -64,7 +65,6 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     background = textured_scene(result, request.frame) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
     if skins:
-        up = request.frame.up_vector
         joints = [skin["joints"] for skin in glb.tree["skins"]]
         keys = [
             (nodes, (t_pose(rig, up), rig))
@@ -120,7 +120,9 @@ def add_animation(
 
     for joints, poses in skeletons:
         quaternions = rotmat_to_quat(np.stack([pose.rotations for pose in poses]))
-        add(joints[0], "translation", np.stack([pose.offsets[0] for pose in poses]))
+        places = np.stack([pose.offsets for pose in poses], 1)
         for joint, node in enumerate(joints):
             add(node, "rotation", quaternions[:, joint])
+            if not joint or np.ptp(places[joint], axis=0).any():
+                add(node, "translation", places[joint])
     glb.add("animations", {"name": "pose", "samplers": samplers, "channels": channels})

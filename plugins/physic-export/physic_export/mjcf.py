@@ -86,14 +86,17 @@ _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
 
 def add_humanoid(
     root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]
-) -> None:
-    """Add a person with joints, in their pose.
+) -> dict[str, float]:
+    """Add a person with joints, in their pose, where all hinges are 0.
 
     Args:
         root: of the file, with "asset", "worldbody" and "actuator".
         name: such as "person_0"; bodies are "person_0" (the pelvis), "person_0_left_hip", ...
         segments: of the person.
         geom: attributes of the shapes that collide.
+
+    Returns:
+        Hinge -> its angle in the T-pose, radians.
     """
     asset, world, actuators = (root.find(tag) for tag in ("asset", "worldbody", "actuator"))
     assert asset is not None
@@ -101,6 +104,7 @@ def add_humanoid(
     assert actuators is not None
     mass = sum(one.mass for one in segments)
     bodies: list[ElementTree.Element] = []
+    resting = {}
     for segment in segments:
         own = name if segment.parent < 0 else f"{name}_{segment.name}"
         quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
@@ -111,35 +115,32 @@ def add_humanoid(
         if segment.parent < 0:
             ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
-            shared = {
-                "name": f"{own}_{hinge.axis}",
-                "axis": numbers(hinge.posed, 8),
-                "ref": f"{hinge.angle:.6f}",
-            }
+            joint = f"{own}_{hinge.axis}"
+            limits = np.rad2deg([hinge.low - hinge.angle, hinge.high - hinge.angle])
             ElementTree.SubElement(
-                body, "joint", shared | {"range": numbers((hinge.low, hinge.high))}
+                body, "joint", name=joint, axis=numbers(hinge.posed, 8), range=numbers(limits)
             )
-            _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
+            resting[joint] = -hinge.angle
+            _add_actuator(actuators, joint, max_torque(segment.name, mass))
         add_mesh(asset, f"{own}_skin", *segment.skin)
         skin = {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"}
         ElementTree.SubElement(body, "geom", skin | _DRAWN | {"mass": "0", "rgba": RGBA})
         _add_shapes(asset, body, own, segment, geom)
+    return resting
 
 
-def add_photo_key(root: ElementTree.Element) -> None:
-    """Add the keyframe "photo": the pose of the photo, and the controls that hold it."""
+def _add_t_pose(root: ElementTree.Element, resting: dict[str, float]) -> None:
+    """Add the keyframe "t_pose" of hinge -> angle, and the controls that move people there."""
     places = []
-    angles = {}
     for body in root.iter("body"):
         for joint in body:
             if joint.tag == "freejoint":
                 places += [body.attrib["pos"], body.attrib["quat"]]
             elif joint.tag == "joint":
-                places.append(joint.attrib["ref"])
-                angles[joint.attrib["name"]] = joint.attrib["ref"]
-    controls = [angles[one.attrib["joint"]] for one in root.iter("position")]
+                places.append(f"{resting[joint.attrib['name']]:.6f}")
+    controls = numbers(resting[one.attrib["joint"]] for one in root.iter("position"))
     key = ElementTree.SubElement(root, "keyframe")
-    ElementTree.SubElement(key, "key", name="photo", qpos=" ".join(places), ctrl=" ".join(controls))
+    ElementTree.SubElement(key, "key", name="t_pose", qpos=" ".join(places), ctrl=controls)
 
 
 def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> None:
@@ -211,15 +212,14 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     - ``person_0``, ...: 22 bodies with joints and position actuators, see
       :mod:`physic_export.humanoid`. With the option ``rigid``, a mocap body at the pelvis. Visual
       meshes are in group 2, the shapes that collide in group 3.
-    - keyframe ``photo``: the pose of the photo, and the controls that hold it.
+    - keyframe ``t_pose``: the T-pose at the pelvis, and its controls. All hinges and controls are 0
+      in the pose of the photo.
     - camera ``photo``: that of the photo.
     """
     jointed = [] if request.options["rigid"] else people_of(request)
     tiles, left_out = tiles_beside(request, jointed) if request.scene else ([], ())
     root = _mjcf_tree(request, tiles, jointed)
     picture = _add_scene(root, request)
-    if jointed:
-        add_photo_key(root)
     files = {f"{request.stem}{request.suffix}": xml_file(root), **picture}
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
@@ -239,7 +239,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
 def _mjcf_tree(
     request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]
 ) -> ElementTree.Element:
-    """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
+    """Return the MJCF elements of a request, without the mesh of the scene.
 
     Args:
         request: with z up.
@@ -250,7 +250,7 @@ def _mjcf_tree(
     matrix = request.frame.from_camera
     root = ElementTree.Element("mujoco", model="physic")
     root.append(ElementTree.Comment(f" PhySIC; metres; {request.frame.axes} "))
-    ElementTree.SubElement(root, "compiler", angle="radian")
+    ElementTree.SubElement(root, "compiler", angle="degree")
     ElementTree.SubElement(
         root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast"
     )
@@ -285,12 +285,15 @@ def _mjcf_tree(
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)
+    resting = {}
     for person in jointed:
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices, person.ground)
-        add_humanoid(root, f"person_{person.index}", segments, geom)
+        resting |= add_humanoid(root, f"person_{person.index}", segments, geom)
+    if resting:
+        _add_t_pose(root, resting)
     _exclude_touching(root, jointed)
     pose = camera_pose(request.frame)
     quaternion = rotmat_to_quat(pose[:3, :3])

@@ -92,6 +92,35 @@ def _name(joint: str, style: str) -> str:
     return side.capitalize() + finger.replace("pinky", "little").capitalize() + _SEGMENTS[number]
 
 
+def named_rig(rig: Rig, style: str, up: NDArray[np.float64]) -> Rig:
+    """Return a rig with the names of a style of BONE_NAMES.
+
+    Unreal's mannequin hangs on the bone ``root``, which moves no vertex: it is below the pelvis at
+    height 0 of the frame, which is the floor.
+
+    Args:
+        rig: in the pose.
+        style: of the names.
+        up: (3,) unit vector, an axis of the frame.
+    """
+    rig = replace(rig, names=bone_names(style))
+    if style != "unreal":
+        return rig
+    bind = np.eye(4)
+    bind[:3, 3] = np.linalg.inv(rig.inverse_bind[0])[:3, 3]
+    bind[1, 3] = rig.vertices[:, 1].min()
+    height = (rig.offsets[0] @ up) * up
+    return replace(
+        rig,
+        names=("root", *rig.names),
+        parents=(-1, *(parent + 1 for parent in rig.parents)),
+        weights=np.pad(rig.weights, ((0, 0), (1, 0))),
+        inverse_bind=np.concatenate([np.linalg.inv(bind)[None], rig.inverse_bind]),
+        rotations=np.concatenate([np.eye(3)[None], rig.rotations]),
+        offsets=np.vstack([rig.offsets[0] - height, height, rig.offsets[1:]]),
+    )
+
+
 def with_ends(rig: Rig) -> Rig:
     """Return a rig of Mixamo's names with the joints that end its chains: crown, toes and finger
     tips.
@@ -140,17 +169,18 @@ def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
         rig: in the pose.
         up: (3,) unit vector, an axis of the frame.
     """
-    forward = rig.rotations[0] @ [0.0, 0.0, 1.0]
+    pelvis = int(rig.names[0] == "root")
+    forward = rig.rotations[pelvis] @ [0.0, 0.0, 1.0]
     forward = forward - (forward @ up) * up
     if np.linalg.norm(forward) < 1e-6:  # a body that lies: its head points where it would face
-        forward = rig.rotations[0] @ [0.0, 1.0, 0.0]
+        forward = rig.rotations[pelvis] @ [0.0, 1.0, 0.0]
         forward = forward - (forward @ up) * up
     forward = forward / np.linalg.norm(forward)
     rotations = np.tile(np.eye(3), (len(rig.names), 1, 1))
-    rotations[0] = np.stack([np.cross(up, forward), up, forward], 1)
+    rotations[pelvis] = np.stack([np.cross(up, forward), up, forward], 1)
     standing = replace(rig, rotations=rotations)
     offsets = rig.offsets.copy()
-    offsets[0] = offsets[0] - (skinned(standing) @ up).min() * up
+    offsets[pelvis] -= (skinned(standing) @ up).min() * up
     return replace(standing, offsets=offsets)
 
 

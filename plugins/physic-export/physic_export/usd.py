@@ -20,7 +20,7 @@ from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import dressed_bodies
 from physic_core.visual.textures.photo import encode_image
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
-from physic_export.skeleton import bone_names, t_pose
+from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
@@ -117,15 +117,16 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
     Scene, floor and people are static colliders, exact or, for people, by their convex
     decomposition.
     """
-    from pxr import Usd, UsdGeom, UsdUtils
+    from pxr import Usd, UsdGeom, UsdUtils, Vt
 
     frame = request.frame
     skins = skins_of(request)
     pictures = skins.pictures()
     notes = list(skins.notes)
     try:
-        names = bone_names(str(request.options["names"]))
-        rigged = {index: replace(rig, names=names) for index, rig in rigs(request)}
+        style = str(request.options["names"])
+        up = request.frame.up_vector
+        rigged = {index: named_rig(rig, style, up) for index, rig in rigs(request)}
     except PhysicError as error:
         rigged = {}
         notes.append(f"the bodies have no skeleton: {error}")
@@ -141,11 +142,11 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         stage.SetStartTimeCode(1)
         stage.SetEndTimeCode(1)
         stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
-        legend = {
-            name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}"
+        legend = [
+            f"{name}: sRGB {rgb[0]} {rgb[1]} {rgb[2]}"  # names have blanks: no keys of a dictionary
             for name, rgb in contact_legend(request.result).items()
-        }
-        stage.SetMetadata("customLayerData", {"contact_colors": legend})
+        ]
+        stage.SetMetadata("customLayerData", {"contact_colors": Vt.StringArray(legend)})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
         for index, mesh in zip(request.person, person_meshes(request, skins), strict=True):

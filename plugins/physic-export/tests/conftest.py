@@ -46,8 +46,6 @@ def simulated():
     def run(file, seconds=0.0):
         model = mujoco.MjModel.from_xml_path(str(file))
         data = mujoco.MjData(model)
-        if model.nkey:
-            mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
         mujoco.mj_forward(model, data)
         while data.time < seconds:
             mujoco.mj_step(model, data)

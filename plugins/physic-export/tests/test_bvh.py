@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core import InputError
+from physic_core.body.joints import JOINT_NAMES
 from physic_export.skeleton import bone_names
 
 
@@ -70,11 +71,15 @@ def test_joints_are_where_the_result_has_them(export, result, up, in_frame):
         )
 
 
+@pytest.mark.parametrize("names", ["smplx", "unreal"])
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, result, up, axis):
-    path = export("a.bvh", up=up, person=0, names="smplx").files[0]
-    stands = joints_of(path, 0)
-    posed = joints_of(path, 1)
+def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, up, axis, names):
+    path = export("a.bvh", up=up, person=0, names=names).files[0]
+    style = dict(zip(bone_names(names), JOINT_NAMES, strict=True))
+    stands, posed = (
+        {style[name]: place for name, place in joints_of(path, frame).items() if name != "root"}
+        for frame in (0, 1)
+    )
     arms = [
         stands[f"left_{name}"] - stands[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")
     ]

@@ -48,7 +48,7 @@ def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result, tmp_path):
     assert "65.535 m" in done.notes[-1]
 
 
-@pytest.mark.parametrize("name", ["depth", "nerfstudio", "colmap"])
+@pytest.mark.parametrize("name", ["depth", "exr", "nerfstudio", "colmap"])
 def test_depth_without_the_scene_is_refused(export, name):
     with pytest.raises(ConfigError, match="--no-scene"):
         export("a", name, scene=False)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from physic_core import ExportRequest
@@ -94,6 +95,21 @@ def test_bones_have_the_names_of_the_option(tree, export):
     ends = ["HeadTop_End", "LeftToe_End", "RightHandPinky4"]
     assert {f"mixamorig:{name}" for name in ends} < set(names[55:])
     assert len(names) == 68
+
+
+def test_the_root_of_unreals_skeleton_is_on_the_floor_below_the_pelvis(export, result, in_frame):
+    file = str(export("a.glb", names="unreal", scene=False).files[0])
+    tree = pygltflib.GLTF2().load(file)
+    places = trimesh.load_scene(file).graph
+    for skin, person in zip(tree.skins, result.people, strict=True):
+        root, pelvis = skin.joints[:2]
+        assert [tree.nodes[node].name for node in (root, pelvis)] == ["root", "pelvis"]
+        assert tree.nodes[root].children == [pelvis]
+        wanted = in_frame(person.joints[0], "y")
+        foot, top = np.cumsum([tree.nodes[node].translation for node in (root, pelvis)], axis=0)
+        np.testing.assert_allclose(top, wanted, atol=1e-5)
+        np.testing.assert_allclose(foot, wanted * [1, 0, 1], atol=1e-5)
+    np.testing.assert_allclose(places["root"][0][:3, 3] * [0, 1, 0], 0, atol=1e-6)
 
 
 def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result):

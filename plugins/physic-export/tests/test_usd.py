@@ -96,7 +96,17 @@ def test_skins_are_variants_with_materials(stage, export):
     material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
     assert material.GetPath() == "/physic/person_0/looks/neutral"
     joints = UsdSkel.Skeleton.Get(opened, "/physic/person_0/skeleton").GetJointsAttr().Get()
-    assert list(joints)[:3] == ["pelvis", "pelvis/thigh_l", "pelvis/thigh_r"]
+    assert list(joints)[:3] == ["root", "root/pelvis", "root/pelvis/thigh_l"]
+
+
+def test_the_names_of_custom_data_have_no_blanks(stage):
+    data = stage.GetRootLayer().customLayerData
+    assert data["contact_colors"][0].startswith("floor: sRGB ")
+    found = [data, *(prim.GetCustomData() for prim in stage.Traverse())]
+    while found:
+        for key, value in found.pop().items():
+            assert key.isidentifier()
+            found += [value] if isinstance(value, dict) else []
 
 
 def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result, in_frame):

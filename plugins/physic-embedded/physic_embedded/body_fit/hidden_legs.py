@@ -33,8 +33,16 @@ _SURELY_HIDDEN = 0.25  # up to this confidence, trunk and hips are as without an
 _GUESSED = 0.05  # up to this confidence, or outside the picture, a keypoint is a guess
 _LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _THIGH_M, _SHANK_M = 0.4, 0.4
-_SEATED_DEG = 80.0  # bend of hips and knees of people on a seat, where no bend is said
-
+_BENDS_DEG = {
+    **dict.fromkeys(("stand", "walk"), (0.0, 0.0)),
+    "run": (35.0, 50.0),
+    **dict.fromkeys(("sit", "ride"), (80.0, 80.0)),
+    "squat": (110.0, 115.0),
+    "kneel": (50.0, 85.0),
+    "lie": (15.0, 20.0),
+    "jump": (40.0, 50.0),
+}
+"""Posture -> bend of hips and of knees that the photo does not show."""
 _SEATED_POSTURES = ("sit", "ride")
 _PITCH_SIGMA_DEG = {
     **dict.fromkeys(("stand", "walk"), 12.0),
@@ -67,10 +75,9 @@ def with_hidden_legs(
     """Return observations with 3D landmarks in place of the legs that the photo does not show, and
     trunks above them that are as upright as the posture makes likely.
 
-    The legs are bent as the observer says, else they hang straight down, or are those of people on
-    a seat. What the network sees of the legs
-    of people who sit is kept if it is no mere guess. Without 3D landmarks, only mere guesses are
-    dropped.
+    The legs are bent as the observer says, else as the postures make likely; without any, they hang
+    straight down. What the network sees of the legs of people who sit is kept if it is no mere
+    guess. Without 3D landmarks, only mere guesses are dropped.
 
     Args:
         observations: of N people.
@@ -92,6 +99,7 @@ def with_hidden_legs(
     sits = np.nan_to_num(said.posture[:, seated].sum(1)) > 0.5
     unsaid = np.isnan(said.posture[:, 0])
     sigma = pitch_sigma(said)
+    usual = _usual_bends(said)
     for i in map(int, np.flatnonzero(seen < _HIDDEN)):
         above = observations.turn[i].T @ up  # in the axes of the view
         lies = said.posture[i, POSTURES.index("lie")] > 0.5
@@ -103,8 +111,7 @@ def with_hidden_legs(
         if seen[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
             continue
         weight[i, legs] = world_weight[i, legs] = 0
-        usual = _SEATED_DEG if sits[i] else 0.0
-        bends = np.radians(np.where(np.isnan(said.flexion[i]), usual, said.flexion[i]))
+        bends = np.radians(np.where(np.isnan(said.flexion[i]), usual[i], said.flexion[i]))
         places = _places_of_legs(world[i], row, -above, bends)
         for joint, place in places.items():
             world[i, joint] = place
@@ -120,6 +127,17 @@ def pitch_sigma(said: Observations) -> FloatArray:
     usual = np.radians(_PITCH_SIGMA_DEG["sit"]) ** 2
     mixed = said.posture.astype(np.float64) @ variance
     return np.asarray(np.sqrt(np.where(np.isnan(mixed), usual, mixed)))
+
+
+def _usual_bends(said: Observations) -> FloatArray:
+    """Return the bends (N, 4) of left hip, right hip, left knee and right knee by the postures,
+    degrees; 0 where nothing is said.
+
+    Postures count by their squared probabilities, since legs between two postures are unlikely.
+    """
+    share = np.nan_to_num(said.posture.astype(np.float64)) ** 2
+    share /= share.sum(1, keepdims=True) + 1e-9
+    return np.repeat(share @ np.array([_BENDS_DEG[name] for name in POSTURES]), 2, axis=1)
 
 
 def _upright(

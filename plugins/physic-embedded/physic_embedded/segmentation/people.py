@@ -57,6 +57,8 @@ MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3
 """The same for a box with a weak score."""
+CUT_FROM = 0.99
+"""Share of the photo's height, below which the lower edge of a box cuts a person off."""
 SAME_THING = 0.7
 """Least intersection over union at which a box of a person and one of an animal or a board show the
 same object.
@@ -170,7 +172,10 @@ def detect_poses(
         else _search_blazepose(pose_detector, landmarker, picture, fractions, most=2 * max_people)
     )
     others = [pose for pose, _ in blazepose]
-    candidates = [[] if one_is_sure else others for one_is_sure in sure]
+    candidates = [
+        [] if one_is_sure else [*others, *_upper_half(landmarker, picture, box)]
+        for one_is_sure, (box, _, _) in zip(sure, posed, strict=True)
+    ]
     found = _best_poses(posed, candidates, box_score)
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
@@ -273,6 +278,16 @@ def _poses_of_hidden_person(
         and _iou(mask_box(upper), box) > MIN_MASK_FIT
     ):
         yield upper
+
+
+def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> list[Pose]:
+    """Return the pose of a person whom the lower edge of the photo may cut off.
+
+    In the square of a whole body, the landmark network squeezes hips into the chest.
+    """
+    if box[3] < CUT_FROM * picture.height:
+        return []
+    return [predict_pose(landmarker, picture, square_from_upper_half(box))]
 
 
 def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:

@@ -118,11 +118,11 @@ def disparity_at_infinity(
         axes, trust = frame
         cost = cost + trust * frame_cost(surfaces, candidates, axes)
         cues.append("surfaces along the directions of a room")
-    far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
+    far = f"what is farthest is taken as {'sky' if outdoors > 0.5 else 'a wall'}"
     rule = (
-        f"{far}; also used: {', '.join(cues)}"
+        f"{far}, and the rest follows from {', '.join(cues)}"
         if cues
-        else f"{far}, since the photo has no other cue"
+        else f"{far}, since the photo shows nothing else that tells"
     )
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))

@@ -598,6 +598,17 @@ def dilated(answer, *_):
     return replace(answer, masks=masks & free, boxes=np.add(answer.boxes, [-2, -2, 2, 2]))
 
 
+def boxes_to_the_waist(boxes):
+    """The upper half of each box, as of a detector of upper bodies."""
+    return np.column_stack([boxes[:, :3], (boxes[:, 1] + boxes[:, 3]) / 2])
+
+
+altered(
+    RightSegmenter,
+    "boxes of upper bodies",
+    "boxes_enclose_their_masks",
+    fields(boxes=boxes_to_the_waist),
+)
 altered(RightSegmenter, "dilated masks", "masks_are_in_place", dilated)
 altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
 altered(

@@ -1,0 +1,73 @@
+"""EXR: depth as 32-bit floats in metres, without and with people, and a mask of what is
+inpainted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.camera import pixel_rays, project
+from physic_core.geometry.raster import rasterize
+from physic_export.depth import depth_of_scene, files_beside, mask_picture
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import FloatArray
+
+NOTHING_M = 1e10
+"""Depth where none is known, as Blender writes it; inf and NaN spread in filters of pictures."""
+
+
+def export_exr(request: ExportRequest) -> ExportedFiles:
+    """Return the depth along z of the scene without people, ``STEM_people.exr`` with them, a mask
+    of what is inpainted, and the files of :func:`physic_export.depth.files_beside`.
+
+    Each EXR file has the depth as channel ``Z`` and, for readers of pictures, as ``Y``; 32-bit
+    floats, metres.
+    """
+    scene = depth_of_scene(request, NOTHING_M)
+    inpainted = np.any(request.result.scene.colors != request.result.image, axis=-1)
+    unit = {"unit_m": 1.0, "unknown": NOTHING_M}
+    return ExportedFiles(
+        {
+            f"{request.stem}{request.suffix}": _exr(scene),
+            f"{request.stem}_people{request.suffix}": _exr(_with_people(scene, request)),
+            f"{request.stem}_inpainted.png": mask_picture(inpainted),
+            **files_beside(request, unit),
+        }
+    )
+
+
+def _with_people(depth: FloatArray, request: ExportRequest) -> FloatArray:
+    """Return a depth (H, W) with the bodies that are in front of it."""
+    K = torch.from_numpy(np.asarray(request.result.intrinsics.matrix, np.float64))
+    rays = pixel_rays(*depth.shape, K).numpy()
+    nearest = depth.copy()
+    for _, person in request.chosen():
+        body = person.vertices.astype(np.float64)
+        points = torch.from_numpy(body)[None]
+        faces = torch.from_numpy(request.result.faces)
+        shown = rasterize(project(points, K), points[..., 2], faces, *depth.shape)[0].numpy()
+        seen = shown >= 0
+        first, second, third = np.moveaxis(body[request.result.faces[shown[seen]]], 1, 0)
+        normal = np.cross(second - first, third - first)
+        # where the ray of the pixel meets the plane of the face
+        z = (normal * first).sum(1) / (normal * rays[seen]).sum(1)
+        nearest[seen] = np.minimum(nearest[seen], z)
+    return nearest
+
+
+def _exr(depth: FloatArray) -> bytes:
+    """Return the content of an EXR file; the package writes to a path alone."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "depth.exr"
+        OpenEXR.File(header, {"Y": depth, "Z": depth}).write(str(path))
+        return path.read_bytes()
