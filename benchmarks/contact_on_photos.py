@@ -13,11 +13,11 @@ of the observer to other pictures say, in place of what the shipped numbers say,
 to these pictures.
 
 ``fit`` prints the scores of both halves of the photos and of the other collection, and with
-``--write`` writes ``physic_core/engine/touch.json``, fitted on all. Half "development" chose the
-features: each of its pictures is scored by a fit to the others of the half. Half "held" is scored
-by a fit to half "development", and the other collection by a fit to both halves. A picture that
-stands in two sets is in one half. Photos of sport with walls and rails are also scored apart. With
-``--kinds``, only these kinds of part are fitted, and the others keep their weights and scores.
+``--write`` writes ``physic_core/engine/ground/touch.json``, fitted on all. Half "development" chose
+the features: each of its pictures is scored by a fit to the others of the half. Half "held" is
+scored by a fit to half "development", and the other collection by a fit to both halves. A picture
+that stands in two sets is in one half. Photos of sport with walls and rails are also scored apart.
+With ``--kinds``, only these kinds of part are fitted, and the others keep their weights and scores.
 
 A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders
 and hips, hips and knees, and knees and ankles: the parts below are as labelled. Feet in films count
@@ -49,7 +49,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.engine.touch import (
+from physic_core.engine.ground.touch import (
     DISTANCE,
     HANDS,
     IN_WORLDS,
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "touch.json"
+TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "ground" / "touch.json"
 LABELS_OF_PHOTOS = Path(__file__).parent / "truth" / "labels_of_photos.json"
 FRAME_WEIGHT = 0.5
 RIDGE = 1.0

@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import observed_parts
 from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.sizes.known_sizes import KnownGeometry
-from physic_core.engine.stance import Stance
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.floor import FloorSearch

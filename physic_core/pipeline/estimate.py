@@ -64,8 +64,8 @@ from physic_core.types.results import KNOWN_UP_SIGMA_DEG
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.engine.floor import FloorCandidate, FloorEvidence
-    from physic_core.engine.floor_and_scale import FloorAndScale
+    from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
+    from physic_core.engine.ground.floor_and_scale import FloorAndScale
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
     from physic_core.interfaces import Request
@@ -401,9 +401,9 @@ def _observations(found: Findings, step: Step) -> None:
 
 def _floors(found: Findings, _: Step) -> None:
     """Fill aligned, evidence and floors."""
-    from physic_core.engine.floor import best_candidate, chosen_floor
-    from physic_core.engine.floor_and_scale import candidates_in, floor_evidence, plane_of
-    from physic_core.engine.up import up_of_pointmap
+    from physic_core.engine.ground.floor import best_candidate, chosen_floor
+    from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence, plane_of
+    from physic_core.engine.ground.up import up_of_pointmap
 
     scene = found.scene
     hole = found.hole
@@ -414,14 +414,15 @@ def _floors(found: Findings, _: Step) -> None:
     )
     up = up_of_pointmap(scene)
     found.evidence = replace(evidence, up=up, shift_sigma=scene.shift_sigma or 0.0)
-    found.floors = candidates_in(scene, found.evidence, engine.scene)
+    searched = engine.scene.floor != "off"
+    found.floors = candidates_in(scene, found.evidence, searched=searched)
     chosen = chosen_floor(found.floors, best_candidate(found.floors), found.evidence)
     found.hints = replace(
         found.hints,
         floor=plane_of(chosen),
         original=found.aligned,
         observations=found.observations,
-        up=up.direction.numpy() if up is not None and up.sigma < KNOWN_UP_SIGMA_DEG else None,
+        up=None if up is None or up.sigma >= KNOWN_UP_SIGMA_DEG else up.direction.numpy(),
     )
 
 
@@ -513,8 +514,8 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill floor_and_scale."""
-    from physic_core.engine.floor_and_scale import PeopleInScene, find_floor_and_scale
-    from physic_core.engine.up import contradiction
+    from physic_core.engine.ground.floor_and_scale import PeopleInScene, find_floor_and_scale
+    from physic_core.engine.ground.up import contradiction
 
     embodied = found.embodied
     people = PeopleInScene(

@@ -17,7 +17,7 @@ from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.floor_and_scale import scale_note
+from physic_core.engine.ground.floor_and_scale import scale_note
 from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
@@ -209,10 +209,10 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         scale=scale,
         scale_sigma=state.scale_sigma,
         measured=estimates.measured_scale is not None,
-        **maps,
         up=scene.up.direction.numpy(),
         up_sigma=scene.up.sigma,
         up_source=scene.up.source,
+        **maps,
     )
 
 

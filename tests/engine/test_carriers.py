@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.carriers import NOTHING, Carried, carried_people
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.contact.solve import contact_of
-from physic_core.engine.stance import Stance
+from physic_core.engine.ground.carriers import NOTHING, Carried, carried_people
+from physic_core.engine.ground.stance import Stance
 from physic_core.types import SKELETONS, Carrier, Keypoints
 
 from .test_contact_probability import alone, near_of

@@ -13,8 +13,8 @@ import torch
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.contact.probability import contact_parts, scene_contact
 from physic_core.engine.contact.solve import contact_of
-from physic_core.engine.stance import Stance
-from physic_core.engine.touch import LEAST_PROBABILITY
+from physic_core.engine.ground.stance import Stance
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
 

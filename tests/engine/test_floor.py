@@ -10,8 +10,8 @@ import pytest
 import torch
 from torch.nn.functional import normalize
 
-from physic_core.engine import floor as engine_floor
-from physic_core.engine.floor import FloorEvidence, GroundAtSoles
+from physic_core.engine.ground import floor as engine_floor
+from physic_core.engine.ground.floor import FloorEvidence, GroundAtSoles
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals

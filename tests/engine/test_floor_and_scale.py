@@ -14,19 +14,18 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.floor import (
+from physic_core.engine.ground.floor import (
     FloorCandidate,
     FloorEvidence,
     chosen_floor,
     standing_score,
 )
-from physic_core.engine.floor_and_scale import (
+from physic_core.engine.ground.floor_and_scale import (
     PeopleInScene,
     candidates_in,
     find_floor_and_scale,
     floor_evidence,
 )
-from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
 from physic_core.geometry.floor import PlaneFit
@@ -135,11 +134,11 @@ class World:
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
         return self.answer(depth=depth, **changed)
 
-    def candidates(self, people=None, method=None, **changed):
+    def candidates(self, people=None, searched=True, **changed):
         given = self.given._replace(people=people or self.given.people, **changed)
         hole = self.given.people.masks.any(0)
         evidence = floor_evidence(given.people, hole, given.keypoints, CAMERA, given.observations)
-        return candidates_in(given.scene, evidence, method or SceneMethod())
+        return candidates_in(given.scene, evidence, searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
@@ -446,7 +445,7 @@ def test_masks_labels_and_other_masks_are_candidates(world):
 
 
 def test_a_floor_that_is_switched_off_has_no_plane(world):
-    (only,) = world.candidates(method=SceneMethod(floor="off"))
+    (only,) = world.candidates(searched=False)
     assert only.plane is None
 
 

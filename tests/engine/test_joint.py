@@ -14,12 +14,12 @@ import torch
 from torch.testing import assert_close
 
 from physic_core import engine_preset
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import lowest_height
-from physic_core.engine.stance import Stance
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation

@@ -14,13 +14,12 @@ from physic_core import load_config, reconstruct
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.posture import photo_turned_deg
-from physic_core.engine.floor_and_scale import (
+from physic_core.engine.ground.floor_and_scale import (
     PeopleInScene,
     candidates_in,
     find_floor_and_scale,
     floor_evidence,
 )
-from physic_core.engine.scene.method import SceneMethod
 from physic_core.geometry.camera import project
 from physic_core.types import (
     Bodies,
@@ -82,7 +81,7 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None):
         said = replace(said, posture_share=np.full(9, 1 / 9))
     given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople(), said)
     evidence = floor_evidence(people, mask, keypoints, CAMERA, said, photo)
-    floors = candidates_in(scene, evidence, SceneMethod())
+    floors = candidates_in(scene, evidence)
     return find_floor_and_scale(floors, evidence, given, model)
 
 

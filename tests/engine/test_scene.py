@@ -12,7 +12,7 @@ from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.floor import FloorEvidence
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import SceneInput

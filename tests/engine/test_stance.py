@@ -10,14 +10,14 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.joint.solve import optimize
-from physic_core.engine.stance import (
+from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
     lower_than_the_other,
     stance_in_picture,
     standing_prior,
 )
+from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import pixel_rays
 from physic_core.types import Keypoints, Observations
 

@@ -11,9 +11,9 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.stance import Stance
 
 from .adjusted import adjusted, in_float64, posed
 

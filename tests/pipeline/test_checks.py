@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.stance import Stance
+from physic_core.engine.ground.stance import Stance
 from physic_core.geometry.floor import PlaneFit
 from physic_core.pipeline.checks import (
     CHECKS,

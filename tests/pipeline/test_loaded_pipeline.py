@@ -24,7 +24,7 @@ from physic_core import (
     load_config,
     reconstruct,
 )
-from physic_core.engine.stance import Stance
+from physic_core.engine.ground.stance import Stance
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
 from physic_core.types import CheckResult, DepthMap, People

@@ -21,7 +21,7 @@ from physic_core.engine.contact.probability import (
     feature_columns,
     scene_contact,
 )
-from physic_core.engine.touch import LEAST_PROBABILITY
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
 

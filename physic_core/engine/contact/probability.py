@@ -1,12 +1,13 @@
 """Probability of contact: of body parts and of their vertices with scene and floor, and of vertices
 with skin.
 
-A part has one probability of contact with scene or floor, see :mod:`physic_core.engine.touch`. All
-its vertices share the errors of its position, so that its distance is one number: the fifth
-smallest of its vertices, which is robust to outliers. A vertex has the probability of its part,
-times how near it is to the surface beside the nearest vertices of the part, and how directly its
-skin faces the surface. The place of a part that no pixel shows is a guess, so its distance is
-ignored. It has the base rate of its kind, and feet that of the posture and of hands that touch.
+A part has one probability of contact with scene or floor, see
+:mod:`physic_core.engine.ground.touch`. All its vertices share the errors of its position, so that
+its distance is one number: the fifth smallest of its vertices, which is robust to outliers. A
+vertex has the probability of its part, times how near it is to the surface beside the nearest
+vertices of the part, and how directly its skin faces the surface. The place of a part that no pixel
+shows is a guess, so its distance is ignored. It has the base rate of its kind, and feet that of the
+posture and of hands that touch.
 
 Contact with skin is a fitted logistic model over named features, one column per reason
 for or against it; a new feature is a new column here, and a coefficient in ``coefficients.json``
@@ -33,10 +34,8 @@ from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances, SkinDistances
 from physic_core.engine.contact.parts import contact_regions
-from physic_core.engine.limbs import hip_bends
-from physic_core.engine.stance import Stance
-from physic_core.engine.state import State
-from physic_core.engine.touch import (
+from physic_core.engine.ground.stance import Stance
+from physic_core.engine.ground.touch import (
     DISTANCE,
     HANDS,
     IN_WORLDS,
@@ -44,6 +43,8 @@ from physic_core.engine.touch import (
     touch_log_odds,
     touch_model,
 )
+from physic_core.engine.limbs import hip_bends
+from physic_core.engine.state import State
 from physic_core.types.skeletons import SIDES
 
 Columns: TypeAlias = Mapping[str, Tensor]

@@ -41,8 +41,8 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
-from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane

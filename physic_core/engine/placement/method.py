@@ -117,7 +117,8 @@ class PlacementMethod:
     disables it."""
     stance: bool = True
     """Whether feet are pulled to the floor in proportion to the probability that they touch
-    something (:mod:`physic_core.engine.stance`), and feet of people in the air not at all."""
+    something (:mod:`physic_core.engine.ground.stance`), and feet of people in the air not at all.
+    """
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
     mask_growth: ClassVar[float] = 0.01

@@ -18,13 +18,13 @@ from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
-from physic_core.engine.floor import FloorEvidence
-from physic_core.engine.floor_and_scale import floor_evidence
+from physic_core.engine.ground.floor import FloorEvidence
+from physic_core.engine.ground.floor_and_scale import floor_evidence
+from physic_core.engine.ground.up import surest_up, up_of_pointmap
 from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
-from physic_core.engine.up import surest_up, up_of_pointmap
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject

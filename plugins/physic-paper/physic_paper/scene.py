@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.floor import FloorEvidence
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.scene.method import (
     METRIC_DEPTH_TOLERANCE,
     Cameras,

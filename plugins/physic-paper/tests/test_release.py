@@ -16,7 +16,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import surface_distances
-from physic_core.engine.floor import FloorEvidence
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices

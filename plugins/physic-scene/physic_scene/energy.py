@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.engine.contact.distances import Distances
-    from physic_core.engine.floor import FloorEvidence
+    from physic_core.engine.ground.floor import FloorEvidence
     from physic_core.engine.placement.terms import PlacementProblem
     from physic_core.engine.scene.method import Cameras
     from physic_core.engine.state import State

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.engine.stance import stance_in_picture
+from physic_core.engine.ground.stance import stance_in_picture
 from physic_core.types import Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 

@@ -22,8 +22,8 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
-from physic_core.engine.lying import LYING_RATE, Surroundings, surface_beneath
-from physic_core.engine.up import Up, angle_deg, level_plane
+from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
+from physic_core.engine.ground.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -60,13 +60,13 @@ _NO_GROUND = (0.100, 0.898, 0.002)
 floor.
 """
 
-# of the height of the ground beside soles over the floor, in heights of the camera
-_SOLE_SIGMA = 0.05
-_ELSEWHERE = 0.5  # density of that height if a person does not stand on the floor
+# Of the height of the ground beside soles over the floor, in heights of the camera.
+_SOLE_SIGMA = 0.05  # if the person stands on the floor
+_ELSEWHERE = 0.5  # density of that height if not
 _FAR_OFF = 0.4  # height of that ground over a plane that is not moved to it
 _MOST_SOLES = 3.0  # independent observations that the soles of all people are worth
 
-# tolerances in the range of inverse depth, over which pixels off the plane are spread
+# Tolerances in the range of inverse depth, over which pixels off the plane are spread.
 _BANDS = 50.0
 _OFF_GROUND = 0.07  # height of all seen ground over a floor, in heights of the camera: .1 of 1.5 m
 _FEWEST_GROUND = 0.02  # share of the photo that shows ground
@@ -75,21 +75,22 @@ _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
 _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
 _IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the segmenter sees it
-# least cosine between straight bodies and the camera's up axis
+# Least cosine between straight bodies and the camera's up axis.
 _STANDS = math.cos(math.radians(45.0))
-# of a camera over people who lie, from straight down; a guess: one photo has 6 degrees
+# Of a camera over people who lie, from straight down: a guess, one photo has 6 degrees.
 _DOWN_SIGMA_DEG = 12.0
-# of cameras in hands. The pitch is the best of one half of the labelled photos: the mean log
-# density of the other half is -2.89, and -3.54 with a median of 0 and 30 degrees. The roll has the
-# mean log density -2.45 on 57 floors of that half that readers find right, and -2.52 on 63 of the
-# other; -3.26 and -3.30 with 8 degrees. With 2 degrees, right floors on slopes are lost.
+# Of cameras in hands: mean log density -2.45 on 57 floors of one half of the labelled photos that
+# readers find right, and -2.52 on 63 of the other; -3.26 and -3.30 with 8 degrees. With 2 degrees,
+# right floors on slopes are lost.
 _ROLL_SIGMA_DEG = 3.0
-_PITCH_DEG = 6.0  # down
+# The best of one half of the labelled photos: mean log density of the other half -2.89, and -3.54
+# with a median of 0 and 30 degrees.
+_PITCH_DEG = 6.0  # median, down
 _PITCH_SIGMA_DEG = 9.0
-# least cosine between up and the normal of a horizontal pixel
+# Least cosine between up and the normal of a horizontal pixel.
 _LEVEL_COSINE = math.cos(math.radians(25.0))
 
-# error of the pitch by the log error of the focal length: 6 degrees of a default one
+# Error of the pitch by the log error of the focal length: 6 degrees of a default one.
 _FOCAL_PITCH_DEG = 23.0
 
 
@@ -138,7 +139,7 @@ class FloorEvidence:
     ground: Tensor | None = None
     no_ground: Tensor | None = None
     soles: tuple[GroundAtSoles, ...] = ()
-    around: tuple[Surroundings, ...] = ()
+    around: tuple[Background, ...] = ()
     found: FloorSearch | None = None
     up: Up | None = None
     slope: float = 0.0

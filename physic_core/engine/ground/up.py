@@ -23,9 +23,8 @@ AXIS_SIGMA_DEG = 13.0
 DISAGREE = 2.5
 """Joint standard deviations from which on two witnesses contradict each other."""
 
-# of a floor's normal from up: floors of rooms are level, streets and lawns slope
-_SLOPE_OF_ROOMS_DEG = 0.5
-_SLOPE_OUTDOORS_DEG = 4.0
+_SLOPE_OF_ROOMS_DEG = 0.5  # sigma of a floor's normal from up: floors of rooms are level
+_SLOPE_OUTDOORS_DEG = 4.0  # the same of streets and lawns, which slope
 _OUTDOORS = ("ground", "vegetation", "water", "sky")
 _INDOORS = ("floor", "rug", "ceiling", "wall", "seat", "bed", "table", "cabinet")
 
@@ -126,7 +125,7 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
     return replace(plane, normal=normal, offset=offset, pitch_sigma=sigma)
 
 
-# least cosine between a ray and the normal: a plane is not turned about a point at the horizon
+# Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
 _GRAZING = 0.02
 
 

@@ -67,6 +67,6 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
 @cache
 def touch_model() -> Mapping[str, Mapping[str, float]]:
     """Return kind of part -> "constant" and names of features -> weight."""
-    text = (files("physic_core.engine") / "touch.json").read_text(encoding="utf-8")
+    text = (files("physic_core.engine.ground") / "touch.json").read_text(encoding="utf-8")
     parts: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
     return parts

@@ -2,9 +2,9 @@
 depth.
 
 The three questions have one answer. Each candidate for the floor has a score by its pixels
-(:mod:`physic_core.engine.floor`), each foot a probability to stand
-(:mod:`physic_core.engine.stance`), and with both, everything of known size votes on the scale
-(:mod:`physic_core.engine.sizes.scale_vote`). Camera frame.
+(:mod:`physic_core.engine.ground.floor`), each foot a probability to stand
+(:mod:`physic_core.engine.ground.stance`), and with both, everything of known size votes on the
+scale (:mod:`physic_core.engine.sizes.scale_vote`). Camera frame.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from torch import Tensor
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
-from physic_core.engine.carriers import carried_people
-from physic_core.engine.floor import (
+from physic_core.engine.ground.carriers import carried_people
+from physic_core.engine.ground.floor import (
     FloorCandidate,
     FloorEvidence,
     GroundAtSoles,
@@ -31,8 +31,14 @@ from physic_core.engine.floor import (
     odds_at_height,
     standing_score,
 )
-from physic_core.engine.lying import Surroundings, surroundings
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.ground.lying import Background, backgrounds
+from physic_core.engine.ground.stance import (
+    Stance,
+    depth_gaps_at_feet,
+    stance_in_picture,
+    standing_prior,
+)
+from physic_core.engine.ground.up import slope_sigma
 from physic_core.engine.sizes.evidence import (
     USUAL_CAMERA_HEIGHT_M,
     USUAL_CAMERA_HEIGHT_SIGMA,
@@ -48,13 +54,6 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_probability, stature_sigmas
-from physic_core.engine.stance import (
-    Stance,
-    depth_gaps_at_feet,
-    stance_in_picture,
-    standing_prior,
-)
-from physic_core.engine.up import slope_sigma
 from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import optional_tensors, tensor
@@ -180,11 +179,11 @@ def floor_evidence(
     others = optional_tensors(*people.floor_candidates)
     masks = tuple(m for m in others if m is not None)
     focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
-    around: tuple[Surroundings, ...] = ()
+    around: tuple[Background, ...] = ()
     if photo is not None:
         lie = observations.evidence("posture")[:, POSTURES.index("lie")] >= 0
         some = select_people(keypoints, lie)
-        around = surroundings(some, people.masks[lie], ~hole, photo, labels)
+        around = backgrounds(some, people.masks[lie], ~hole, photo, labels)
     return FloorEvidence(
         mask,
         hole_,
@@ -244,12 +243,12 @@ def feet_pixels(
 
 
 def candidates_in(
-    scene: Pointmap, evidence: FloorEvidence, method: SceneMethod
+    scene: Pointmap, evidence: FloorEvidence, *, searched: bool = True
 ) -> tuple[FloorCandidate, ...]:
-    """Return the candidates for the floor of a relative scene; only "no floor" if the search is
-    switched off.
+    """Return the candidates for the floor of a relative scene; only "no floor" if it is not
+    searched.
     """
-    if method.floor == "off":
+    if not searched:
         return (FloorCandidate(None, {}),)
     points = tensor(scene.points)
     valid = tensor(scene.valid)

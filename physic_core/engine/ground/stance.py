@@ -20,8 +20,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.carriers import NOTHING, Carried
-from physic_core.engine.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
+from physic_core.engine.ground.carriers import NOTHING, Carried
+from physic_core.engine.ground.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
 from physic_core.geometry.tensors import dilate_square, tensors
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr

@@ -54,7 +54,7 @@ _WALL_NATS = 6.0  # price of all of the background beyond it
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Background:
     """Background around one person from head to heel, and the depth of the body before it.
 
     Attributes:
@@ -89,13 +89,13 @@ class SurfaceBeneath:
     log_odds: float
 
 
-def surroundings(
+def backgrounds(
     keypoints: Keypoints,
     masks: BoolArray,
     visible: BoolArray,
     photo: Pointmap,
     surfaces: SurfaceLabels | None,
-) -> tuple[Surroundings, ...]:
+) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen.
 
     Args:
@@ -132,7 +132,7 @@ def surroundings(
         ]
         depth = np.array([point[2] for point in points])
         found.append(
-            Surroundings(
+            Background(
                 torch.from_numpy(rows),
                 torch.from_numpy(columns),
                 torch.from_numpy(((np.stack([columns, rows], 1) - start) @ way) / length**2),
@@ -163,14 +163,14 @@ def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> FloatArray | Non
 
 
 def surface_beneath(
-    rays: Tensor, inverse: Tensor, people: tuple[Surroundings, ...]
+    rays: Tensor, inverse: Tensor, people: tuple[Background, ...]
 ) -> SurfaceBeneath | None:
     """Return the plane on which people lie more probably than on others; None without evidence.
 
     Args:
         rays: (H, W, 3) of the scene without people.
         inverse: (H, W) inverse depth, 0 where unknown.
-        people: their surroundings.
+        people: their backgrounds.
     """
     found = []
     for person in people:
@@ -181,7 +181,7 @@ def surface_beneath(
     return max(found, key=lambda one: one.log_odds, default=None)
 
 
-def _plane_around(rays: Tensor, inverse: Tensor, person: Surroundings) -> Tensor | None:
+def _plane_around(rays: Tensor, inverse: Tensor, person: Background) -> Tensor | None:
     """Return the plane (3,) on which most of the background around a person lies."""
     near = inverse[person.rows, person.columns].double()
     known = near > 0
@@ -211,7 +211,7 @@ def _plane_around(rays: Tensor, inverse: Tensor, person: Surroundings) -> Tensor
     return plane
 
 
-def _person_nats(rays: Tensor, inverse: Tensor, person: Surroundings, plane: Tensor) -> float:
+def _person_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor) -> float:
     """Return the log likelihood ratio of a person who lies on a plane to one who does not."""
     near = inverse[person.rows, person.columns].double()
     on_plane = rays[person.rows, person.columns].double() @ plane
