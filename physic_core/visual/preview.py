@@ -212,8 +212,7 @@ def _draw_over(
     anchor: str,
 ) -> None:
     """Draw a text that can be read on any picture."""
-    outline = {"stroke_width": 2, "stroke_fill": INK_RGB}
-    pen.text(at, text, font=font(13), fill=rgb, anchor=anchor, **outline)
+    pen.text(at, text, font=font(13), fill=rgb, anchor=anchor, stroke_width=2, stroke_fill=INK_RGB)
 
 
 def summary_line(reconstruction: Reconstruction) -> str:
