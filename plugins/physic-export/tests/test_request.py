@@ -19,9 +19,8 @@ from physic_export import physic_exporters
 
 
 def without_floor(result):
-    return replace(
-        result, scene=replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
-    )
+    points = np.zeros((0, 3), np.float32)
+    return replace(result, scene=replace(result.scene, floor=None, floor_points=points, up=None))
 
 
 def without_body(result, index):
