@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 # In nine rooms with a known vertical, trusts of .6 to .76 are off by .7 degrees (rms, no known
-# lens). Outdoors frames of trusts up to .74 were wrong: there they are one witness beside the floor.
+# lens). Outdoors, frames of trusts up to .74 were wrong: there they are one witness of several.
 _TRUSTS = (0.3, 0.6, 0.75)  # of frames; sigmas are interpolated between them
 _SIGMA_OF_ROOMS_DEG = (5.0, 2.0, 1.2)  # of the vertical of a frame, at these trusts
 _SIGMA_OUTDOORS_DEG = (8.0, 6.0, 5.0)  # the same outdoors
