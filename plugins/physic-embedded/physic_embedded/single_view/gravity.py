@@ -11,12 +11,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-# of the vertical of a frame, degrees, at the trusts between which it is interpolated. In nine
-# rooms with a known vertical, trusts of .6 to .76 are off by .7 (rms, no known lens). Outdoors
-# frames of trusts up to .74 were wrong: there they are one witness beside the floor.
-_TRUSTS = (0.3, 0.6, 0.75)
-_SIGMA_OF_ROOMS_DEG = (5.0, 2.0, 1.2)
-_SIGMA_OUTDOORS_DEG = (8.0, 6.0, 5.0)
+# In nine rooms with a known vertical, trusts of .6 to .76 are off by .7 degrees (rms, no known
+# lens). Outdoors, frames of trusts up to .74 were wrong: there they are one witness of several.
+_TRUSTS = (0.3, 0.6, 0.75)  # of frames; sigmas are interpolated between them
+_SIGMA_OF_ROOMS_DEG = (5.0, 2.0, 1.2)  # of the vertical of a frame, at these trusts
+_SIGMA_OUTDOORS_DEG = (8.0, 6.0, 5.0)  # the same outdoors
 _ROOM = -0.2  # open air below which labels are of a room
 _MOST_TILT_DEG = 40.0  # of the vertical; beyond, it may be another direction of the frame
 _EDGES_SIGMA_DEG = 5.0  # of upright edges without a frame: 4.7 (rms) in eight rooms
