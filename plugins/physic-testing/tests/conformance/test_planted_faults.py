@@ -53,8 +53,11 @@ def failures(run):
 
 @pytest.mark.parametrize(("mock", "fault"), found_of(FAULTS, LOST), ids=name_of)
 def test_a_fault_is_found_in_a_perfect_network(mock, fault):
-    found = [failure.check for failure in failures(run_checks(mock, FAULTS[mock][fault]))]
-    assert FOUND_BY[mock].get(fault, found[0]) in found
+    run = run_checks(mock, FAULTS[mock][fault])
+    if check := FOUND_BY[mock].get(fault):
+        assert run.result(check).outcome in ("failed", "warned")
+    else:
+        assert any(failures(run))
 
 
 @pytest.mark.parametrize(("mock", "fault"), found_of(FORTY, UNSEEN), ids=name_of)
