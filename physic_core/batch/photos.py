@@ -111,7 +111,10 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
                 f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own"
             )
     if not found:
-        raise InputError(f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped})")
+        raise InputError(
+            f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped}): name photos, "
+            "folders or CSV tables; pictures of results are not photos"
+        )
     return PhotoList(list(found.values()), skipped)
 
 

@@ -84,6 +84,7 @@ class ExtensibleGroup(click.Group):
             and self.get_command(ctx, name) is None
         ):
             from physic_core.discovery.catalog import COMMANDS
+            from physic_core.discovery.error_text import did_you_mean
             from physic_core.discovery.plugins import explain_absence
 
             full_name = f"{self.path} {name}".strip()
@@ -94,9 +95,9 @@ class ExtensibleGroup(click.Group):
             if not self.path and (is_folder := os.path.isdir(name) or os.path.splitext(name)[1]):
                 cure = f"batch {name} -o results" if is_folder is True else f"run {name}"
                 raise click.UsageError(f"No such command '{name}': did you mean 'physic {cure}'?")
-            raise click.exceptions.NoSuchCommand(
-                name, possibilities=self.list_commands(ctx), ctx=ctx
-            )
+            there = self.list_commands(ctx)
+            hint = did_you_mean(name, there) or f"; there are: {', '.join(there)}"
+            raise click.UsageError(f"No such command '{name}'{hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -103,6 +103,10 @@ def file_layers(
         kind = "the reconstruction.json of a run" if is_result else "valid TOML in UTF-8"
         is_path_of_windows = "\\" in str(error) or "hex" in str(error)
         cure = r"; write a path with \ in single quotes: 'C:\photos'" if is_path_of_windows else ""
+        if isinstance(error, tomllib.TOMLDecodeError) and not cure:
+            cure = (
+                "; write KEY = VALUE: text in quotes, 1.7 with a point, true or false, lists in []"
+            )
         raise ConfigError(f"{path} is not {kind}: {error}{cure}") from error
     _complete_paths(table, path.parent)
     if is_result:

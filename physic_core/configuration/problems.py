@@ -52,8 +52,15 @@ def problems_from_pydantic(
         loc = [str(part) for part in found["loc"]]
         if found["type"] == "extra_forbidden":
             known = _keys(model, loc[:-1])
-            hint = did_you_mean(loc[-1], known) or (
-                f": choose one of {', '.join(known)}" if known else ""
+            inner = [
+                f"{table}.{loc[-1]}"
+                for table in known
+                if loc[-1] in _keys(model, [*loc[:-1], table])
+            ]
+            hint = (
+                did_you_mean(loc[-1], known)
+                or (f". Did you mean '{inner[0]}'?" if inner else "")
+                or (f": choose one of {', '.join(known)}" if known else "")
             )
             message = f"unknown {kind}{hint}"
         elif found["type"] == "missing":

@@ -60,9 +60,10 @@ class KnownSizes:
     age: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        comma = "; a comma separates people: write 1.7" if len(self.stature) > 1 else ""
         for height in self.stature:
             if height != 0:
-                _check("a stature", height, _STATURES_M, ", or 0 where unknown")
+                _check("a stature", height, _STATURES_M, f", or 0 where unknown{comma}")
         for years in self.age:
             if not 0 <= years <= _OLDEST:
                 raise ValueError(

@@ -34,6 +34,7 @@ def _files():
     for name in ("text.txt", "torn/reconstruction.npz"):
         Path(name).write_text("a letter")
     Path("windows.toml").write_text('[photo]\ndepth = "C:\\Users\\me\\d.npy"\n')
+    Path("comma.toml").write_text("[photo]\nstature = [1,7]\nfocal_px = 1,7\n")
     Path("semicolons.csv").write_text("path;stature\na.png;1,75\n")
     for suffix in ("npy", "csv", "toml", "json", "png", "npz"):
         os.symlink(f"loop.{suffix}", f"loop.{suffix}")
@@ -124,6 +125,16 @@ MISTAKES = [
     (USAGE, "should be a list, such as [1.7, 1.8] (got '1,7')", f"{RUN} --set photo.stature=1,7"),
     (USAGE, "should be a list, such as [1.7, 1.8]", f"{RUN} --set photo.intrinsics=900"),
     (USAGE, "is not a number, such as 1200", f"{RUN} --focal-px 1200px"),
+    (USAGE, "a comma separates people: write 1.7", f"{RUN} --stature 1,7"),
+    (USAGE, "a comma separates people: write 1.7", f"{SCENE} --stature 1,75"),
+    (USAGE, "as --stature 1.7,1.8", f"{RUN} --stature 1.7 1.8"),
+    (USAGE, "`physic batch", f"{RUN} b.png"),
+    (USAGE, "KEY=VALUE", f"{RUN} --set photo.focal_px 900"),
+    (USAGE, "Did you mean 'photo.focal_px'?", f"{RUN} --set focal_px=900"),
+    (USAGE, "1.7 with a point", "run a.png --config comma.toml"),
+    (USAGE, "there are: check", "plugins list"),
+    (INPUT, "name photos", "batch folder -o many"),
+    (USAGE, "--port", "serve --host 127.0.0.1:8000"),
     (USAGE, "is not a whole number", f"{BATCH} --workers auto"),
     (USAGE, "is not a whole number", "serve --port abc"),
     (USAGE, "did you mean 'physic run a.png'", "a.png"),

@@ -48,8 +48,20 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure; may be repeated."
 
 
+def _only_photo(ctx: click.Context, parameter: click.Parameter, photos: tuple[Path, ...]) -> Path:
+    if len(photos) != 1:
+        raise click.UsageError(
+            f"PHOTO is one file (got {', '.join(map(str, photos))}): `physic batch PHOTO... -o "
+            "FOLDER` takes several; write the value of an option without blanks, as --stature "
+            "1.7,1.8 or --set KEY=VALUE"
+        )
+    return photos[0]
+
+
 @click.command()
-@click.argument("photo", metavar="PHOTO", type=AnyPath())
+@click.argument(
+    "photo", metavar="PHOTO", type=AnyPath(), nargs=-1, required=True, callback=_only_photo
+)
 @click.option(
     "-o",
     "--out",

@@ -113,7 +113,8 @@ def _listen(host: str, port: int) -> socket.socket:
         )[0]
     except socket.gaierror as error:
         raise ConfigError(
-            f"--host {host} is no address of this computer: {error.strerror}"
+            f"--host {host} is no address of this computer: {error.strerror}; give an address or "
+            "a name alone, such as 127.0.0.1, and the port with --port"
         ) from error
     made = socket.socket(family, socket.SOCK_STREAM)
     try:
@@ -123,9 +124,8 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         made.close()
         raise ConfigError(
-            f"cannot listen at --host {host} --port {port}: {error.strerror}; another server may "
-            f"run there: give "
-            "another --port, or 0 for any free one"
+            f"cannot listen at --host {host} --port {port}: {error.strerror}; give a --host of "
+            "this computer, such as 127.0.0.1, and a --port that is free: 0 takes any"
         ) from error
     return made
 
