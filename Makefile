@@ -2,6 +2,7 @@
 # make quick [JOBS=2]           the tests that matter while you work, in about a minute on two cores
 # make test [JOBS=2]            lint, types and the tests
 # make test-all [JOBS=2]        with the slow ones: every installed backend, photo, set of kernels and moment of several photos
+# make photos [JOBS=2]          the slow tests of the examples' photos and of every installed backend
 # make coverage [JOBS=2]        which lines and branches the tests do not run
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
@@ -24,7 +25,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-all coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures findings lint clean
+.PHONY: demo quick test test-all photos coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -46,6 +47,9 @@ test: lint
 
 test-all: lint
 	$(PYTEST) $(TESTS)
+
+photos: $(VENV)/test.stamp
+	$(PYTEST) -m slow tests/pipeline/test_examples.py plugins/physic-testing/tests/conformance/test_installed.py
 
 # With the processes that tests start; the slow ones add time and hardly a line.
 coverage: $(VENV)/test.stamp
