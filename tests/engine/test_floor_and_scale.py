@@ -214,7 +214,7 @@ def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
     rival = FloorCandidate(tilted, {"pixels": 7.0})
     assert "another" not in " ".join(world.answer().scale.notes)
     notes = " ".join(world.answer((FLOOR[0], rival, NO_FLOOR)).scale.notes)
-    assert "11 degrees off (labels)" in notes
+    assert "tilted by 11 degrees, found by labels" in notes
 
 
 def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):

@@ -234,7 +234,7 @@ def test_nothing_fails_where_all_is_well():
         ),
         ({"photo_share": 0.0}, "photo_alignment", 0.0, "no background in common"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no plane was found for the floor"),
-        ({"mask": False}, "floor", 0.0, "the floor mask was not followed"),
+        ({"mask": False}, "floor", 0.0, "segmented as floor were not followed"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"colours": 1, "mask": None}, "floor_shown", 0.0, "the floor is invented"),
         (

@@ -575,8 +575,8 @@ def _notes(
         return ()
     who = " and ".join(f"person {i}" for i in np.flatnonzero(others))
     return (
-        f"{who} would not have an adult's size by the floor and the others: give --age of a child, "
-        f"or --stature",
+        f"{who} would not have an adult's size by the floor and the others: give --age of a child "
+        f"in years, or --stature in m",
     )
 
 
@@ -590,15 +590,19 @@ def _rival_note(
     rivals = []
     for candidate, weight in zip(candidates, weights.tolist(), strict=True):
         if candidate.plane is None:
-            rivals.append((weight, "none"))
+            rivals.append((weight, "no floor"))
             continue
         cosine = float(candidate.plane.normal @ chosen.normal)
         angle = math.degrees(math.acos(min(1.0, cosine)))
         if angle > _RIVAL_DEG:
-            rivals.append((weight, f"a plane {angle:.0f} degrees off ({candidate.plane.source})"))
+            by = candidate.plane.source
+            rivals.append((weight, f"one that is tilted by {angle:.0f} degrees, found by {by}"))
     if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
         return ()
-    return (f"the floor may be another, with probability {total:.2f}: {max(rivals)[1]}",)
+    return (
+        f"the floor is uncertain: with probability {total:.2f} it is another, such as "
+        f"{max(rivals)[1]}; see its line in the view from the side",
+    )
 
 
 def _floor_witnesses(

@@ -202,7 +202,8 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     least = min(_CONTACT_PARTS, key=lambda part: abs(likely[part] - 0.5))
     return (
         value,
-        f"least sure: the {least.replace('_', ' ')} touches something, {likely[least]:.2f}",
+        f"least sure: the {least.replace('_', ' ')} touches something with probability "
+        f"{likely[least]:.2f}",
     )
 
 

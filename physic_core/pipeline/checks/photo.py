@@ -91,9 +91,8 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     if in_mask is None:
         return None, "the segmenter returned no floor pixels"
     return float(in_mask), (
-        "the floor mask was not followed, since another plane of the lower part of the photo is "
-        "more likely: check it "
-        "in preview.png"
+        "the pixels that were segmented as floor were not followed, since another plane of the "
+        "lower part of the photo is more likely: see the line of the floor in preview.png"
     )
 
 

@@ -143,7 +143,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         if found is None:
             if hints.scene is not None:
                 notes.append(
-                    "the photo's depth could not be matched to the scene's outside the people"
+                    "the depth of the photo with people could not be matched to that of the scene "
+                    "without them: gaps between people and scene may be wrong"
                 )
             frame, up = _directions(segments, camera, hints)
             estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
