@@ -132,6 +132,8 @@ def test_each_array_is_plain_and_listed_in_the_documentation(tmp_path, reconstru
     page = (ROOT / "docs" / "file-format.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `([\w.{}]+)` \| (\w+) \|", page, re.M))
     result = on_rays(reconstruction)
+    up = {"up": np.array([0.0, -1.0, 0.0]), "up_sigma": 2.0, "up_source": "edges of a room"}
+    result = replace(result, scene=replace(result.scene, **up))
     save_reconstruction(result, tmp_path, "numbers")
     with np.load(tmp_path / "reconstruction.npz", allow_pickle=False) as arrays:
         found = {name: arrays[name].dtype for name in arrays}
