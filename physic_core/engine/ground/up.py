@@ -34,8 +34,7 @@ degree, but their horizon drifts by one or two, which pilots correct by hand.
 
 _SLOPE_OF_ROOMS_DEG = 0.5  # sigma of a floor's normal from up: floors of rooms are level
 _SLOPE_OUTDOORS_DEG = 4.0  # the same of streets and lawns, which slope
-_OUTDOORS = ("ground", "vegetation", "water", "sky")
-_INDOORS = ("floor", "rug", "ceiling", "wall", "seat", "bed", "table", "cabinet")
+_LEAST_SURE_DEG = 7.0  # a less sure witness turns no floor: floors of rooms are 2 degrees off (rms)
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def slope_sigma(labels: SurfaceLabels | None) -> float:
     """Return the standard deviation of the floor's normal from up by the labels of a photo."""
     if labels is None:
         return _SLOPE_OUTDOORS_DEG
-    outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
+    outdoors, indoors = labels.shares_of_place
     share = (outdoors + 1e-3) / (outdoors + indoors + 1e-3)
     return _SLOPE_OF_ROOMS_DEG + share * (_SLOPE_OUTDOORS_DEG - _SLOPE_OF_ROOMS_DEG)
 
@@ -134,7 +133,7 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
 
     Returns:
         The floor; where it contradicts up it is not turned, and its error is the angle between
-        them.
+        them. Where up is too unsure it is as it was.
     """
     if up is None:
         return plane
@@ -143,6 +142,8 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
     if apart(own, level) > DISAGREE:
         off = math.hypot(own.sigma, angle_deg(own.direction, up.direction))
         return replace(plane, pitch_sigma=math.radians(off))
+    if up.sigma >= _LEAST_SURE_DEG:
+        return plane
     both = fused_up([own, level])
     sigma = math.radians(both.sigma)
     normal = both.direction.to(plane.normal)
