@@ -113,15 +113,16 @@ def examples_of(files: Sequence[Path], out: Path, crops: int) -> Examples:
     for place, file in enumerate(files):
         kept = out / f"{file.stem}_{crops}.npz"
         if not kept.is_file():
-            panorama = cv2.imread(str(file))
+            panorama = np.asarray(cv2.imread(str(file)), np.uint8)
             rows = [_seen(panorama, [number, place]) for number in range(crops)]
-            tokens, views = (np.array(column, np.float32) for column in zip(*rows, strict=True))
-            write_arrays(kept, {"tokens": tokens, "views": views})
+            columns = (np.array(column, np.float32) for column in zip(*rows, strict=True))
+            write_arrays(kept, dict(zip(("tokens", "views"), columns, strict=True)))
             print(file.stem, flush=True)
         with kept.open("rb") as stream:
             found.append(read_arrays(stream))
     x, views = (
-        np.concatenate([one[name] for one in found]).astype(float) for name in ("tokens", "views")
+        np.concatenate([one[name] for one in found]).astype(np.float64)
+        for name in ("tokens", "views")
     )
     narrow = views[:, 0] < WIDEST_DEG
     places = np.repeat([file.stem for file in files], crops)[narrow].tolist()
@@ -192,7 +193,7 @@ def _developed(picture: Picture, rng: np.random.Generator) -> Picture:
     toned = np.clip(255 * gain * (picture / 255.0) ** gamma, 0, 255).astype(np.uint8)
     quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(*_QUALITY))]
     stored = cv2.imdecode(cv2.imencode(".jpg", toned, quality)[1], cv2.IMREAD_COLOR)
-    return np.ascontiguousarray(stored[..., ::-1])
+    return np.ascontiguousarray(np.asarray(stored, np.uint8)[..., ::-1])
 
 
 def fit_angles(of: Examples) -> Array:
