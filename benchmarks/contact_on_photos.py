@@ -493,12 +493,8 @@ def cut_pictures(
                         (found.world_contact[part], touches)
                     )
     for kind, scored in rows.items():
-        likely, touches = zip(*scored, strict=True)
-        print(
-            kind,
-            len(scored),
-            {name: round(value, 3) for name, value in probability_scores(likely, touches).items()},
-        )
+        scores = probability_scores(*map(list, zip(*scored, strict=True)))
+        print(kind, len(scored), {name: round(value, 3) for name, value in scores.items()})
 
 
 def picture_name(sample: Sample) -> str:
@@ -625,10 +621,10 @@ def fit_all(
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
     photos = len({case.picture for case in cases if case.weight == 1})
     films = len({case.picture for case in cases if case.weight < 1})
-    record["fitted on"] |= dict.fromkeys(
-        kinds,
-        f"{photos} photos labelled by two readers, and {films} films with measured forces",
-    )
+    fitted_on = f"{photos} photos labelled by two readers"
+    if films:
+        fitted_on += f", and {films} films with measured forces"
+    record["fitted on"] |= dict.fromkeys(kinds, fitted_on)
     print(json.dumps(record, indent=2))
     if write:
         TOUCH.write_text(json.dumps(record, indent=2) + "\n")
