@@ -26,7 +26,12 @@ from benchmarks.observer.regression import Examples, left_out
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.single_view.gravity import NUMBERS, PICTURE_SIDE_PX, means_of_parts
+from physic_embedded.single_view.gravity import (
+    NUMBERS,
+    PICTURE_PATCHES,
+    PICTURE_SIDE_PX,
+    means_of_parts,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -139,7 +144,9 @@ def _seen(panorama: Picture, seed: Sequence[int]) -> tuple[Array, tuple[float, f
         picture = picture[:, ::-1]
         roll = -roll
     picture = _developed(picture, rng)
-    tokens = patch_tokens("depth_anything_v2_vits", _opened, picture, PICTURE_SIDE_PX, 3600)
+    tokens = patch_tokens(
+        "depth_anything_v2_vits", _opened, picture, PICTURE_SIDE_PX, PICTURE_PATCHES
+    )
     return np.asarray(means_of_parts(tokens)), (view.along, view.pitch, roll)
 
 

@@ -27,6 +27,7 @@ from physic_embedded.single_view.focal import (
     manhattan_frame,
 )
 from physic_embedded.single_view.gravity import (
+    PICTURE_PATCHES,
     PICTURE_SIDE_PX,
     UpInPhoto,
     fitted_numbers,
@@ -196,7 +197,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         """Return up by the look of an inpainted photo."""
         network = self.network[_DEPTH]
         tokens = patch_tokens(
-            network.name, lambda _: network, image, PICTURE_SIDE_PX, self.options.max_tokens
+            network.name, lambda _: network, image, PICTURE_SIDE_PX, PICTURE_PATCHES
         )
         return up_of_tokens(tokens, fitted_numbers())
 

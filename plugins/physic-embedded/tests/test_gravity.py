@@ -14,6 +14,7 @@ from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.single_view.gravity import (
+    PICTURE_PATCHES,
     PICTURE_SIDE_PX,
     fitted_numbers,
     means_of_parts,
@@ -31,7 +32,11 @@ def tokens_of(grid):
 
 def seen(picture):
     return patch_tokens(
-        "depth_anything_v2_vits_int8", open_packaged_session, picture, PICTURE_SIDE_PX, 3600
+        "depth_anything_v2_vits_int8",
+        open_packaged_session,
+        picture,
+        PICTURE_SIDE_PX,
+        PICTURE_PATCHES,
     )
 
 

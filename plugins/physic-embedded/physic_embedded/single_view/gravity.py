@@ -31,6 +31,9 @@ PICTURE_SIDE_PX = 252
 fitted to, a crop has 100 to 220 px.
 """
 
+PICTURE_PATCHES = 3600
+"""Cap on the patches of 14 px, which only a long panorama reaches."""
+
 # Of 13 rooms with a known vertical 12 have a frame, .7 degrees off (rms) without a known lens. The
 # sigmas are rounded up from that, not fitted. Outdoors, frames of trusts up to .74 were wrong:
 # there they are one witness of several.
