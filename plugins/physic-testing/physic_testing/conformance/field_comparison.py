@@ -33,8 +33,8 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, thing
 
 
-def changed_fields(before: tuple[Any, ...], after: tuple[Any, ...]) -> list[str]:
-    """Return the paths of the arguments whose values changed at all."""
+def changed_fields(before: Any, after: Any) -> list[str]:
+    """Return the paths of the fields whose values changed at all, such as "people.masks"."""
     pairs = zip(named_values(before), named_values(after), strict=True)
     return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
 
