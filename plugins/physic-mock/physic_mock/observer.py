@@ -52,7 +52,8 @@ class MockPersonObserver(interfaces.PersonObserver):
 
         touch = true_touch(world)
         bent = true_flexion(world)
-        least, added = FLEXION_DEG[0], noise.factor * FLEXION_DEG[1]
+        least, added = FLEXION_DEG
+        added *= noise.factor
         drawn = added * rng.normal(size=bent.shape)
         posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
         if (name := world.name.partition("_")[0]) in POSTURES:

@@ -338,7 +338,8 @@ class BackendUnderTest:
 
     def _try(self, backend: Backend, case: Case) -> CaseRun:
         """Call the backend on a case and record the result, the error and changed arguments."""
-        before, given = self.request(case), self.request(case)
+        before = self.request(case)
+        given = self.request(case)
         try:
             answer = self.infer(backend, given)
         except (Exception, SystemExit) as error:

@@ -102,7 +102,8 @@ def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -
         if true.any()
     ]
     every = np.concatenate([likely for likely, _ in people] or [np.zeros(1)])
-    low, high = float(every.min()), float(every.max())
+    low = every.min()
+    high = every.max()
     wanted = "a higher probability where bodies touch than elsewhere"
     hint = "Is it a constant: is the network's answer used?"
     expect(not low == high > 0, wanted, f"{low:.2f} everywhere", hint)

@@ -56,7 +56,8 @@ def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
 
 def _mirrored(request: Any) -> Any:
     """Return the request for the mirrored photo."""
-    people, keypoints = request.people, request.keypoints
+    people = request.people
+    keypoints = request.keypoints
     width = request.image.shape[1]
     joints = mirrored_order(keypoints.joint_set.names)
     points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]

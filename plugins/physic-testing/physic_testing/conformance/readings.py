@@ -2,7 +2,12 @@
 
 An output is compared as a vector for each unit, a person or a photo. A mistake puts it off by a
 known vector. The share of that vector in what it is off by is 1 with the mistake and 0 without it.
-A mistake counts if most units show it in the same direction.
+A mistake counts if most units show it in the same direction. The row ::
+
+    Reading("down", shifted(axis=0), "Is the padding subtracted?", size=1, unit=" px", limit=0.5)
+
+fails outputs that most photos show to be moved down by more than half a pixel, and says by how
+much.
 """
 
 from __future__ import annotations

@@ -99,11 +99,13 @@ class CheckRun:
         except CheckSkipped as skipped:
             return Result(check.name, "skipped", reason=str(skipped))
         except CheckFailed as failure:
-            found, error = failure, failure.__cause__
+            found = failure
+            error = failure.__cause__
         except Exception as cause:
             got = describe_error(cause, subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
-            found, error = CheckFailed(check.summary.rstrip("."), got, hint), cause
+            found = CheckFailed(check.summary.rstrip("."), got, hint)
+            error = cause
         else:
             return Result(check.name, "passed")
         return Result(
