@@ -54,11 +54,11 @@ def offer(site):
     ("first", "outcome", "got"),
     [
         ("", "passed", ""),
-        ("import torch", "failed", "it imports torch"),
+        ("import torch", "failed", "torch"),
         (
             "import time\nend = time.process_time() + 0.8\nwhile time.process_time() < end: pass",
             "failed",
-            "it imports nothing heavy, in ",
+            "nothing heavy, in ",
         ),
     ],
 )
@@ -66,7 +66,7 @@ def test_a_module_of_hooks_that_imports_or_computes_much_is_caught(offer, first,
     offer("physic-flat", 3.0, first)
     result = start_checks(find_backend("flat", "metric_depth")).result("registration_is_light")
     assert result.outcome == outcome
-    assert result.got.startswith(got)
+    assert got in result.got
 
 
 def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer, physic):
