@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,22 +48,43 @@ _IN_FILE = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _SHOULDERS = [LIMBS.index("left_shoulder"), LIMBS.index("right_shoulder")]
 _SWAPPED = [row ^ 1 for row in range(len(LIMBS))]
 
-# Cameras: degrees of pitch and roll, metres.
-_PITCH, _MAX_PITCH, _ROLL = 14.0, 40.0, 4.0
-_NEAR, _FAR = 1.8, 14.0
-# Of lengths, logarithms: of people, and of a fitted body against the person.
-_BONE, _WIDTH_OF_HIPS, _WIDTH_OF_SHOULDERS, _TRUNK, _FITTED_BONE = 0.05, 0.08, 0.06, 0.05, 0.04
-# Keypoints: metres at the person; hidden ones up to five times that.
-_POINT, _HIDDEN_POINT, _SURFACE_HIP, _OUTLIERS = 0.012, 4.0, 1.6, 0.05
-_HIDDEN_SHARE, _CUT_SHARE = 0.12, 0.3
-# Fitted bodies, degrees: lean of the body, of trunk and of legs alone, turns about the spine.
-_LEAN, _TRUNK_LEAN, _LEG_LEAN, _TWIST, _HIP_TWIST, _SHOULDER_TWIST = 7.0, 6.0, 6.0, 8.0, 14.0, 10.0
-# Directions of bones: depth by kind of bone, across, and the share of bones mirrored in depth.
+# Cameras: degrees, and metres to the person.
+_PITCH = 14.0
+_MAX_PITCH = 40.0
+_ROLL = 4.0
+_NEAR = 1.8
+_FAR = 14.0
+# Standard deviations of logarithms of people's lengths; of a fitted body's against the person's.
+_BONE = 0.05
+_WIDTH_OF_HIPS = 0.08
+_WIDTH_OF_SHOULDERS = 0.06
+_TRUNK = 0.05
+_FITTED_BONE = 0.04
+# Keypoints: metres at the person, how much more hidden ones and hips, and the share of outliers.
+_POINT = 0.012
+_HIDDEN_POINT = 4.0
+_SURFACE_HIP = 1.6
+_OUTLIERS = 0.05
+# Shares of hidden joints, and of people cut by the lower border of the picture.
+_HIDDEN_SHARE = 0.12
+_CUT_SHARE = 0.3
+# Fitted bodies, degrees: lean of the body, of trunk and legs alone, and turns about the vertical.
+_LEAN = 7.0
+_TRUNK_LEAN = 6.0
+_LEG_LEAN = 6.0
+_TWIST = 8.0
+_HIP_TWIST = 14.0
+_SHOULDER_TWIST = 10.0
+# Directions of fitted bones: error in depth by kind of bone, across, and the share of bones that
+# are mirrored in depth.
 _DEPTH = np.repeat([0.25, 0.32, 0.18, 0.2], 2)
-_SHRUNK, _HIDDEN_DEPTH, _ACROSS = 0.9, 0.8, 0.04
+_SHRUNK = 0.9
+_HIDDEN_DEPTH = 0.8
+_ACROSS = 0.04
 _TURNED = np.repeat([0.06, 0.03], 4)
 # Up: degrees, and the share of photos in which it is unknown.
-_UP, _UNKNOWN_UP = 4.0, 0.25
+_UP = 4.0
+_UNKNOWN_UP = 0.25
 
 
 def main() -> int:
@@ -84,7 +106,8 @@ def main() -> int:
     with torch.no_grad():
         moved = network(_tensor(inputs(*seen))).numpy().reshape(truth.shape)
     before, after = (
-        1000 * np.linalg.norm(joints - truth, axis=-1).mean() for joints in (seen[0], seen[0] + moved)
+        1000 * np.linalg.norm(joints - truth, axis=-1).mean()
+        for joints in (seen[0], seen[0] + moved)
     )
     print(
         f"{len(poses)} poses of {len(np.unique(clips))} motions, {apart.sum()} left out: "
@@ -107,9 +130,7 @@ class Lifter(nn.Module):
     def __init__(self, num_inputs: int) -> None:
         super().__init__()
         widths = [num_inputs, *[WIDTH] * (LAYERS - 1), 3 * len(LIMBS)]
-        self.layers = nn.ModuleList(
-            nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)
-        )
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
         nn.init.zeros_(self.layers[-1].weight)
         nn.init.zeros_(self.layers[-1].bias)
 
@@ -150,7 +171,8 @@ def read_motions(file: Path) -> tuple[Array, NDArray[np.int64]]:
     with file.open("rb") as stream:
         arrays = read_arrays(stream)
     order = [
-        3 * ((name.startswith("right_")) + 2 * (_IN_FILE.index(joint) > 2)) + _IN_FILE.index(joint) % 3
+        3 * ((name.startswith("right_")) + 2 * (_IN_FILE.index(joint) > 2))
+        + _IN_FILE.index(joint) % 3
         for name in LIMBS
         for joint in [name.partition("_")[2]]
     ]
@@ -269,9 +291,7 @@ def _with_lengths(
     return _assembled(hips * left, shoulders * right, trunk * spine, bones, lengths)
 
 
-def _assembled(
-    hips: Array, shoulders: Array, trunk: Array, bones: Array, lengths: Array
-) -> Array:
+def _assembled(hips: Array, shoulders: Array, trunk: Array, bones: Array, lengths: Array) -> Array:
     """Return joints (N, 12, 3) from right to left hip and shoulder, the trunk (N, 3 each), and
     directions (N, 8, 3) and lengths (N, 8) of the bones.
     """

@@ -51,7 +51,11 @@ _POINT_GAIN = 4.0  # brings offsets of keypoints to the size of the other inputs
 
 
 def lift(
-    joints: FloatArray, points: FloatArray, confidence: FloatArray, up: FloatArray, depth: FloatArray
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
 ) -> FloatArray:
     """Return the joints (N, 12, 3) that the network tells, relative to the middle of the hips.
 
@@ -78,7 +82,11 @@ def lift(
 
 
 def inputs(
-    joints: FloatArray, points: FloatArray, confidence: FloatArray, up: FloatArray, depth: FloatArray
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
 ) -> FloatArray:
     """Return the inputs (N, 76) of the network; arguments as in :func:`lift`, lengths in
     units of :func:`unit_of`.
@@ -104,7 +112,11 @@ def unit_of(joints: FloatArray) -> FloatArray:
 
 
 def _told(
-    joints: FloatArray, points: FloatArray, confidence: FloatArray, up: FloatArray, depth: FloatArray
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
 ) -> FloatArray:
     """Return how far (N, 12, 3) the network moves the joints, metres."""
     unit = unit_of(joints)
