@@ -19,7 +19,7 @@ import argparse
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -115,7 +115,7 @@ def main() -> int:
     )
     if given.write:
         linear = [layer for layer in network.modules() if isinstance(layer, nn.Linear)]
-        arrays = {}
+        arrays: dict[str, Any] = {}
         for k, layer in enumerate(linear):
             arrays[f"weight{k}"] = layer.weight.detach().numpy().astype(np.float16)
             arrays[f"bias{k}"] = layer.bias.detach().numpy().astype(np.float16)
@@ -129,10 +129,12 @@ class Lifter(nn.Module):
 
     def __init__(self, num_inputs: int) -> None:
         super().__init__()
-        widths = [num_inputs, *[WIDTH] * (LAYERS - 1), 3 * len(LIMBS)]
-        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
-        nn.init.zeros_(self.layers[-1].weight)
-        nn.init.zeros_(self.layers[-1].bias)
+        widths = [num_inputs, *[WIDTH] * (LAYERS - 1)]
+        hidden = [nn.Linear(a, b) for a, b in pairwise(widths)]
+        last = nn.Linear(WIDTH, 3 * len(LIMBS))
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.layers = nn.ModuleList([*hidden, last])
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Return the moves (N, 36)."""
@@ -321,5 +323,5 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _tensor(values: Array) -> torch.Tensor:
+def _tensor(values: NDArray[np.floating]) -> torch.Tensor:
     return torch.from_numpy(values.astype(np.float32))
