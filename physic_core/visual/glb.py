@@ -116,9 +116,7 @@ def combined_glb(result: Reconstruction) -> bytes:
     Bodies of SMPL-X files have no skeleton here, and ``extras`` of the scene states why: their
     skinning weights are the user's, and not copied unasked.
     """
-    posed = tuple(
-        index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all()
-    )
+    posed = tuple(index for index, person in enumerate(result.people) if person.has_body)
     request = ExportRequest(
         result, posed, export_frame(result.scene.level, "y"), "combined", ".glb"
     )
@@ -374,30 +372,48 @@ def _add_person(
     tops = list[int]()
     skin = dict[str, int]()
     if rig is not None:
-        top, joints = add_joints(glb, f"{name}_skeleton", rig)
+        top, skin["skin"] = _add_skin(glb, name, rig)
         tops.append(top)
-        inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
-        entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
-        skin = {"skin": glb.add("skins", entry)}
-        indices, weights = skin_influences(rig.weights)
-        for group in range(indices.shape[1] // 4):
-            columns = slice(4 * group, 4 * group + 4)
-            attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)
-            attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[own, columns], ARRAY)
+        attributes |= _skin_attributes(glb, rig, own)
     tops.append(
         _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)
     )
     if toes := dressed_bodies(result).shoes.get(index, ()):
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
-        # Not as sparse accessors, with which VTK reads no file or other steps.
-        moves, turns = (
-            glb.accessor(step[own].astype(np.float32), ARRAY, bounds=True)
-            for step in (shod - vertices, turned - normals)
-        )
-        mesh = glb.tree["meshes"][-1]
-        mesh["primitives"][0]["targets"] = [{"POSITION": moves, "NORMAL": turns}]
-        mesh |= {"weights": [1.0], "extras": {"targetNames": ["shoes"]}}
+        _add_target(glb, "shoes", (shod - vertices)[own], (turned - normals)[own])
     return tops
+
+
+def _add_skin(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:
+    """Add a skeleton, and return the indices of the node above it and of its skin."""
+    top, joints = add_joints(glb, f"{name}_skeleton", rig)
+    inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
+    entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
+    return top, glb.add("skins", entry)
+
+
+def _skin_attributes(glb: GlbBuilder, rig: Rig, vertices: Any) -> dict[str, int]:
+    """Return the accessors of the joints and weights of chosen vertices, four influences each."""
+    indices, weights = skin_influences(rig.weights)
+    attributes = {}
+    for group in range(indices.shape[1] // 4):
+        columns = slice(4 * group, 4 * group + 4)
+        attributes[f"JOINTS_{group}"] = glb.accessor(indices[vertices, columns], ARRAY)
+        attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[vertices, columns], ARRAY)
+    return attributes
+
+
+def _add_target(
+    glb: GlbBuilder, name: str, moves: NDArray[np.float64], turns: NDArray[np.float64]
+) -> None:
+    """Add the steps (U, 3) of vertices and normals to a target that the last mesh shows."""
+    # Not as sparse accessors, with which VTK reads no file or other steps.
+    position, normal = (
+        glb.accessor(step.astype(np.float32), ARRAY, bounds=True) for step in (moves, turns)
+    )
+    mesh = glb.tree["meshes"][-1]
+    mesh["primitives"][0]["targets"] = [{"POSITION": position, "NORMAL": normal}]
+    mesh |= {"weights": [1.0], "extras": {"targetNames": [name]}}
 
 
 def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:

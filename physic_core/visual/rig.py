@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ _SAME_BODY_M = 1e-3
 """Maximum distance of the posed vertices from those of the result, metres; a larger one is another
 body file.
 """
+
+
+_GIVE_FILE = "give the SMPL-X file that the result was made with (--body-model FILE)"
 
 
 @dataclass(frozen=True)
@@ -128,25 +131,12 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
         InputError: the body model does not give the vertices of the person.
     """
     p = person.parameters
+    shape = np.concatenate([p.betas[0], p.expression[0]]).astype(np.float64)
+    _check_size(body, person, len(shape))
     turns = [getattr(p, name).reshape(count, 3) for name, count in ROTATION_FIELDS]
     local = rotvec_to_rotmat_numpy(np.concatenate(turns).astype(np.float64))
-    shape = np.concatenate([p.betas[0], p.expression[0]]).astype(np.float64)
-    give_file = "give the SMPL-X file that the result was made with (--body-model FILE)"
-    if len(body.template) != len(person.vertices):
-        raise InputError(
-            f"the body model has {len(body.template)} vertices, a body of the result "
-            f"{len(person.vertices)}: {give_file}"
-        )
-    if len(body.joint_directions) != len(shape):
-        raise InputError(
-            f"the body model has {len(body.joint_directions)} components of shape, a body of the "
-            f"result {len(shape)}: {give_file}"
-        )
     rest = body.rest_joints(shape)
-    coefficients = shape
-    if len(body.directions) > len(shape):
-        coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
-    vertices = body.template + np.tensordot(coefficients, body.directions, 1)
+    vertices = _shaped(body, shape, local)
     count = len(JOINT_NAMES)
     bind = (
         np.tile(np.eye(3), (count, 1, 1))
@@ -164,14 +154,42 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     offsets[0] = matrix[:3, :3] @ (rest[0] + p.transl[0]) + matrix[:3, 3]
     weights = body.weights.astype(np.float64)
     rig = Rig(JOINT_NAMES, PARENTS, vertices, body.faces, weights, inverse, local, offsets)
-    apart = float(np.abs(rig.posed() - transform_points(matrix, person.vertices)).max())
-    rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
-    if not apart < _SAME_BODY_M + 2 * rounding:
+    _check_pose(rig, transform_points(matrix, person.vertices), np.abs(person.vertices).max())
+    return rig
+
+
+def _shaped(body: BodyArrays, shape: Array, local: Array) -> Array:
+    """Return the vertices (V, 3) of a shape in the bind pose, with the body's correctives of the
+    pose.
+    """
+    coefficients = shape
+    if len(body.directions) > len(shape):
+        coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
+    vertices: Array = body.template + np.tensordot(coefficients, body.directions, 1)
+    return vertices
+
+
+def _check_size(body: BodyArrays, person: Person, num_shape: int) -> None:
+    for what, given, wanted in (
+        ("vertices", len(body.template), len(person.vertices)),
+        ("components of shape", len(body.joint_directions), num_shape),
+    ):
+        if given != wanted:
+            raise InputError(
+                f"the body model has {given} {what}, a body of the result {wanted}: {_GIVE_FILE}"
+            )
+
+
+def _check_pose(rig: Rig, vertices: Array, reach: np.floating[Any]) -> None:
+    """Refuse a rig that is not posed at the vertices; ``reach`` is the largest number of the
+    result, whose rounding counts far from the camera.
+    """
+    apart = float(np.abs(rig.posed() - vertices).max())
+    if not apart < _SAME_BODY_M + 2 * float(np.spacing(reach)):
         raise InputError(
             f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
-            f"{give_file}"
+            f"{_GIVE_FILE}"
         )
-    return rig
 
 
 def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
