@@ -191,7 +191,8 @@ def _box_around(spots: AnyFloat, size: tuple[int, int]) -> list[list[int]]:
     low = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf))
     high = np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
     ends = np.stack([np.floor(low) - 1, np.ceil(high) + 2])
-    return np.clip(ends, 0, size).astype(int).tolist()
+    box: list[list[int]] = np.clip(ends, 0, size).astype(int).tolist()
+    return box
 
 
 def blend_over(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -137,13 +137,12 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     local = rotvec_to_rotmat_numpy(np.concatenate(turns).astype(np.float64))
     rest = body.rest_joints(shape)
     vertices = _shaped(body, shape, local)
-    count = len(JOINT_NAMES)
     bind = (
-        np.tile(np.eye(3), (count, 1, 1))
+        np.tile(np.eye(3), (len(rest), 1, 1))
         if body.bind_rot is None
         else body.bind_rot.astype(np.float64)
     )
-    inverse = np.tile(np.eye(4), (count, 1, 1))
+    inverse = np.tile(np.eye(4), (len(rest), 1, 1))
     inverse[:, :3, :3] = bind
     inverse[:, :3, 3] = -(bind @ rest[..., None])[..., 0]
     offsets = rest.copy()
@@ -154,7 +153,7 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     offsets[0] = matrix[:3, :3] @ (rest[0] + p.transl[0]) + matrix[:3, 3]
     weights = body.weights.astype(np.float64)
     rig = Rig(JOINT_NAMES, PARENTS, vertices, body.faces, weights, inverse, local, offsets)
-    _check_pose(rig, transform_points(matrix, person.vertices), np.abs(person.vertices).max())
+    _check_pose(rig, person, frame)
     return rig
 
 
@@ -180,12 +179,11 @@ def _check_size(body: BodyArrays, person: Person, num_shape: int) -> None:
             )
 
 
-def _check_pose(rig: Rig, vertices: Array, reach: np.floating[Any]) -> None:
-    """Refuse a rig that is not posed at the vertices; ``reach`` is the largest number of the
-    result, whose rounding counts far from the camera.
-    """
+def _check_pose(rig: Rig, person: Person, frame: ExportFrame) -> None:
+    vertices = transform_points(frame.from_camera, person.vertices)
     apart = float(np.abs(rig.posed() - vertices).max())
-    if not apart < _SAME_BODY_M + 2 * float(np.spacing(reach)):
+    rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
+    if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(
             f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
             f"{_GIVE_FILE}"

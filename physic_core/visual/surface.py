@@ -145,7 +145,8 @@ def _surface_faces(
     """Return triangles (F, 3) of usable points (H, W, 3) that are neighbours on one surface."""
 
     def joined(first: Any, second: Any) -> NDArray[np.bool_]:
-        return usable[first] & usable[second] & _on_same_surface(points, normals, first, second)
+        same = _on_same_surface(points, normals, first, second)
+        return np.asarray(usable[first] & usable[second] & same)
 
     across = joined(np.s_[:, :-1], np.s_[:, 1:])
     along = joined(np.s_[:-1], np.s_[1:])
@@ -220,7 +221,7 @@ def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> NDArray[np.integer
     far = cv2.morphologyEx(far, cv2.MORPH_OPEN, crack, borderType=cv2.BORDER_REPLICATE)
     _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
     far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
-    return cv2.dilate(far, crack)
+    return np.asarray(cv2.dilate(far, crack))
 
 
 def _smooth_outline(

@@ -197,7 +197,8 @@ def _free_squares(
     columns, rows = covered.astype(np.int32).T
     taken[rows, columns] = 1
     taken = cv2.morphologyEx(taken, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    return cv2.morphologyEx(inside & ~taken, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    free = cv2.morphologyEx(inside & ~taken, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(free)
 
 
 def _rectangles(squares: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
