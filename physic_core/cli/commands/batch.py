@@ -23,7 +23,7 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from physic_core.batch.photos import PhotoItem
+    from physic_core.batch.photos import PhotoItem, Shard
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
@@ -46,6 +46,11 @@ them took.
 """
 
 _LEVELS = ("pictures", "numbers", "people", "none")
+
+
+def _logs(out: Path, part: Shard | None) -> Path:
+    logs = out.absolute() / "logs"
+    return logs if part is None else logs / f"{part.number}-of-{part.count}"
 
 
 @click.command()
@@ -121,10 +126,7 @@ def batch(
         _write_tables(out, with_sheet=with_sheet)
         return
     part = None if shard is None else Shard.parse(shard)
-    logs = out.absolute() / "logs"
-    if part is not None:
-        logs = logs / f"{part.number}-of-{part.count}"
-    run = _executor(logs, options)
+    run = _executor(_logs(out, part), options)
     listed = list_photos(photos)
     items = [item for item in listed.photos if part is None or item.id in part]
     default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
@@ -137,9 +139,9 @@ def batch(
         least=options["save"] or "numbers",
     )
     todo = plan.todo[:limit]
-    now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     if listed.skipped:
         echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
+    now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     echo(_describe(plan, len(items)) + now, err=True)
     if dry_run:
         _print_forecast(todo, job)
