@@ -25,9 +25,8 @@ as if no pixel showed them, too. Of parts that need a keypoint to be below the c
 the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of
 half "held", and prints the scores of the parts that the crops removed.
 
-Contact with other people and the own body is of kind "skin": hands, feet, forearms and lower legs
-whose partner was labelled say how much rarer it is in photos than in the worlds that its model was
-fitted to.
+Contact with other people and the own body is of kind "skin", fitted to the labelled hands, feet,
+forearms and lower legs.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the
 pictures alone. A frame of a film counts half, since the frames of a film are not independent.
@@ -38,30 +37,36 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from unittest.mock import patch
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
+from physic_core.engine.contact.distances import SEARCH_RADIUS_M
+from physic_core.engine.contact.parts import contact_regions
 from physic_core.engine.ground.touch import (
     DISTANCE,
+    HAND,
     HANDS,
-    IN_WORLDS,
-    LEAST_PROBABILITY,
+    INSIDE,
     LOWER,
     OBSERVED,
-    touch_model,
+    OUTSIDE,
+    OWN_BODY,
+    SKIN,
 )
 from physic_core.metrics import match_by_boxes
 from physic_core.types.skeletons import SIDES
 
-from .observer.labels import agreed
+from .observer.labels import OF_OTHER, agreed
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.scores import LIMBS
@@ -71,8 +76,10 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core import Pipeline
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.contact.distances import Distances
+    from physic_core.engine.contact.probability import NearSkin
     from physic_core.engine.state import Estimates, State
-    from physic_core.types import BodyContact, Person
 
 Array = NDArray[np.float64]
 
@@ -91,12 +98,6 @@ OTHER = "other"
 SPORT = "parkourone"
 """In the names of photos of sport with walls and rails."""
 
-SKIN = "skin"
-"""Kind of contact of a part with another person or the own body.
-
-Its fit shifts the log odds of the fit to worlds.
-"""
-
 PARTS: dict[str, tuple[str, ...]] = {
     "foot": (DISTANCE, OBSERVED),
     "foot in the picture": (LOWER, OBSERVED),
@@ -108,9 +109,19 @@ PARTS: dict[str, tuple[str, ...]] = {
     "unseen foot": (HANDS,),
     "unseen hand": (),
     "unseen seat": (),
-    SKIN: (),
+    SKIN: (OUTSIDE, INSIDE, HAND, OWN_BODY),
 }
 """Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
+
+LABELLED_ON_SKIN = tuple(
+    f"{side}_{limb}" for side in SIDES for limb in ("hand", "foot", "knee", "forearm")
+)
+"""Parts whose labels say whether they touch another person or the own body."""
+
+NO_SKIN = {OUTSIDE: math.log1p(SEARCH_RADIUS_M / 0.01), INSIDE: 0.0}
+"""Features of a part that has no skin near it."""
+
+SkinFeatures: TypeAlias = tuple[str, str, dict[str, float]]
 
 CUTS = (("knee", "ankle"), ("hip", "knee"), ("shoulder", "hip"))
 """Joints above and below each cut."""
@@ -165,7 +176,7 @@ def main() -> int:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded"
     )
-    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=())
+    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=OF_OTHER)
     parser.add_argument("--observed", type=Path, metavar="FILE", help="left_out.json of observer")
     parser.add_argument("--kinds", nargs="+", choices=PARTS, default=tuple(PARTS))
     parser.add_argument("--write", action="store_true", help="write the fitted file")
@@ -201,7 +212,7 @@ def samples_of(data: Path, frames: int, other: Sequence[Path] = ()) -> list[Samp
         for name, people in more.items()
     ]
     folder = data / "contact" / "other" / "photos"
-    readers = [json.loads(file.read_text()) for file in other]
+    readers = [json.loads(file.read_text()) for file in other if folder.is_dir()]
     for name, people in (agreed(readers) if readers else {}).items():
         source = next(folder.glob(f"{name}.*"))
         photos.append(Sample(OTHER, name, name, source, truth={"people": people}))
@@ -219,15 +230,15 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         return
     import cv2
 
-    from physic_core.engine.contact import probability, solve
+    from physic_core.engine.contact import probability
     from physic_core.errors import PhysicError
 
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
-    skin: list[list[tuple[str, str, float]]] = []
+    skin: list[list[SkinFeatures]] = []
     hands: list[float] = []
     features_of = probability.part_features
-    contacts_of = solve.body_contacts
+    skin_of = probability.near_skin
 
     def recorded(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         features = features_of(state, gap)
@@ -240,18 +251,19 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         estimates.append(found)
         return found
 
-    def all_contacts(*given: Any, **options: Any) -> tuple[BodyContact, ...]:
-        return contacts_of(*given, **{**options, "least": 0.0})
+    def recorded_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
+        found = skin_of(state, near)
+        skin.extend(skin_features(state.model, found))
+        return found
 
     with (
         patch.object(probability, "part_features", recorded),
-        patch.object(solve, "body_contacts", all_contacts),
+        patch.object(probability, "near_skin", recorded_skin),
     ):
         try:
             result = pipeline(
                 cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete
             )
-            skin = [skin_contacts(person) for person in result.people]
             touch = [person.world_contact or {} for person in result.people]
             hands = [max(own.get(f"{side}_hand", 0.0) for side in SIDES) for own in touch]
         except PhysicError as error:
@@ -287,20 +299,22 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
 
 
-def skin_contacts(person: Person) -> list[tuple[str, str, float]]:
-    """Return part, kind of partner and log odds by the fit to worlds, of the contacts of a person
-    with skin.
+def skin_features(model: BodyModel, near: Sequence[NearSkin]) -> list[list[SkinFeatures]]:
+    """Return for each person part, kind of partner, and features of the pair of vertices that is
+    nearest, of the parts whose partner is labelled.
     """
-    weights = touch_model()[SKIN]
-    return [
-        (
-            one.part,
-            one.partner.kind,
-            (_logit(one.probability) - weights["constant"]) / weights[IN_WORLDS],
-        )
-        for one in person.contacts
-        if one.partner.kind in ("person", "self") and one.probability is not None
-    ]
+    names, region = contact_regions(model)
+    people: list[list[SkinFeatures]] = [[] for _ in near[0].gap]
+    for kind, at in zip(("person", "own"), near, strict=True):
+        for part in sorted({OF_RESULTS.get(part, part) for part in LABELLED_ON_SKIN}):
+            own = torch.where(region == names.index(part), at.gap, torch.inf)
+            for i, nearest in enumerate(own.argmin(1).tolist()):
+                if torch.isfinite(own[i, nearest]):
+                    features = {key: float(v[i, nearest]) for key, v in at.features.items()}
+                else:
+                    features = {**NO_SKIN, HAND: float("hand" in part)}
+                people[i].append((part, kind, {**features, OWN_BODY: float(kind == "own")}))
+    return people
 
 
 def _logit(probability: float) -> float:
@@ -360,10 +374,8 @@ def with_observed(one: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> 
 
 
 def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
-    """Return the contacts of the found people of a photo with skin, on parts whose partner was
-    labelled.
-
-    Only those are counted that the fit to worlds would list.
+    """Return whether the labelled parts of the found people of a photo touch another person, if one
+    was found, and the own body.
     """
     truth = sample.truth.get("people", ())
     if not people or not truth:
@@ -374,10 +386,10 @@ def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case
     cases = []
     for i, j in matched.items():
         labels = {OF_RESULTS.get(part, part): label for part, label in truth[i]["parts"].items()}
-        for part, partner, odds in people[j]["skin"]:
-            if (label := labels.get(part)) is not None and odds >= _logit(LEAST_PROBABILITY):
-                touches = label == {"self": "own"}.get(partner, partner)
-                cases.append(Case(picture_name(sample), SKIN, {IN_WORLDS: odds}, touches, 1.0))
+        for part, partner, features in people[j]["skin"]:
+            if labels.get(part) is not None and (partner == "own" or len(people) > 1):
+                touches = labels[part] == partner
+                cases.append(Case(picture_name(sample), SKIN, features, touches, 1.0, sample.set))
     return cases
 
 
@@ -481,12 +493,8 @@ def cut_pictures(
                         (found.world_contact[part], touches)
                     )
     for kind, scored in rows.items():
-        likely, touches = zip(*scored, strict=True)
-        print(
-            kind,
-            len(scored),
-            {name: round(value, 3) for name, value in probability_scores(likely, touches).items()},
-        )
+        scores = probability_scores(*map(list, zip(*scored, strict=True)))
+        print(kind, len(scored), {name: round(value, 3) for name, value in scores.items()})
 
 
 def picture_name(sample: Sample) -> str:
@@ -535,11 +543,9 @@ def judged_parts(
     return [(largest, {part: bool(sample.truth["touches"][limb]) for part, limb in limbs.items()})]
 
 
-def logistic(features: Array, touches: Array, weights: Array, known: Array) -> Array:
+def logistic(features: Array, touches: Array, weights: Array) -> Array:
     """Return constant and coefficients of log odds, by maximum likelihood with a ridge on
     standardised columns.
-
-    ``known`` (n,) is added to the log odds.
     """
     from scipy.optimize import minimize
 
@@ -548,7 +554,7 @@ def logistic(features: Array, touches: Array, weights: Array, known: Array) -> A
     columns = np.c_[np.ones(len(features)), (features - mean) / spread]
 
     def loss(w: Array) -> float:
-        odds = known + columns @ w
+        odds = columns @ w
         return float(
             (weights * (np.logaddexp(0, odds) - touches * odds)).sum()
             + RIDGE / 2 * (w[1:] ** 2).sum()
@@ -559,15 +565,12 @@ def logistic(features: Array, touches: Array, weights: Array, known: Array) -> A
     return np.array([found[0] - slopes @ mean, *slopes])
 
 
-def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array, Array]:
-    """Return features (n, F), whether the parts touch, weights, and known log odds of the cases of
-    one kind.
-    """
+def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array]:
+    """Return features (n, F), whether the parts touch, and weights of the cases of one kind."""
     own = [case for case in cases if case.kind == kind]
     features = [[float(np.nan_to_num(case.features[name])) for name in PARTS[kind]] for case in own]
     touches, weights = np.array([(case.touches, case.weight) for case in own], np.float64).T
-    known = np.array([case.features.get(IN_WORLDS, 0.0) for case in own], np.float64)
-    return np.array(features, np.float64), touches, weights, known
+    return np.array(features, np.float64), touches, weights
 
 
 def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
@@ -586,8 +589,8 @@ def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Arr
     """Return constant and coefficients of a kind of part, for the share of touching parts that
     all labelled people have.
     """
-    features, touches, weights, known = table_of(cases, kind)
-    found = logistic(features, touches, weights, known)
+    features, touches, weights = table_of(cases, kind)
+    found = logistic(features, touches, weights)
     if (share := shares.get(kind.partition(" ")[0])) is not None:
         found[0] += _logit(share) - _logit(float(weights @ touches / weights.sum()))
     return found
@@ -616,13 +619,12 @@ def fit_all(
             scores[kind]["sport"] = words
         w = fit_of(cases, kind, shares)
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
-        weights[kind] = {IN_WORLDS: 1.0, **weights[kind]} if kind == SKIN else weights[kind]
     photos = len({case.picture for case in cases if case.weight == 1})
     films = len({case.picture for case in cases if case.weight < 1})
-    record["fitted on"] |= dict.fromkeys(
-        kinds,
-        f"{photos} photos labelled by two readers, and {films} films with measured forces",
-    )
+    fitted_on = f"{photos} photos labelled by two readers"
+    if films:
+        fitted_on += f", and {films} films with measured forces"
+    record["fitted on"] |= dict.fromkeys(kinds, fitted_on)
     print(json.dumps(record, indent=2))
     if write:
         TOUCH.write_text(json.dumps(record, indent=2) + "\n")
@@ -649,11 +651,8 @@ def left_out(
 
 def chance(case: Case, weights: Array) -> float:
     """Return the probability that the part of a case touches."""
-    odds = (
-        case.features.get(IN_WORLDS, 0.0)
-        + weights[0]
-        + weights[1:] @ [float(np.nan_to_num(case.features[name])) for name in PARTS[case.kind]]
-    )
+    features = [float(np.nan_to_num(case.features[name])) for name in PARTS[case.kind]]
+    odds = weights[0] + weights[1:] @ features
     return float(1 / (1 + np.exp(-odds)))
 
 

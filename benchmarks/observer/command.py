@@ -4,9 +4,10 @@
                                 [--changed N]
 
 DATA/contact has ``labels.json``, ``children.json`` and ``photos``; DATA/contact/other has photos of
-another collection, and ``labels.json`` or the files of ``--other``, one of each reader: labels on
-which readers differ are left out. Films of DATA/truth/parkour add feet and hands with measured
-forces. Tokens and keypoints of each picture are kept in OUT, so that a second run takes no network.
+another collection. ``--other`` names files of labels of them, one of each reader, in place of those
+beside the benchmark: labels on which readers differ are left out. Films of DATA/truth/parkour add
+feet and hands with measured forces. Tokens and keypoints of each picture are kept in OUT, so that a
+second run takes no network.
 
 Each question is scored with photos left out, with whole repositories left out, and on the other
 collection and films by a fit to the given photos alone. The numbers are then fitted to all of them
@@ -51,7 +52,7 @@ from .fit import (
     fitted,
     question_of,
 )
-from .labels import Photo, agreed, given_photos
+from .labels import OF_OTHER, Photo, agreed, given_photos
 from .robust import lines_of, moved
 from .sample import Networks, Picture, read_seen, write_seen
 
@@ -85,7 +86,7 @@ def main() -> int:
     )
     parser.add_argument("data", type=Path, help="folder with contact and truth")
     parser.add_argument("out", type=Path)
-    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=())
+    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=OF_OTHER)
     parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
     parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
     parser.add_argument("--changed", type=int, default=0, metavar="N", help="photos to change")
@@ -164,11 +165,10 @@ def _photos(photos: Iterable[Photo], folder: Path) -> list[tuple[Photo, Path | S
 
 
 def _other_photos(folder: Path, labels: Sequence[Path]) -> list[tuple[Photo, Path | Sample]]:
-    """Return the photos of another collection; none without their labels."""
-    files = [*labels] or [folder / "labels.json"]
-    if not all(file.is_file() for file in files):
+    """Return the photos of another collection, if they are there."""
+    if not folder.is_dir():
         return []
-    found = agreed([json.loads(file.read_text()) for file in files])
+    found = agreed([json.loads(file.read_text()) for file in labels])
     photos = [Photo("other", name, name, people) for name, people in found.items()]
     return _photos(photos, folder / "photos")
 

@@ -16,6 +16,12 @@ from physic_core.metrics import match_by_boxes
 from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
 
+OF_OTHER = tuple(
+    Path(__file__).parents[1] / "truth" / f"labels_of_other_{reader}.json"
+    for reader in ("first", "second")
+)
+"""Labels of the photos of DATA/contact/other, by two readers apart, from the pictures alone."""
+
 Array = NDArray[np.float64]
 Truth = Mapping[str, Any]
 

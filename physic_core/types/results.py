@@ -102,8 +102,8 @@ class Person(ShortRepr):
         distance: (V,) float32, signed distance to the floor, or to the scene before inpainted
             points were moved out of people: negative inside, inf beyond the search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact``
-            is this probability over ``[engine.contact] threshold``, or that of skin over
-            ``skin_threshold``. None if the preset estimates none.
+            is this probability over ``[engine.contact] threshold`` where the body part touches
+            with one half or more. None if the preset estimates none.
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``,
             :data:`NO_PARTNER` for vertices that are not in contact. None if the contacts were not
             assigned to partners.

@@ -261,7 +261,7 @@ def _cast_rays(
     distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (
         directions[hit] @ ahead
     )
-    return color.reshape(*columns.shape, -1), distance.reshape(columns.shape)
+    return color.reshape(*columns.shape, color.shape[1]), distance.reshape(columns.shape)
 
 
 def shade(normals: Array, axes: Array, base: Array) -> Array:

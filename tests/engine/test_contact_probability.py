@@ -1,6 +1,4 @@
-"""The probability of contact: the fitted file, the logistic model, and the gap that vertices of a
-part share.
-"""
+"""The probability of contact with scene and skin, and the gap that vertices of a part share."""
 
 from __future__ import annotations
 
@@ -15,35 +13,36 @@ from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import KINDS, ContactSurfaces
-from physic_core.engine.contact.probability import ContactModel, part_gaps
+from physic_core.engine.contact.probability import part_gaps
 from physic_core.engine.contact.solve import contact_of, measure_distances
+from physic_core.engine.ground.touch import (
+    HAND,
+    INSIDE,
+    OUTSIDE,
+    OWN_BODY,
+    SKIN,
+    touch_log_odds,
+    touch_model,
+)
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS, Intrinsics
 
 from .conftest import state_of
 
-LINEAR = ContactModel(
-    {"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {}
-)
-OWN_BODY = KINDS.index("own body")
+OWN_BODY_KIND = KINDS.index("own body")
 
 
-@given(st.floats(0, 3))
-def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside):
-    columns = {"own body": {"constant": torch.ones(1, 1), "outside": torch.full((1, 1), outside)}}
-    found = LINEAR.probabilities(columns)
-    assert found.shape == (len(KINDS), 1, 1)
-    assert float(found[OWN_BODY, 0, 0]) == pytest.approx(
-        1 / (1 + math.exp(2 * outside - 1)), rel=1e-4
-    )
-    assert int(found.count_nonzero()) == 1
+def odds(outside=0.0, inside=0.0, hand=1.0, own=1.0):
+    return touch_log_odds(SKIN, {OUTSIDE: outside, INSIDE: inside, HAND: hand, OWN_BODY: own})
 
 
-def test_skin_is_touched_less_often_in_photos_than_in_worlds():
-    in_worlds = 1 / (1 + math.exp(0.5))
-    found = [LINEAR.part_probability(torch.full((3,), p)) for p in (0.5, 0.9)]
-    assert 0 < found[0] < in_worlds
-    assert found[0] < found[1]
+@given(st.floats(0, 2.5), st.floats(0.05, 0.5), st.sampled_from([0.0, 1.0]))
+def test_farther_skin_is_touched_less_probably(outside, farther, hand):
+    assert odds(outside + farther, hand=hand) < odds(outside, hand=hand)
+
+
+def test_hands_touch_the_own_body_more_often_than_other_limbs_do():
+    assert odds() > odds(hand=0.0)
 
 
 def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
@@ -86,26 +85,44 @@ def test_up_is_that_of_an_upright_camera_without_a_floor(body):
     assert alone(body).up.tolist() == [0.0, -1.0, 0.0]
 
 
-@pytest.mark.parametrize(("scene", "kind"), [(0.1, OWN_BODY), (0.9, -1)])
-def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypatch, scene, kind):
-    soles = float(body(*body.zero_pose()).vertices[..., 1].min())
-    given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
-    settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)
-    near = near_of(given, settings)
+def always_touched(monkeypatch, probability):
+    """Let skin touch what is near it with a probability."""
+    constant = math.log(probability / (1 - probability))
+    nothing = dict.fromkeys((OUTSIDE, INSIDE, HAND, OWN_BODY), 0.0)
+    monkeypatch.setitem(touch_model(), SKIN, {"constant": constant, **nothing})
+
+
+@pytest.mark.parametrize(("skin", "kinds"), [(0.9, {OWN_BODY_KIND}), (0.6, {-1}), (0.4, {-1})])
+def test_a_vertex_touches_skin_if_its_part_probably_does(body, monkeypatch, skin, kinds):
+    given = alone(body)
+    method = replace(engine_preset("default").contact, threshold=0.7)
+    near = near_of(given, method)
+    at = near.own.vertex.clone()
+    hand, thigh = (body.contact_sets[name] for name in ("left_hand", "thighs"))
+    at[0, hand] = thigh[0]
+    distance = torch.full_like(near.own.distance, torch.inf)
+    distance[0, hand] = 0.0
+    normals = near.normals.clone()
+    normals[0, hand] = -normals[0, thigh[0]]
+    near = replace(near, normals=normals, own=replace(near.own, distance=distance, vertex=at))
+    always_touched(monkeypatch, skin)
+    assert set(method.touch(given, near).kind[0, hand].unique().tolist()) == kinds
+
+
+def test_parts_that_meet_at_a_joint_do_not_touch(body, monkeypatch):
+    given = alone(body)
+    method = engine_preset("default").contact
+    near = near_of(given, method)
     near = replace(near, own=replace(near.own, distance=torch.zeros_like(near.own.distance)))
-    model = ContactModel({"own body": {"constant": -1.5}}, LINEAR.part, {})
-    on_floor = torch.isfinite(near.surface.nearest) & body.outer
-    assert on_floor.any()
-    likely = torch.full_like(near.surface.scene, scene), {}
-    monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
-    monkeypatch.setattr(
-        "physic_core.engine.contact.method.scene_contact", lambda given, near: likely
-    )
-    monkeypatch.setattr("physic_core.engine.contact.method.contact_parts", lambda body: {})
-    assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
+    always_touched(monkeypatch, 0.99)
+    arm = body.part_of_vertex == body.part_names.index("left_lower_arm")
+    at = near.own.vertex.clone()
+    at[:] = int(torch.nonzero(body.part_of_vertex == body.part_names.index("left_hand"))[0])
+    near = replace(near, own=replace(near.own, vertex=at))
+    assert set(method.touch(given, near).kind[0, arm].unique().tolist()) == {-1}
 
 
-def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
+def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
     one = alone(body)
     apart = torch.tensor([0.0, 0.0, 0.15])
     given = replace(
@@ -113,7 +130,8 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
         vertices=torch.cat([one.vertices, one.vertices + apart]),
         joints=torch.cat([one.joints, one.joints + apart]),
     )
-    method = replace(engine_preset("default").contact, skin_threshold=0.0)
+    always_touched(monkeypatch, 0.9)
+    method = engine_preset("default").contact
     found = contact_of(given, near_of(given, method), method)
     thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
     touched = {

@@ -70,6 +70,14 @@ def test_a_sphere_is_a_disc_of_the_right_size():
     assert np.isinf(layer.distance[0, 0])
 
 
+def test_a_surface_may_fill_the_picture():
+    corners = np.array([[-9.0, -9.0, 4.0], [9.0, -9.0, 4.0], [0.0, 18.0, 4.0]])
+    wall = prepare_meshes([corners], np.array([[0, 1, 2]]))
+    layer = render_mesh(wall, PINHOLE, np.ones((3, 3)))
+    assert layer.alpha.min() == 1
+    assert layer.distance == pytest.approx(4.0)
+
+
 def test_the_nearer_hides_the_farther():
     colors = np.repeat([[1.0, 0, 0], [0, 1.0, 0]], len(SPHERE.vertices), axis=0)
     layer = render_mesh(sphere_at([0, 0, 6.0], [0, 0, 4.0]), PINHOLE, colors)

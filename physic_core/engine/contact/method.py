@@ -15,12 +15,7 @@ from physic_core.engine.contact.distances import (
     distance_along_normal,
     nearby_surfaces,
 )
-from physic_core.engine.contact.probability import (
-    contact_model,
-    contact_parts,
-    feature_columns,
-    scene_contact,
-)
+from physic_core.engine.contact.probability import scene_contact, skin_contact
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
@@ -62,12 +57,6 @@ class ContactMethod:
 
     0.35 has the best F1 on held-out worlds, both for visible and for invisible limbs.
     """
-    skin_threshold: Share = 0.16
-    """The same for contact with other people and with the person's own body, which is less certain.
-
-    0.16 has an F1 of .21 there, and 0.12 one of .22, with half more vertices on body parts that
-    touch no skin.
-    """
     people: bool = True
     """Whether to estimate contact with other people and with the person's own body."""
     assume_supports: bool = True
@@ -98,19 +87,14 @@ class ContactMethod:
     def touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
-        A vertex touches scene or floor only if its body part does.
+        A vertex touches only what its body part touches.
         """
-        probabilities = contact_model().probabilities(feature_columns(state, near))
-        probabilities[0], parts = scene_contact(state, near)
-        apart = torch.zeros_like(state.vertices[..., 0], dtype=torch.bool)
-        for name, chosen in contact_parts(state.model).items():
-            apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
-        in_reach = torch.isfinite(near.by_kind)
-        may_touch = state.model.outer & state.finite[:, None]
-        likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
-        rank = torch.where(in_reach, probabilities, -1.0)
-        skin = torch.where(in_reach, probabilities, 0.0)[1:].amax(0)
-        on_skin = (skin >= self.skin_threshold) & (rank.argmax(0) > 0)
-        elsewhere = (rank.argmax(0) > 0) | ~apart
-        touches = ((likely >= self.threshold) & in_reach.any(0) & elsewhere) | on_skin
-        return replace(Touch.of_rank(rank, touches & may_touch, likely), parts=parts)
+        of_parts, on_scene, parts = scene_contact(state, near)
+        part_on_skin, on_skin = skin_contact(state, near)
+        probabilities = torch.cat([on_scene[None], on_skin])
+        sure = torch.cat([of_parts[None], part_on_skin]) >= LEAST_PROBABILITY
+        likely = 1 - (1 - probabilities).prod(0)
+        likely = torch.where(state.model.outer & state.finite[:, None], likely, 0.0)
+        rank = torch.where(torch.isfinite(near.by_kind) & sure, probabilities, -1.0)
+        touches = (likely >= self.threshold) & (rank.amax(0) >= 0)
+        return replace(Touch.of_rank(rank, touches, likely), parts=parts)

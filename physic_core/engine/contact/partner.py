@@ -18,7 +18,7 @@ from physic_core.engine.contact.parts import (
     are_adjacent,
     is_farther_out,
 )
-from physic_core.engine.contact.probability import contact_model, mean_of_surest
+from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 HIDDEN = len(KINDS)
@@ -160,7 +160,7 @@ def body_contacts(
     Args:
         index: (V,) of each vertex in ``table``; :data:`NO_PARTNER` without contact.
         probability: (V,) of contact; None leaves all probabilities undefined. That of contact of a
-            part with scene and floor is the mean of its ten most probable vertices.
+            part is the mean of its ten most probable vertices.
         dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
         table: partners.
         regions: body parts.
@@ -185,11 +185,7 @@ def body_contacts(
             continue
         if probability is not None:
             likely = probability[here]
-            if on_skin:
-                sure = contact_model().part_probability(likely)
-            else:
-                sure = assumed.get(part, mean_of_surest(likely))
-            sure = round(sure, DECIMALS)
+            sure = round(assumed.get(part, mean_of_surest(likely)), DECIMALS)
         if sure is None or sure >= least:
             depth = _dent_of(dent[here])
             found.append(

@@ -9,22 +9,16 @@ vertices of the part, and how directly its skin faces the surface. The place of 
 shows is a guess, so its distance is ignored. It has the base rate of its kind, and feet that of the
 posture and of hands that touch.
 
-Contact with skin is a fitted logistic model over named features, one column per reason
-for or against it; a new feature is a new column here, and a coefficient in ``coefficients.json``
-beside it, which states the data of the fit and the error on held-out data. Distances enter as
-logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface. The *gap* of a part
-to a surface is one feature, and the *rise* of a vertex, its distance minus the gap, is another,
-which is far more accurate.
+Contact with skin of another person or of the own body has the same form. The vertices of one part
+that are nearest to one part of one partner share their errors, so that their fifth smallest
+distance decides, as the logarithm ``log(1 + d / 1 cm)`` of the outside and the inside, with whether
+one of both parts is a hand. Parts of one body that meet at a joint touch in all poses, which is no
+contact.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -32,14 +26,18 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
-from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances, SkinDistances
-from physic_core.engine.contact.parts import contact_regions
+from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
+from physic_core.engine.contact.parts import are_adjacent, contact_regions
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.ground.touch import (
     DISTANCE,
+    HAND,
     HANDS,
-    IN_WORLDS,
+    INSIDE,
     OBSERVED,
+    OUTSIDE,
+    OWN_BODY,
+    SKIN,
     touch_log_odds,
     touch_model,
 )
@@ -47,10 +45,7 @@ from physic_core.engine.limbs import hip_bends
 from physic_core.engine.state import State
 from physic_core.types.skeletons import SIDES
 
-Columns: TypeAlias = Mapping[str, Tensor]
-
 _LOG_UNIT_M = 0.01
-_STRAIGHT_HIP = np.pi / 4  # radians between thigh and trunk
 _GAP_VERTICES = 5
 
 SEAT = "seat"
@@ -63,54 +58,14 @@ _CARRY_LYING = {"head": "head", "torso": "back", "back": "torso", SEAT: SEAT}
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
 _SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
+# Rise in metres at which half of the probability of a part is left, and power of the cosine between
+# skin and surface; fitted to 155 drawn worlds.
+_NEARNESS = 0.1, 3.0
+_NEARNESS_OF_LIMBS = 0.05, 0.15  # of hands and feet
 
 
 SUREST_VERTICES = 10
 """Number of vertices whose mean probability decides whether their body part touches."""
-
-
-@dataclass(frozen=True)
-class ContactModel:
-    """Coefficients of the log odds of contact.
-
-    Attributes:
-        vertex: kind of contact -> name of a feature -> coefficient; see
-            :func:`feature_columns`.
-        nearness: "far_m", by which a vertex that is farther than its part has half of its
-            probability, and the power "facing" of the cosine between skin and surface; both also
-            for hands and feet.
-        part: "constant" and "log odds" of the mean probability of the ten most probable vertices ->
-            coefficient of the log odds that a body part touches its partner.
-    """
-
-    vertex: Mapping[str, Mapping[str, float]]
-    part: Mapping[str, float]
-    nearness: Mapping[str, float]
-
-    def probabilities(self, columns: Mapping[str, Columns]) -> Tensor:
-        """Return the probability (K, N, V) of each of the ``KINDS`` of contact; 0 for a kind that
-        ``columns`` lacks.
-
-        Raises:
-            KeyError: a column is missing.
-        """
-        like = columns["own body"]["constant"]
-        found = []
-        for kind in KINDS:
-            if kind not in columns:
-                found.append(torch.zeros_like(like))
-                continue
-            log_odds = torch.zeros_like(like)
-            for name, weight in self.vertex[kind].items():
-                log_odds = log_odds + weight * columns[kind][name]
-            found.append(torch.sigmoid(log_odds))
-        return torch.stack(found)
-
-    def part_probability(self, vertices: Tensor) -> float:
-        """Return the probability that a body part touches skin, by those (n,) of its vertices."""
-        odds = torch.logit(torch.tensor(mean_of_surest(vertices), dtype=torch.float64), 1e-6)
-        odds = self.part["constant"] + self.part["log odds"] * odds
-        return float(torch.sigmoid(torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}))))
 
 
 def mean_of_surest(vertices: Tensor) -> float:
@@ -118,14 +73,6 @@ def mean_of_surest(vertices: Tensor) -> float:
     are fewer.
     """
     return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
-
-
-@cache
-def contact_model() -> ContactModel:
-    """Return the fitted model."""
-    text = (files("physic_core.engine.contact") / "coefficients.json").read_text(encoding="utf-8")
-    record = json.loads(text)
-    return ContactModel(record["vertex"], record["part"], record["nearness"])
 
 
 def contact_parts(model: BodyModel) -> dict[str, Tensor]:
@@ -153,9 +100,9 @@ def kind_of_part(part: str) -> str:
     return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "other")
 
 
-def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name
-    -> (N,).
+def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
+    """Return the probability (N, V) that the parts of vertices touch scene or floor, that of the
+    vertices, and that of each part: name -> (N,).
     """
     at = near_scene(state, near)
     unseen = unseen_parts(state, near)
@@ -178,14 +125,8 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, dict[str, Tens
         if kind == "hand":
             hands = hands.maximum(parts[name])
     parts = {name: parts[name] for name in of_parts}
-    limbs = _parts(state.model, "hand", "foot")
-    model = contact_model().nearness
-    far_m, power = (
-        torch.where(limbs, model[f"{name}, hand or foot"], model[name])
-        for name in ("far_m", "facing")
-    )
     of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(state.model)]
-    return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
+    return of_vertex, of_vertex * _nearness(state.model, at.rise, at.facing), parts
 
 
 def _lies(state: State) -> Tensor:
@@ -240,15 +181,19 @@ def near_scene(state: State, near: Distances) -> NearScene:
     return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ state.up), facing))
 
 
-def nearness(rise: Tensor, facing: Tensor, far_m: Tensor, power: Tensor) -> Tensor:
-    """Return the share of the probability of a part that its vertices have; see :class:`NearScene`.
+def _nearness(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
+    """Return the share (N, V) of the probability of a part that its vertices have.
 
     Args:
-        rise: (...) metres.
-        facing: (...) cosine.
-        far_m: (...) rise at which half of the probability is left, metres.
-        power: (...) of the cosine.
+        model: of the bodies.
+        rise: (N, V) how much farther the vertex is than its part, metres.
+        facing: (N, V) cosine between the skin and the surface that it faces.
     """
+    limbs = _parts(model, "hand", "foot")
+    far_m, power = (
+        torch.where(limbs, of_limbs, otherwise)
+        for of_limbs, otherwise in zip(_NEARNESS_OF_LIMBS, _NEARNESS, strict=True)
+    )
     return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
 
 
@@ -312,14 +257,64 @@ def _to_scene(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
 
 
-def feature_columns(state: State, near: Distances) -> dict[str, Columns]:
-    """Return the columns (N, V) of the features of each kind of contact but the scene, by name."""
-    part = state.model.part_of_vertex
-    columns: dict[str, Columns] = {"own body": _own_columns(state, near.own)}
-    if len(state.vertices) > 1:
-        whose = part + len(state.model.part_names) * near.people.person
-        columns["person"] = _skin_columns(state, near.people, whose)
-    return columns
+def skin_contact(state: State, near: Distances) -> tuple[Tensor, Tensor]:
+    """Return the probability (2, N, V) that the part of a vertex touches the part of another
+    person, and of the own body, to which the vertex is nearest; and that of the vertex.
+    """
+    of_parts = []
+    of_vertices = []
+    for skin, at in zip((near.people, near.own), near_skin(state, near), strict=True):
+        touches = torch.isfinite(at.gap)
+        odds = torch.as_tensor(touch_log_odds(SKIN, at.features))
+        sure = torch.where(touches, torch.sigmoid(odds), 0.0)
+        facing = -(near.normals * near.normals[skin.person, skin.vertex]).sum(-1)
+        rise = torch.where(touches, skin.distance - at.gap, 0.0)
+        of_parts.append(sure)
+        of_vertices.append(sure * _nearness(state.model, torch.relu(rise), facing))
+    return torch.stack(of_parts), torch.stack(of_vertices)
+
+
+class NearSkin(NamedTuple):
+    """Distances of N people's vertices from skin.
+
+    Attributes:
+        gap: (N, V) signed distance of the part of the vertex from the part to which the vertex is
+            nearest, metres; inf if no skin is near, or if both parts meet at a joint.
+        features: of :data:`SKIN`, name -> (N, V).
+    """
+
+    gap: Tensor
+    features: dict[str, Tensor]
+
+
+def near_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
+    """Return where vertices are beside the skin of other people, and of their own bodies."""
+    names, region = contact_regions(state.model)
+    hands = _parts(state.model, "hand")
+    meet = torch.tensor(
+        [[one == other or are_adjacent(one, other) for other in names] for one in names]
+    )
+    found = []
+    for skin, is_own in ((near.people, False), (near.own, True)):
+        other = region[skin.vertex]
+        distance = skin.distance
+        if is_own:
+            distance = torch.where(meet.to(other.device)[region, other], torch.inf, distance)
+        pair = (region * len(names) + other) * len(state.vertices) + skin.person
+        gap = part_gaps(distance, pair)
+        finite = torch.where(torch.isfinite(gap), gap, SEARCH_RADIUS_M)
+        found.append(
+            NearSkin(
+                gap,
+                {
+                    OUTSIDE: _log_cm(finite),
+                    INSIDE: _log_cm(-finite),
+                    HAND: (hands | hands[skin.vertex]).to(finite),
+                    OWN_BODY: torch.full_like(finite, is_own),
+                },
+            )
+        )
+    return found[0], found[1]
 
 
 def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
@@ -341,50 +336,6 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
         )
         gap[order] = own[order][first + np.minimum(count, _GAP_VERTICES) - 1][inverse]
     return torch.from_numpy(gaps).to(distance)
-
-
-def _shared_columns(distance: Tensor, group: Tensor) -> dict[str, Tensor]:
-    """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share
-    their errors.
-    """
-    near = torch.isfinite(distance)
-    gap = part_gaps(distance, group)
-    d, gap = (torch.where(torch.isfinite(x), x, SEARCH_RADIUS_M) for x in (distance, gap))
-    return {
-        "constant": torch.ones_like(d),
-        "nothing near": (~near).to(d),
-        "outside": _log_cm(d),
-        "inside": _log_cm(-d),
-        "rise": _log_cm(d - gap),
-    }
-
-
-def _skin_columns(state: State, skin: SkinDistances, group: Tensor) -> dict[str, Tensor]:
-    """Return the columns (N, V) of contact with other people."""
-    hands = _parts(state.model, "hand")
-    other = state.model.part_of_vertex[skin.vertex]
-    shared = _shared_columns(skin.distance, group * len(state.model.part_names) + other)
-    return shared | {"hand": (hands | hands[skin.vertex]).to(skin.distance)}
-
-
-def _own_columns(state: State, skin: SkinDistances) -> dict[str, Tensor]:
-    """Return the columns (N, V) of contact with the same body."""
-    part = state.model.part_of_vertex
-    hands = _parts(state.model, "hand")
-    thighs = _parts(state.model, "upper_leg")
-    arms = _parts(state.model, "hand", "lower_arm")
-    near = torch.isfinite(skin.distance)
-    shared = _shared_columns(skin.distance, part * len(state.model.part_names) + part[skin.vertex])
-    straight = hip_bends(state.joints) < _STRAIGHT_HIP
-    hip = straight[
-        :, _parts(state.model, "right_upper_leg", "right_hand", "right_lower_arm").long()
-    ]
-    at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])
-    hand = near & (hands | hands[skin.vertex])
-    return shared | {
-        "outside, hand": hand * shared["outside"],
-        "arm at straight hip": (near & at_thigh & hip).to(skin.distance),
-    }
 
 
 def _parts(model: BodyModel, *endings: str) -> Tensor:

@@ -565,18 +565,25 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
 def _notes(
     vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray
 ) -> tuple[str, ...]:
-    """Return a note about the people who contradict a vote on the scale; ``stands`` (N, 2) bool are
-    feet.
+    """Return a note about each person whose size contradicts a vote on the scale; ``stands`` (N, 2)
+    bool are feet.
     """
     on_floor = np.isfinite(soles.scale) & stands.any(1)
-    kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
-    others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
-    if not others.any():
-        return ()
-    who = " and ".join(f"person {i}" for i in np.flatnonzero(others))
-    return (
-        f"{who} would not have an adult's size by the floor and the others: give --age of a child "
-        f"in years, or --stature in m",
+    ratio = (
+        np.where(on_floor, vote.residuals(soles), np.nan)
+        if on_floor.any()
+        else vote.residuals(torsos)
+    )
+    return tuple(
+        f"person {i} seems to be {math.exp(-ratio[i]):.2g} times as tall as assumed, by the floor "
+        f"and the rest of the photo: "
+        + (
+            "a child (--age in years), a small person (--stature in m), a figure or a picture "
+            "(--ignore x,y)?"
+            if ratio[i] > 0
+            else "give --stature in m, or --camera-height in m if the floor lies elsewhere"
+        )
+        for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
     )
 
 
@@ -590,18 +597,17 @@ def _rival_note(
     rivals = []
     for candidate, weight in zip(candidates, weights.tolist(), strict=True):
         if candidate.plane is None:
-            rivals.append((weight, "no floor"))
+            rivals.append((weight, "the photo shows none"))
             continue
         cosine = float(candidate.plane.normal @ chosen.normal)
         angle = math.degrees(math.acos(min(1.0, cosine)))
         if angle > _RIVAL_DEG:
-            by = candidate.plane.source
-            rivals.append((weight, f"one that is tilted by {angle:.0f} degrees, found by {by}"))
+            rivals.append((weight, f"it is tilted by {angle:.0f} degrees against the one found"))
     if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
         return ()
     return (
-        f"the floor is uncertain: with probability {total:.2f} it is another, such as "
-        f"{max(rivals)[1]}; see its line in the view from the side",
+        f"the floor may be wrong, with probability {total:.2f}: perhaps {max(rivals)[1]}; compare "
+        f"its line in the preview's view from the side with the photo",
     )
 
 
@@ -665,13 +671,17 @@ def scale_note(
         lie: whether the floor is what people lie on.
     """
     stand = sum(has_sole_on_floor(person) for person in contacts)
+    if floor is not None and stand and not lie:
+        return f"all sizes are from the soles of {_people(stand)} on the floor"
     if lie:
-        return f"the scale is from the body size of {_people(bodies)}, who seem to lie"
-    if floor is not None and stand:
-        return f"the scale is from the soles of {_people(stand)} on the floor"
-    better = "a floor whose plane is found" if stand else "soles on a visible floor"
+        why = "who seem to lie"
+    elif stand:
+        why = "since the plane of the floor is not found"
+    else:
+        why = "since no soles on a floor are seen"
     return (
-        f"the scale is from the body size of {_people(bodies)}: {better} would give it more exactly"
+        f"all sizes are from the usual height of {_people(bodies)}, {why}: give --stature in m if "
+        f"you know it"
     )
 
 

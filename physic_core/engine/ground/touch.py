@@ -32,10 +32,20 @@ LOWER = "lower than the other foot"
 OBSERVED = "observed"
 """Feature of feet, hands and seat: log odds by the person observer, beyond its base rate."""
 
-IN_WORLDS = "log odds in worlds"
-"""Feature of kind "skin": that a part touches another person or the own body, by a fit to synthetic
-worlds.
-"""
+SKIN = "skin"
+"""Kind of contact of a part with another person or the own body."""
+
+OUTSIDE = "outside"
+"""Feature of skin: log(1 + d / 1 cm) of the distance of a part from the other one."""
+
+INSIDE = "inside"
+"""Feature of skin: the same of the depth of the part within the other one."""
+
+HAND = "hand"
+"""Feature of skin: 1 if one of both parts is a hand."""
+
+OWN_BODY = "own body"
+"""Feature of skin: 1 if both parts are of one body."""
 
 HANDS = "hands"
 """Feature of unseen feet: the larger probability that a hand touches the world; 0 for people who
@@ -51,7 +61,7 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
     Args:
         kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" and so on
             before people are placed; "unseen foot" and so on if no pixel shows the part;
-            "skin" for contact of a part with another person or the own body.
+            :data:`SKIN` for contact of a part with another person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 
     Raises:

@@ -152,8 +152,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
-                f"the background may be {factor:.2g} times as far as it is here, or as near: "
-                f"{estimate.rule}"
+                f"the farthest background may be {factor:.2g} times as far as it is here, or as "
+                f"near, since it is only assumed to be {'sky' if estimate.sky else 'a wall'}: "
+                f"people and things near them are less affected"
             )
         else:
             infinity, scale = found
@@ -224,9 +225,10 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             source += " and vanishing points"
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
-        return replace(
-            camera, focal_sigma=sigma
-        ), f"the focal length is a {source}: it may be off by {sigma:.0%}"
+        note = (
+            f"the focal length is a {source}, and may be off by {sigma:.0%}, as all distances are"
+        )
+        return replace(camera, focal_sigma=sigma), note
 
 
 def _directions(

@@ -21,7 +21,7 @@ from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.framed import framed_note
+from physic_embedded.segmentation.framed import figurine_note, framed_note
 from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
@@ -168,6 +168,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             )
             floor = _with_labelled_floor(floor, surfaces, people)
         result = self._people(found, masks, floor, surfaces, image)
+        if prompt is None:
+            notes += figurine_note(result)
         heads = count_heads(unposed, poses, masks)
         return replace(
             result,

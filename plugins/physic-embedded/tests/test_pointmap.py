@@ -110,7 +110,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     pitch = float(np.degrees(np.arctan2(turn[2, 1], turn[1, 1])))
     found = disparity_at_infinity(disparity, floor, FOCAL, pitch=(pitch, 1.5))
     assert gap_of(found, disparity) == pytest.approx(gap, rel=0.12)
-    assert "taken as a wall" in found.rule
+    assert not found.sky
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
@@ -124,7 +124,6 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll
     found = disparity_at_infinity(disparity, floor, FOCAL, walls=walls)
     assert tilt_deg(floor, found, turn[:, 1]) < 2
     assert found.disparity == pytest.approx(1 - gap, abs=0.1)
-    assert found.rule.endswith("upright walls")
 
 
 @pytest.mark.parametrize("ahead", [2.5, 4.0, 8.0])
@@ -172,7 +171,7 @@ def test_sky_over_ground_is_infinitely_far():
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert gap_of(found, disparity) < 0.01
-    assert "sky" in found.rule
+    assert found.sky
 
 
 def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():
@@ -254,11 +253,9 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
-    factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()
-    assert re.fullmatch(
-        r"the background may be [1-9][.\d]* times as far as it is here, or as near", factor
-    )
-    assert rule.startswith("what is farthest is taken as a wall")
+    factor, wall = re.search(r"may be ([\d.]+) times .* to be (.*?):", scene.notes[1]).groups()
+    assert float(factor) > 1
+    assert wall == "a wall"
 
 
 def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
@@ -267,14 +264,15 @@ def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
     apart = labels.copy()
     apart[80:100] = SURFACE_NAMES.index("vegetation")
 
-    def notes(surfaces):
+    def points(surfaces):
         people = replace(hidden_by(), surfaces=SurfaceLabels(surfaces))
-        found = backend.infer(image, Hints(people=people))
-        return " ".join((*found.notes, *found.warnings))
+        return backend.infer(image, Hints(people=people)).points
 
-    assert "the horizon" in notes(labels)
-    assert "the horizon" not in notes(apart)
-    assert "the horizon" not in notes(labels[::-1])
+    def upside_down_moves(surfaces):
+        return np.abs(points(surfaces) / points(surfaces[::-1]) - 1).max()
+
+    assert upside_down_moves(labels) > 0.05
+    assert upside_down_moves(apart) < 1e-6
 
 
 def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(backend, image, scene):

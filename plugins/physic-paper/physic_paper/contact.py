@@ -20,7 +20,7 @@ from physic_core.types.bounds import NotNegative
 class DistanceContact(ContactMethod):
     """Stage 4 as published: contact by distance.
 
-    ``threshold`` and ``skin_threshold`` are not used.
+    ``threshold`` is not used.
     """
 
     distance_m: NotNegative = 0.02

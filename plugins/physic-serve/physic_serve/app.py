@@ -148,7 +148,7 @@ class _Pages:
         job = self._find(request)
         paths = job.files
         names = [*filter(paths.get, _MEANINGS), *(name for name in paths if name not in _MEANINGS)]
-        rows = [(name, _MEANINGS.get(name, ""), paths[name].stat().st_size / 1e6) for name in names]
+        rows = [(name, _MEANINGS.get(name, ""), paths[name].stat().st_size) for name in names]
         values = {"job": job, "rows": rows, "report": REPORT_FILE}
         return _TEMPLATES.TemplateResponse(
             request, "job.html", values, headers={"Cache-Control": "no-store"}

@@ -43,13 +43,13 @@ class InfinityEstimate:
         disparity: at infinity, in the units of the map.
         sigma: standard deviation of the logarithm of the gap from it to the farthest pixels.
         disparity_sigma: standard deviation of ``disparity``.
-        rule: the deciding evidence, in words.
+        sky: whether the farthest pixels are more probably sky than a wall.
     """
 
     disparity: float
     sigma: float
     disparity_sigma: float
-    rule: str
+    sky: bool
 
 
 def disparity_at_infinity(
@@ -109,21 +109,11 @@ def disparity_at_infinity(
     below_sky = _OUTDOORS[0] + max(farthest, 0.0) / span
     cost = -2 * np.log(sky * prior(below_sky, _OUTDOORS[1]) + (1 - sky) * prior(*_INDOORS) + 1e-6)
     cost = cost + level
-    cues = ["the horizon"] if trust else []
     if floor is not None and share > _FLOOR_SHARE:
-        more, names = _floor_cues(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
-        cost = cost + more
-        cues += names
+        cost = cost + _floor_cost(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
     if frame is not None and surfaces is not None and len(surfaces):
         axes, trust = frame
         cost = cost + trust * frame_cost(surfaces, candidates, axes)
-        cues.append("surfaces along the directions of a room")
-    far = f"what is farthest is taken as {'sky' if outdoors > 0.5 else 'a wall'}"
-    rule = (
-        f"{far}, and the rest follows from {', '.join(cues)}"
-        if cues
-        else f"{far}, since the photo shows nothing else that tells"
-    )
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
     infinity = farthest - gap * span
@@ -131,10 +121,10 @@ def disparity_at_infinity(
         float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
         for values, mean in ((np.log(gaps), np.log(gap)), (candidates, infinity))
     )
-    return InfinityEstimate(infinity, sigma, disparity_sigma, rule)
+    return InfinityEstimate(infinity, sigma, disparity_sigma, outdoors > 0.5)
 
 
-def _floor_cues(
+def _floor_cost(
     floor: DisparityFloor,
     candidates: FloatArray,
     focal: float,
@@ -142,24 +132,18 @@ def _floor_cues(
     pitch: tuple[float, float] | None,
     walls: FloatArray | None,
     bodies: FloatArray | None,
-) -> tuple[FloatArray, list[str]]:
-    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity,
-    and its cues.
-    """
+) -> FloatArray:
+    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity."""
     down = np.array([floor.normal(c, focal) for c in candidates])
     cost = np.zeros(len(candidates))
-    cues = []
     if pitch is not None:
         of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
         cost = cost + _robust((of_floor - pitch[0]) / pitch[1])
-        cues.append("upright edges")
     if walls is not None and len(walls):
         cost = cost + walls_cost(walls, candidates, down)
-        cues.append("upright walls")
     if bodies is not None and len(bodies):
         cost = cost + axes_cost(bodies, down)
-        cues.append("bodies on straight legs")
-    return cost, cues
+    return cost
 
 
 def _horizon_cost(

@@ -47,7 +47,7 @@ function personCard(data, index) {
       ["Stature", metres(person.stature, person.stature_sigma)],
       ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
       ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
-      ["Lowest point over the floor", data.floor ? metres(person.lowest, data.scale_sigma) : "no floor"],
+      ["Lowest point over the floor", data.floor ? metres(person.lowest) : "no floor"],
     ]));
     if (person.others.length) {
       card.append(element("h3", { textContent: "Distances to other people" }), table(
